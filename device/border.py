@@ -1,0 +1,76 @@
+"""What lies beyond the frame: enough of it for a graph that knows no border.
+
+Outside the frame the filter pattern goes on. A panchromatic pixel out there takes the sample of its mirror image if that is
+panchromatic too; every other pixel takes the nearest one inside that has its place in the tile, so that a colour block that the
+frame leaves out or cuts stands for the nearest one inside.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from shared.arrays import CodeArray, IndexArray
+from shared.pattern import CfaPattern
+
+Span = tuple[int, int]
+
+
+class ExtendedFrame:
+    """A frame of codes, (H, W) uint16, continued on all sides.
+
+    rows, columns: first and one past the last that will be asked for, counted from the frame's first; the frame lies within them.
+    A frame smaller than the tile may lack a filter altogether; the nearest sample then stands in, whatever it is.
+    """
+
+    def __init__(self, codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> None:
+        self._codes, self._rows, self._columns = codes, rows, columns
+        height, width = codes.shape
+        self._above = _outside(codes, pattern, (rows[0], 0), columns)
+        self._below = _outside(codes, pattern, (height, rows[1]), columns)
+        self._left = _outside(codes, pattern, (0, height), (columns[0], 0))
+        self._right = _outside(codes, pattern, (0, height), (width, columns[1]))
+
+    def copy_rows(self, first: int, target: CodeArray) -> None:
+        """Fill `target`, uint16 (n, all columns), with the rows from `first` on."""
+        (height, width), left = self._codes.shape, -self._columns[0]
+        begin, end = (min(max(row, 0), height) - first for row in (first, first + len(target)))
+        target[:begin] = self._above[first - self._rows[0] :][:begin]
+        inner = slice(first + begin, first + end)
+        target[begin:end, :left] = self._left[inner]
+        target[begin:end, left : left + width] = self._codes[inner]
+        target[begin:end, left + width :] = self._right[inner]
+        target[end:] = self._below[max(first - height, 0) :][: len(target) - end]
+
+
+def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> CodeArray:
+    """Samples at rows x columns, some or all of which are outside."""
+    places = np.arange(*rows), np.arange(*columns)
+    images = [_mirrored(place, size) for place, size in zip(places, codes.shape, strict=True)]
+    nearest = [_repeated(place, size, pattern.period) for place, size in zip(places, codes.shape, strict=True)]
+    tile = pattern.filter_map((pattern.period, pattern.period)) == len(pattern.channels)
+    clear, clear_image = (tile[np.ix_(*(axis % pattern.period for axis in axes))] for axes in (places, images))
+    return np.where(clear & clear_image, _take(codes, images), _take(codes, nearest))
+
+
+def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:
+    """Rows x columns; the shorter list first, which is many times faster than both at once."""
+    rows, columns = places
+    samples: CodeArray = codes[rows][:, columns] if len(rows) < len(columns) else codes[:, columns][rows]
+    return samples
+
+
+def _mirrored(places: IndexArray, size: int) -> IndexArray:
+    """The border convention of `shared.arrays`, as indices."""
+    turn = max(2 * (size - 1), 1)
+    folded = np.abs(places) % turn
+    inside: IndexArray = np.minimum(folded, turn - folded)
+    return inside
+
+
+def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:
+    """The nearest index inside that is the same modulo the period."""
+    first = places % period
+    last = first + (size - 1 - first) // period * period
+    inside = np.where(places < 0, first, np.where(places >= size, last, places))
+    clipped: IndexArray = np.clip(inside, 0, size - 1)
+    return clipped

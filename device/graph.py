@@ -1,0 +1,266 @@
+"""The preview on one page, as an ONNX graph: mosaic -> luminance -> chromaticity -> propagation -> picture.
+
+Needs `onnx`, at build time only: a camera runs the files that this module has written (`panchroma export-preview`).
+
+Light is counted in codes of a panchromatic sample above black until the picture is made. The axes of a tensor end with (block
+rows, block columns) or (patch rows, patch columns): the pixels at one place of every K x K patch are one plane (space to depth),
+so a colour site is a plane of its own, and no stage asks which pixel is which.
+
+Every operation rounds once, as IEEE 754 says, and no result depends on the order of a sum unless that order is written out: all
+processors give the same bytes. This rules out reciprocals, powers, exponentials and reductions, and convolutions but of probes.
+"""
+
+import numpy as np
+import onnx
+
+from shared.pattern import CfaPattern
+
+from . import contract
+from .geometry import Geometry
+from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
+
+BUILDER = "1"
+"""Version of this page; stands in the graph, and goes up with every change of its bytes."""
+
+_FLOOR = 1e-3
+"""Least luminance that a block is credited with, scene units: keeps ratios to it finite."""
+_STILL = 1e-4
+"""Mean squared difference, (scene units)^2, below which rows and columns count alike."""
+_LEAST_VARIANCE = 1e-6
+"""Codes^2, in Eqs. 8-9; keeps a block without light defined (it is grey) and moves no other."""
+_POOLING = 3e-4
+"""Squared noise-to-signal ratio of a block at which half of its chromaticity comes from around it."""
+_CONTRAST = 0.1
+"""Squared relative difference of luminance at which a block's weight has halved."""
+_NOISE_WEIGHT = 4.0
+"""Variances of noise that a squared relative difference must exceed to count."""
+_SPREAD = 0.5
+"""Power of the bilinear weights. Below one the four blocks share more evenly: less noise, and still no step between patches."""
+
+# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / (s + KNEE)), s = sqrt(x + SHIFT), in codes of 8 bits; by fit
+# 0.62 codes off at most, 0.28 on the mean, and right at black and white.
+_SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.0025, 47, 220.4931078, 0.06618546, 0.2
+
+
+def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> onnx.ModelProto:
+    """The graph for all mosaics of this pattern; see `contract` for inputs and outputs.
+
+    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales`. linear: camera RGB in scene units, not for a screen.
+    Always the same bytes. Raises InputError for another scale.
+    """
+    geometry = Geometry(pattern, scale)
+    g = Nodes()
+    sensor = Sensor(g, geometry)
+    probes = measure_blocks(g, geometry, sensor)
+    filled, luminance = fill_holes(g, geometry, sensor, probes)
+    chromaticity = estimate_chromaticities(g, geometry, sensor, probes, filled, luminance)  # Eqs. 8-9
+    blocks = pool(g, sensor, chromaticity, luminance, "" if linear else contract.WHITE)
+    pixels, cells = pixel_light(g, geometry, sensor, filled) if scale == 1 else cell_light(g, geometry, sensor)
+    spread = propagate(g, geometry, blocks, cells)  # Eq. 10
+    camera = [g("Mul", light, spread) for light in pixels]  # Eq. 17
+    picture = interleave(g, geometry, sensor, camera if linear else [display(g, each) for each in camera], linear=linear)
+    return finish(g, geometry, picture, linear=linear)
+
+
+class Sensor:
+    """The inputs of the graph in its own units, and the size of the frame in patches."""
+
+    def __init__(self, g: Nodes, geometry: Geometry) -> None:
+        period, channels = geometry.pattern.period, len(geometry.pattern.channels)
+        above, below, left, right = geometry.halo
+        lengths = (
+            g("Sub", g("Shape", contract.MOSAIC, start=axis, end=axis + 1), [halo])
+            for axis, halo in enumerate((above + below, left + right))
+        )
+        self.patches = [g("Div", length, [period]) for length in lengths]  # (rows, columns)
+        self.channels = channels
+        self.gamma = g("Unsqueeze", contract.GAMMA, [1, 2])
+        self.black = g("Slice", contract.BLACK, [channels], [channels + 1])
+        self.unit = g("Slice", contract.SCALE, [channels], [channels + 1])  # scene units per code
+        square = g("Mul", self.unit, self.unit)
+        self.floor, self.still = g("Div", _FLOOR, self.unit), g("Div", _STILL, square)
+        shot, read = g.split(contract.NOISE, (1, 1), axis=0)
+        self._shot, self._read = g("Div", shot, self.unit), g("Div", read, square)
+
+    def variance(self, g: Nodes, luminance: str) -> str:
+        """sigma_z^2 of a panchromatic sample."""
+        return g("Add", g("Mul", g("Relu", luminance), self._shot), self._read)
+
+
+def measure_blocks(g: Nodes, geometry: Geometry, sensor: Sensor) -> list[str]:
+    """The probes of every block, a tensor (n, blocks) per kind; samples as panchromatic codes would show the same light."""
+    period = geometry.pattern.period
+    image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
+    probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])
+    rows, columns, row_steps, column_steps, samples = g.split(probes, geometry.kinds, axis=0)
+    channels = [channel for _, _, channel in geometry.sites]
+    black = g("Unsqueeze", g("Gather", contract.BLACK, channels), [1, 2])
+    gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), sensor.unit), [1, 2])
+    samples = g("Mul", g("Sub", samples, black), gain)
+    return [g("Sub", rows, sensor.black), g("Sub", columns, sensor.black), row_steps, column_steps, samples]
+
+
+def fill_holes(g: Nodes, geometry: Geometry, sensor: Sensor, probes: list[str]) -> tuple[str, str]:
+    """Luminance at the colour sites of every block, (sites, blocks), and its mean over the sites, (1, blocks).
+
+    A local mean with a direction: interpolated along rows and along columns, the one that changes less around the block counting
+    more, by the inverse of its squared differences.
+    """
+    rows, columns, *steps, _ = probes
+    variance = sensor.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
+    least = g("Add", sensor.still, g("Mul", variance, 2.0))  # noise alone makes differences
+    row_change, column_change = (
+        g("Add", g("Mul", g.total(g("Mul", each, each), count, axis=0), 1 / count), least)
+        for each, count in zip(steps, geometry.kinds[2:4], strict=True)
+    )
+    along_rows = g("Div", column_change, g("Add", row_change, column_change))
+    filled = g("Add", columns, g("Mul", g("Sub", rows, columns), along_rows))
+    sites = len(geometry.sites)
+    return filled, g("Mul", g.total(filled, sites, axis=0), 1 / sites)
+
+
+def estimate_chromaticities(g: Nodes, geometry: Geometry, sensor: Sensor, probes: list[str], filled: str, luminance: str) -> str:
+    """c_j of every block, (C, blocks): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1."""
+    channels = [channel for _, _, channel in geometry.sites]
+    counts = [channels.count(channel) for channel in range(sensor.channels)]
+
+    def of_channels(products: str) -> str:
+        parts = g.split(products, counts, axis=0)
+        return g("Concat", *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)), axis=0)
+
+    variance = g("Max", sensor.variance(g, luminance), _LEAST_VARIANCE)
+    full_scale = g.total(sensor.gamma, sensor.channels, axis=0)
+    a = g("Add", of_channels(g("Mul", filled, filled)), variance)
+    free = g("Div", g("Add", of_channels(g("Mul", filled, probes[-1])), g("Div", variance, full_scale)), a)
+    pull = g("Div", sensor.gamma, a)
+    missing = g("Sub", 1.0, g.total(g("Mul", free, sensor.gamma), sensor.channels, axis=0))
+    return g("Add", free, g("Mul", pull, g("Div", missing, g.total(g("Mul", pull, sensor.gamma), sensor.channels, axis=0))))
+
+
+def pool(g: Nodes, sensor: Sensor, chromaticity: str, luminance: str, white: str) -> str:
+    """What propagation asks of a block, (2 + C, inner blocks): 1 / luminance, least squared difference, picture per light.
+
+    The darker a block is beside its noise, the more its chromaticity is a mean over the 3 x 3 blocks around it, weighted by
+    squared luminance: that is how precise they are.
+    """
+    variance = sensor.variance(g, luminance)
+    light = g("Max", luminance, sensor.floor)
+    power = g("Mul", light, light)
+    sums = g("Concat", g("Mul", chromaticity, power), power, axis=0)
+    around = sums
+    for axis in (1, 2):
+        around = g.sum([g("Slice", around, [first], [last], [axis]) for first, last in ((0, -2), (1, -1), (2, END))])
+    light, power, variance, own = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (light, power, variance, sums))
+    share = g("Div", variance, g("Add", variance, g("Mul", power, _POOLING)))
+    pooled, weight = g.split(g("Add", own, g("Mul", g("Sub", around, own), share)), (sensor.channels, 1), axis=0)
+    units = g("Unsqueeze", g("Div", sensor.unit, white), [1, 2]) if white else sensor.unit
+    least = g("Add", g("Mul", g("Div", variance, power), _NOISE_WEIGHT), _CONTRAST)
+    return g("Concat", g("Div", 1.0, light), least, g("Mul", g("Div", pooled, weight), units), axis=0)
+
+
+def pixel_light(g: Nodes, geometry: Geometry, sensor: Sensor, filled: str) -> tuple[list[str], str]:
+    """Luminance of every pixel, holes filled, a tensor (cells, patches) per pixel of a cell; and its mean over each cell."""
+    period, across, cell = geometry.pattern.period, geometry.across, geometry.cell
+    above, below, left, right = geometry.halo
+    # To planes, while samples are 2 bytes, and by three steps that onnxruntime has fast code for: rows apart, columns apart, and
+    # then whole rows of patches into the order (pixels of a cell, cells). In one step it takes ten times as long.
+    codes = g("Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [1])
+    codes = g("Transpose", g("Reshape", codes, [-1, period, 0]), perm=[1, 0, 2])
+    codes = g("Transpose", g("Reshape", codes, [0, 0, -1, period]), perm=[0, 1, 3, 2])
+    codes = g.reshape(codes, [across, cell, sensor.patches[0], across, cell, sensor.patches[1]])
+    codes = g.reshape(g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5]), [cell**2 * across**2, *sensor.patches])
+    pixels = []
+    for pixel, part in enumerate(g.split(codes, [across**2] * cell**2, axis=0)):
+        light = g("Sub", g("Cast", part, to=FLOAT), sensor.black)
+        holes = [(site, hole) for site, hole in enumerate(geometry.holes) if hole.pixel == pixel]
+        if holes:
+            # Patches have one block less than there are: the inner ones, and one more on each side for `pool`.
+            values = [
+                g("Slice", filled, [site, 1 + hole.down, 1 + hole.right], [site + 1, hole.down - 2, hole.right - 2], [0, 1, 2])
+                for site, hole in holes
+            ]
+            light = g("ScatterND", light, np.array([[hole.cell] for _, hole in holes]), g("Concat", *values, axis=0))
+        pixels.append(light)
+    return pixels, g("Mul", g.sum(pixels), 1 / cell**2)
+
+
+def cell_light(g: Nodes, geometry: Geometry, sensor: Sensor) -> tuple[list[str], str]:
+    """The same where a cell is a pixel of the picture: the mean of its panchromatic samples, holes left out, (cells, patches)."""
+    above, below, left, right = geometry.halo
+    codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
+    image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
+    sums = g("Squeeze", g("Conv", image, geometry.cells[:, None], strides=[geometry.pattern.period] * 2), [0])
+    light = g("Sub", g("Div", sums, geometry.cells.sum(axis=(1, 2))[:, None, None]), sensor.black)
+    return [light], light
+
+
+def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
+    """Picture per light of every cell, (C, cells, patches): a convex combination of the four blocks at the patch's corners.
+
+    The weight of a block falls with distance, and with the squared difference between its luminance and the cell's.
+    """
+    place = (np.arange(geometry.across) + 0.5) / geometry.across
+    weights, mixed = [], []
+    for down in (0, 1):
+        for right in (0, 1):
+            near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
+            corner = g("Slice", blocks, [down, right], [END if down else -1, END if right else -1], [1, 2])
+            inverse, least, colour = g.split(corner, (1, 1, len(geometry.pattern.channels)), axis=0)
+            apart = g("Sub", g("Mul", cells, inverse), 1.0)
+            weights.append(g("Div", near.reshape(-1, 1, 1), g("Add", g("Mul", apart, apart), least)))
+            mixed.append(g("Mul", weights[-1], g("Unsqueeze", colour, [1])))
+    return g("Div", g.sum(mixed), g.sum(weights))
+
+
+def display(g: Nodes, camera: str) -> str:
+    """Camera RGB relative to display white, (C, ...) -> sRGB codes, uint8 (1, 3, all of them), as `ColourTransform` has it."""
+    clipped = g("Clip", camera, -1.0, 1.0)
+    flat = g("Reshape", g("Unsqueeze", clipped, [0]), [1, 0, -1])
+    # C products, added in order by every processor's kernel; and the one multiplication that may be fused with an addition.
+    linear = g("Conv", flat, g("Unsqueeze", contract.MATRIX, [2]), np.full(3, _SHIFT))
+    root = g("Sqrt", g("Clip", linear, _SHIFT, 2.0))
+    curve = g("Sub", root, g("Div", _BEND, g("Add", root, _KNEE)))
+    return g("QuantizeLinear", curve, 1 / _GAIN, np.array(_OFFSET, np.uint8))
+
+
+def interleave(g: Nodes, geometry: Geometry, sensor: Sensor, planes: list[str], *, linear: bool) -> str:
+    """Planes of the picture, all pixels of it channel by channel, per pixel of a cell -> (rows, columns, channels)."""
+    within, across, channels = geometry.cell // geometry.scale, geometry.across, sensor.channels if linear else 3
+    values = g("Concat", *(g("Reshape", each, [channels, across**2, -1]) for each in planes), axis=0)
+    values = g.reshape(values, [within, within, channels, across, across, *sensor.patches])
+    # Back, in two steps: whole rows of patches into place, then columns together.
+    values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])
+    values = g.reshape(values, [-1, within * across * channels, sensor.patches[1]])
+    return g("Reshape", g("Transpose", values, perm=[0, 2, 1]), [0, -1, channels])
+
+
+def finish(g: Nodes, geometry: Geometry, picture: str, *, linear: bool) -> onnx.ModelProto:
+    """The model, with what the runtime must know of it."""
+    channels = len(geometry.pattern.channels)
+    inputs: dict[str, tuple[int, Shape]] = {
+        contract.MOSAIC: (UINT16, ["rows", "columns"]),
+        contract.BLACK: (FLOAT, [channels + 1]),
+        contract.SCALE: (FLOAT, [channels + 1]),
+        contract.GAMMA: (FLOAT, [channels]),
+        contract.NOISE: (FLOAT, [2]),
+    }
+    if not linear:
+        inputs |= {contract.WHITE: (FLOAT, [channels]), contract.MATRIX: (FLOAT, [3, channels])}
+    kind: tuple[int, Shape] = (FLOAT, ["height", "width", channels]) if linear else (UINT8, ["height", "width", 3])
+    description = contract.Description(
+        tile=contract.tile_name(geometry.pattern),
+        channels=geometry.pattern.channels,
+        scale=geometry.scale,
+        linear=linear,
+        halo=geometry.halo,
+        builder=BUILDER,
+    )
+    return g.finish(
+        "preview",
+        inputs,
+        (picture, contract.PICTURE, kind),
+        opset=contract.OPSET,
+        ir_version=contract.IR_VERSION,
+        version=BUILDER,
+        metadata=description.to_metadata(),
+    )

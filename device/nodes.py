@@ -1,0 +1,99 @@
+"""Writing ONNX by hand, made bearable: nodes and constants of a graph, named and collected. Needs `onnx`, like `device.graph`."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+Operand = str | float | Sequence[int] | NDArray[Any]
+"""The name of a tensor, or a constant."""
+Shape = Sequence[int | str]
+"""Of an input or output: sizes, and names of those that vary."""
+
+UINT8, UINT16, FLOAT = int(TensorProto.UINT8), int(TensorProto.UINT16), int(TensorProto.FLOAT)
+END = 2**31 - 1
+"""As the end of a slice: to the last."""
+
+
+class Nodes:
+    """A graph under construction. Every method appends nodes and returns the name of the result."""
+
+    def __init__(self) -> None:
+        self._nodes: list[onnx.NodeProto] = []
+        self._constants: dict[tuple[str, tuple[int, ...], bytes], onnx.TensorProto] = {}
+
+    def __call__(self, operator: str, *inputs: Operand, **attributes: int | list[int]) -> str:
+        """One node with one output."""
+        return self._append(operator, inputs, 1, attributes)[0]
+
+    def sum(self, terms: Sequence[str]) -> str:
+        """The terms added one after the other, in this order."""
+        total = terms[0]
+        for term in terms[1:]:
+            total = self("Add", total, term)
+        return total
+
+    def split(self, values: str, sizes: Sequence[int], axis: int) -> list[str]:
+        """Pieces of these sizes along an axis."""
+        return self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis}) if len(sizes) > 1 else [values]
+
+    def total(self, values: str, count: int, axis: int) -> str:
+        """The sum over an axis of `count`, in an order of its own (halves upon halves): ReduceSum's is the runtime's choice."""
+        if count == 1:
+            return values
+        if count % 2:
+            first, rest = self.split(values, (1, count - 1), axis)
+            return self("Add", first, self.total(rest, count - 1, axis))
+        return self.total(self("Add", *self.split(values, (count // 2, count // 2), axis)), count // 2, axis)
+
+    def reshape(self, values: str, shape: Shape) -> str:
+        """To a shape of numbers and of names of one-element tensors."""
+        return self("Reshape", values, self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0))
+
+    def finish(
+        self,
+        name: str,
+        inputs: Mapping[str, tuple[int, Shape]],
+        output: tuple[str, str, tuple[int, Shape]],
+        *,
+        opset: int,
+        ir_version: int,
+        version: str,
+        metadata: Mapping[str, str],
+    ) -> onnx.ModelProto:
+        """The model, checked. inputs: type and shape by name; output: the result it is, its name, type and shape."""
+        result, shown, kind = output
+        self._nodes.append(helper.make_node("Identity", [result], [shown], shown))
+        graph = helper.make_graph(
+            self._nodes,
+            name,
+            [helper.make_tensor_value_info(each, *kind) for each, kind in inputs.items()],
+            [helper.make_tensor_value_info(shown, *kind)],
+            list(self._constants.values()),
+        )
+        opsets = [helper.make_opsetid("", opset)]
+        model = helper.make_model(
+            graph, opset_imports=opsets, ir_version=ir_version, producer_name="panchroma", producer_version=version
+        )
+        helper.set_model_props(model, dict(metadata))
+        onnx.checker.check_model(model, full_check=True)
+        return model
+
+    def _append(self, operator: str, inputs: Sequence[Operand], outputs: int, attributes: Mapping[str, Any]) -> list[str]:
+        name = f"{operator.lower()}_{len(self._nodes)}"
+        results = [name] if outputs == 1 else [f"{name}_{number}" for number in range(outputs)]
+        operands = [each if isinstance(each, str) else self._constant(each) for each in inputs]
+        self._nodes.append(helper.make_node(operator, operands, results, name, **attributes))
+        return results
+
+    def _constant(self, value: Operand) -> str:
+        """A tensor of its own, once: float32 for floats, int64 (indices and shapes) for integers, uint8 as it is."""
+        array = np.asarray(value)
+        array = array.astype({"f": np.float32, "i": np.int64, "u": np.uint8}[array.dtype.kind])
+        key = array.dtype.str, array.shape, array.tobytes()
+        if key not in self._constants:
+            self._constants[key] = numpy_helper.from_array(array, f"constant_{len(self._constants)}")
+        return self._constants[key].name

@@ -1,0 +1,70 @@
+"""The folder of a camera's shots: a name for each that no other has, and a link to the latest."""
+
+import errno
+import os
+import re
+import secrets
+from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
+
+from shared import Mosaic, write_dng
+from shared.arrays import ByteArray
+from shared.errors import InputError, OutputError
+
+_NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})\.dng")
+
+
+class ShotFolder:
+    """Saves shots as TIME-COUNTER.dng, durably and never over another file.
+
+    TIME is UTC, to the millisecond; COUNTER goes on where the folder's highest ended, so that the order of the shots is known and
+    no name comes twice even where a clock is wrong: many a camera has none that runs while it is off.
+    latest: a symbolic link that always leads to a whole file, the last one saved; None = no such link.
+    Raises InputError when `latest` is something else than a link, OutputError when the folder cannot be looked into.
+    """
+
+    def __init__(self, folder: Path, latest: Path | None = None) -> None:
+        self._folder = folder
+        self._latest = latest
+        if latest is not None and not latest.is_symlink() and latest.exists():
+            raise InputError(f"{latest}: is there and is no link; name another place for the link to the latest shot")
+        try:
+            names = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be looked into ({error.strerror or error})") from None
+        self._counter = count(1 + max((int(name[1]) for name in names if name), default=0))
+
+    def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
+        """Write the mosaic with its preview picture and return the file; `taken` is UTC. Raises OutputError, leaving no part."""
+        while True:
+            time = taken.astimezone(UTC)
+            path = self._folder / f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}.dng"
+            try:
+                write_dng(path, mosaic, picture)
+            except OutputError as error:
+                if isinstance(error.__cause__, FileExistsError):  # another camera's, in the same folder
+                    continue
+                raise
+            break
+        if self._latest is not None:
+            _point(self._latest, path)
+        return path
+
+
+def _point(link: Path, path: Path) -> None:
+    """Make `link` lead to `path`, at once: there is no moment without a link, or with a broken one."""
+    part = link.with_name(f".{link.name[:100]}.{secrets.token_hex(4)}.part")
+    try:
+        try:
+            # Relative, so that link and shots can be moved together, and mounted elsewhere.
+            part.symlink_to(os.path.relpath(path.resolve(), link.parent.resolve()))
+            part.replace(link)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        if error.errno in (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP):
+            reason = "this file system has no symbolic links; leave the link out, or put it elsewhere"
+        raise OutputError(f"{link}: the link to the latest shot cannot be made: {reason}") from error

@@ -1,0 +1,91 @@
+"""One chromaticity per colour block by constrained least squares, and oriented medians against outliers (section 3.2, Eqs. 6-9)."""
+
+import numpy as np
+
+from shared.arrays import BORDER, DoubleArray, FloatArray, IndexArray
+from shared.mosaic import Mosaic
+from shared.pattern import BlockGrid
+
+from .kernels.medians import SLACK, oriented_median
+from .progress import SILENT, Progress
+from .settings import ChromaticitySettings
+
+# Least sigma_z of the regularisation, scene units: keeps a block without light defined (it is grey) and moves no other.
+_LEAST_SIGMA = 1e-6
+_LEAST_TOTAL = 0.5  # of sum_i gamma_i c_i, for scaling to be harmless
+
+
+def estimate_chromaticities(
+    mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettings, progress: Progress = SILENT
+) -> FloatArray:
+    """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1 in each.
+
+    Blocks that the frame's edge cuts or leaves out take the value of the nearest whole one.
+    """
+    progress.stage("chromaticity", settings.repetitions)
+    grid = mosaic.pattern.grid(mosaic.shape)
+    gamma = np.array(mosaic.calibration.gamma)
+    weight, product, sigma = block_sums(mosaic, luminance, grid)
+    chromaticity = solve_constrained(weight, product, sigma, gamma)
+    if settings.taps > 1:
+        chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
+    # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back, but far off the plane,
+    # where the estimates are wild (darkness), it would blow them up: there the plane's nearest point is the safe way back.
+    total = (chromaticity @ gamma)[..., None]
+    scaled = chromaticity / np.where(total > _LEAST_TOTAL, total, 1)
+    if total.min() <= _LEAST_TOTAL:
+        projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
+        scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
+    return grid.extend(scaled.astype(np.float32))
+
+
+def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[DoubleArray, DoubleArray, float]:
+    """What Eqs. 8-9 need of each whole block: sum l^2 and sum l m per channel, float64 (rows, columns, C), and sigma_z."""
+    rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
+    shape = len(rows), len(columns), len(mosaic.pattern.channels)
+    weight, product = np.zeros(shape), np.zeros(shape)
+    level = 0.0
+    for row, column, channel in mosaic.pattern.sites:
+        site = _every(rows + row, grid.period), _every(columns + column, grid.period)
+        light, sample = luminance[site].astype(np.float64), mosaic.signal[site]
+        weight[..., channel] += light**2
+        product[..., channel] += light * sample
+        level += float(sample.mean()) / len(mosaic.pattern.sites)
+    noise = mosaic.calibration.noise
+    variances = [noise.sigma(level, plane) ** 2 for plane in range(shape[2])] if noise else [0.0]
+    return weight, product, max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
+
+
+def _every(places: IndexArray, period: int) -> slice:
+    """The slice that takes these places, a period apart."""
+    return slice(int(places[0]), int(places[-1]) + 1, period)
+
+
+def solve_constrained(weight: DoubleArray, product: DoubleArray, sigma: float, gamma: DoubleArray) -> DoubleArray:
+    """The exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a Lagrange multiplier, for any number of channels C.
+
+    weight: sum l^2, product: sum l m over the sites of each channel, (..., C); sigma: sigma_z > 0; gamma: (C,). Returns (..., C).
+    """
+    a = weight + sigma**2
+    free = (product + sigma**2 / gamma.sum()) / a  # Eqs. 8-9 without the constraint, pulled towards grey
+    pull = gamma / a
+    missing = 1 - free @ gamma
+    return free + pull * (missing / (pull @ gamma))[..., None]  # type: ignore[no-any-return]
+
+
+def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT) -> DoubleArray:
+    """Of the 1-D medians along four orientations the one nearest to the value before, till nothing changes.
+
+    chromaticity: (rows, columns, C), the coarse image; it is mirrored at its border. Channels are filtered one by one.
+    """
+    (rows, columns), half = chromaticity.shape[:2], taps // 2
+    wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half + SLACK)), mode=BORDER)
+    before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
+    after = np.empty_like(before)
+    for _ in range(repetitions):
+        changed = oriented_median(before, after, columns, taps, changed)
+        before, after = after, before
+        progress.advance()
+        if not changed.any():
+            break
+    return np.ascontiguousarray(before[:, :, half : half + columns].transpose(1, 2, 0))

@@ -1,0 +1,87 @@
+"""What a picture file holds of display RGB: codes, the right way up, and the ICC profile that says what they mean."""
+
+import math
+import struct
+from functools import cache
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import ByteArray, CodeArray, DoubleArray, FloatArray, strips
+from shared.colorimetry import (
+    D50,
+    D65_XY,
+    SRGB_ENCODED_KNEE,
+    SRGB_OFFSET,
+    SRGB_POWER,
+    SRGB_SLOPE,
+    adaptation,
+    xyz,
+)
+from shared.colour import SPACES
+from shared.errors import InputError
+
+Sample = TypeVar("Sample", bound=np.generic)
+
+
+def quantise(encoded: FloatArray, bits: int) -> ByteArray | CodeArray:
+    """0..1, any shape, clipped, finite -> the nearest of 2**bits codes, uint8 (8 bits) or uint16 (16)."""
+    top = np.float32((1 << bits) - 1)
+    codes = np.empty(encoded.shape, np.uint8 if bits == 8 else np.uint16)
+    for rows in strips(len(encoded)):
+        codes[rows] = np.rint(encoded[rows].clip(0.0, 1.0) * top)
+    return codes
+
+
+def upright(picture: NDArray[Sample], orientation: int) -> NDArray[Sample]:
+    """The samples (H, W, ...) turned and mirrored as TIFF orientation 1..8 tells a display to (TIFF 6.0, tag 274); a view."""
+    if orientation not in range(1, 9):
+        raise InputError(f"orientation is {orientation}, expected 1 to 8")
+    if orientation >= 5:  # the stored rows are columns of the scene
+        picture = picture.swapaxes(0, 1)
+    # After the swap: which axis runs backwards.
+    down = -1 if orientation in (3, 4, 7, 8) else 1
+    across = -1 if orientation in (2, 3, 6, 7) else 1
+    return picture[::down, ::across]
+
+
+@cache
+def icc_profile(name: str) -> bytes:
+    """A matrix/TRC display profile of the space (ICC.1:2010, version 4.3); always the same bytes."""
+    space, scale = SPACES[name], 1 + SRGB_OFFSET
+    srgb = [SRGB_POWER, 1 / scale, SRGB_OFFSET / scale, 1 / SRGB_SLOPE, SRGB_ENCODED_KNEE]
+    curve = (0, [1.0]) if space.linear else (3, srgb)  # 10.16, table 65
+    tags = {
+        b"desc": _icc_text(space.title),
+        b"cprt": _icc_text("Public domain"),
+        b"wtpt": b"XYZ \0\0\0\0" + _fixed(D50),
+        b"chad": b"sf32\0\0\0\0" + _fixed(adaptation(xyz(*D65_XY)).ravel()),
+        **{b"%cXYZ" % letter: b"XYZ \0\0\0\0" + _fixed(column) for letter, column in zip(b"rgb", space.to_xyz.T, strict=True)},
+        **dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), b"para\0\0\0\0" + struct.pack(">H2x", curve[0]) + _fixed(curve[1])),
+    }
+    table, data = struct.pack(">I", len(tags)), b""
+    placed: dict[bytes, int] = {}
+    for signature, element in tags.items():
+        if element not in placed:  # the three curves are one
+            placed[element] = 128 + 4 + 12 * len(tags) + len(data)
+            data += element + bytes(-len(element) % 4)
+        table += struct.pack(">4sII", signature, placed[element], len(element))
+    header = struct.pack(
+        ">I4xI4s4s4s6H4s24xI12s48x",
+        *(128 + len(table) + len(data), 0x04300000, b"mntr", b"RGB ", b"XYZ "),
+        *(2024, 1, 1, 0, 0, 0),  # a date must be there; a fixed one keeps the bytes the same
+        *(b"acsp", 1, _fixed(D50)),  # 1: media-relative colorimetric
+    )
+    return header + table + data
+
+
+def _fixed(values: DoubleArray | list[float]) -> bytes:
+    """s15Fixed16Number, ICC.1:2010 4.6."""
+    return struct.pack(f">{len(values)}i", *(math.floor(value * 65536 + 0.5) for value in values))
+
+
+def _icc_text(text: str) -> bytes:
+    """One record of multiLocalizedUnicodeType, ICC.1:2010 10.13."""
+    data = text.encode("utf-16-be")
+    return b"mluc\0\0\0\0" + struct.pack(">II4sII", 1, 12, b"enUS", len(data), 28) + data

@@ -1,0 +1,250 @@
+"""Non-local averaging of chromaticity (Eqs. 15-16), in windows that stay in the cache.
+
+Weights are made once, for half the offsets: the distance of n' from n is that of n from n'. They are kept only as long as some row
+still needs them: with each row of weights one row of every repetition can be done, the second `radius` rows behind the first, and
+so on. A window is a strip of rows and some columns; around it the repetitions before the last are done again, as far as it sees.
+"""
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import LEAST_EXPONENT, copy_mirrored, exponential, mirrored, zeros
+from .lanes import WIDTH, Scalar, greater, load, quotient, store, where_less
+
+_LANES = WIDTH
+_STRIP, _COLUMNS, _BATCH = 128, 256, 16
+_TOGETHER = 4  # planes summed at a time: the light and three channels
+_NONE, _ONE = np.float32(0), np.float32(1)
+_LEAST = np.finfo(np.float32).tiny
+
+
+@parallel_kernel
+def average(
+    initial: FloatArray,
+    first: int,
+    luminance: FloatArray,
+    rows: tuple[int, int],
+    radius: int,
+    blur: FloatArray,
+    falloff: Scalar,
+    repetitions: int,
+    workers: int,
+    out: FloatArray,
+) -> None:
+    """Write rows[0] up to rows[1] of the frame to `out`, (rows, W, C), from the chromaticities of Eq. 10.
+
+    initial: (rows, W, C), the frame's from row `first` on, at least radius * repetitions more than are asked for on either side,
+    or to the frame's edge; luminance: (H, W); radius: of the square window around n; blur: the Gaussian's taps, an odd number;
+    falloff: -1 / (2 h^2); repetitions: 1 or more; workers: how many windows are worked on at a time.
+    """
+    width = luminance.shape[1]
+    along = (width + _COLUMNS - 1) // _COLUMNS
+    windows = (rows[1] - rows[0] + _STRIP - 1) // _STRIP * along
+    for worker in prange(workers):
+        # Memory is taken once per worker, in rows long enough for the widest window.
+        span = (_COLUMNS + 2 * repetitions * radius + 2 * _LANES) // _LANES * _LANES
+        offsets = radius * (2 * radius + 1) + radius
+        planes = (initial.shape[2] + _TOGETHER) // _TOGETHER * _TOGETHER
+        light = zeros((_BATCH + len(blur) + radius) * (span + len(blur) + 2 * radius)).reshape(_BATCH + len(blur) + radius, -1)
+        blurred = zeros(offsets * (_BATCH + len(blur)) * span).reshape(offsets, _BATCH + len(blur), span)
+        weights = zeros((repetitions * radius + _BATCH) * offsets * span).reshape(-1, offsets, span)
+        colour = zeros(repetitions * (2 * radius + _BATCH) * planes * (span + 2 * radius)).reshape(
+            repetitions, 2 * radius + _BATCH, planes, span + 2 * radius
+        )
+        for window in range(worker, windows, workers):
+            top, left = rows[0] + window // along * _STRIP, window % along * _COLUMNS
+            area = top, min(top + _STRIP, rows[1]), left, min(left + _COLUMNS, width)
+            part = out[top - rows[0] :]
+            _window(initial, first, luminance, area, radius, blur, np.float32(falloff), light, blurred, weights, colour, part)
+
+
+@kernel
+def _window(
+    initial: FloatArray,
+    first: int,
+    luminance: FloatArray,
+    area: tuple[int, int, int, int],
+    radius: int,
+    blur: FloatArray,
+    falloff: Scalar,
+    light: FloatArray,
+    blurred: FloatArray,
+    weights: FloatArray,
+    colour: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Rows area[0] up to area[1], columns area[2] up to area[3]. Rows go round in `weights` and `colour`, each by its number."""
+    height, width = luminance.shape
+    top, bottom, left, right = area
+    repetitions, ring = colour.shape[0], colour.shape[1]
+    edge = left - repetitions * radius  # the frame's column at column 0 of the buffers
+    columns = right - left + 2 * repetitions * radius
+    sums = zeros(colour.shape[2] * colour.shape[3]).reshape(colour.shape[2], colour.shape[3])
+    begin, end = max(-radius, top - repetitions * radius), bottom + (repetitions - 1) * radius
+    coloured = max(top - repetitions * radius, 0)  # the first row that is not in colour[0] yet
+    for batch in range(begin, end, _BATCH):
+        after = min(batch + _BATCH, end)
+        if batch < height:
+            known = 0 if batch == begin else len(blur) - 1
+            rows = batch, min(after, height)
+            _weigh(luminance, rows, known, edge, columns, radius, blur, falloff, light, blurred, weights)
+        for repetition in range(repetitions):
+            behind, around = repetition * radius, (repetitions - 1 - repetition) * radius
+            start, stop = max(left - around, 0) - edge, min(right + around, width) - edge
+            for row in range(max(batch - behind, top - around, 0), min(after - behind, bottom + around, height)):
+                while repetition == 0 and coloured < min(row + radius + 1, height):
+                    _colour(initial[coloured - first], luminance[coloured], edge, columns, radius, colour[0, coloured % ring])
+                    coloured += 1
+                _sum(weights, colour[repetition], row, height, start, stop, radius, sums)
+                if repetition == repetitions - 1:
+                    _finish(sums, initial[row - first], start, stop, edge, out[row - top])
+                else:
+                    following = colour[repetition + 1, row % ring]
+                    _pass_on(sums, colour[repetition, row % ring], start, stop, radius, following)
+                    _mirror(following, edge, width, start, stop, radius)
+
+
+@kernel
+def _weigh(
+    luminance: FloatArray,
+    rows: tuple[int, int],
+    known: int,
+    edge: int,
+    columns: int,
+    radius: int,
+    blur: FloatArray,
+    falloff: Scalar,
+    light: FloatArray,
+    blurred: FloatArray,
+    weights: FloatArray,
+) -> None:
+    """Eq. 16 without the light, for a batch of rows, offset by offset. Past an exponent of -87 it is nothing.
+
+    known: how many of the rows blurred for the batch before are also the first of this one: 0, or all but one of the taps.
+    """
+    height = len(luminance)
+    reach = len(blur) // 2
+    count = rows[1] - rows[0] + 2 * reach
+    for row in range(known, count + radius):
+        source = luminance[mirrored(rows[0] - reach + row, height)]
+        copy_mirrored(source, edge - reach - radius, light[row], columns + 2 * (reach + radius))
+    offset = 0
+    for down in range(radius + 1):
+        for across in range(-radius if down else 1, radius + 1):
+            if known:
+                blurred[offset, :known] = blurred[offset, _BATCH : _BATCH + known]
+            for row in range(known, count):
+                # Squared differences with what lies at the offset, in the row that the blurred ones of the batch leave free.
+                for column in range(0, columns + 2 * reach, _LANES):
+                    difference = load(light, (row + down, column + radius + across)) - load(light, (row, column + radius))
+                    store(blurred, (offset, count, column), difference * difference)
+                for column in range(0, columns, _LANES):
+                    mean = blur[0] * load(blurred, (offset, count, column))
+                    for tap in range(1, len(blur)):
+                        mean += blur[tap] * load(blurred, (offset, count, column + tap))
+                    store(blurred, (offset, row, column), mean)
+            for row in range(rows[1] - rows[0]):
+                slot = (rows[0] + row) % len(weights)
+                for column in range(0, columns, _LANES):
+                    distance = blur[0] * load(blurred, (offset, row, column))
+                    for tap in range(1, len(blur)):
+                        distance += blur[tap] * load(blurred, (offset, row + tap, column))
+                    exponent = distance * falloff
+                    weight = where_less(exponent, LEAST_EXPONENT, _NONE, exponential(exponent))
+                    store(weights, (slot, offset, column), weight)
+            offset += 1
+
+
+@kernel
+def _colour(initial: FloatArray, luminance: FloatArray, edge: int, columns: int, radius: int, colour: FloatArray) -> None:
+    """Light and light times chromaticity along a row: Eq. 16 multiplies each weight by the light of the other pixel."""
+    width = len(luminance)
+    start, stop = max(edge - radius, 0), min(edge + columns + radius, width)
+    for place in range(start, stop):
+        colour[0, place - edge + radius] = max(luminance[place], _NONE)
+    for channel in range(initial.shape[1]):
+        for place in range(start, stop):
+            colour[channel + 1, place - edge + radius] = max(luminance[place], _NONE) * initial[place, channel]
+    _mirror(colour, edge, width, start - edge, stop - edge, radius)
+
+
+@kernel
+def _sum(
+    weights: FloatArray, colour: FloatArray, row: int, height: int, start: int, stop: int, radius: int, sums: FloatArray
+) -> None:
+    """Both sums of Eq. 15 along a row. Each weight counts twice: for the pixel at its offset, and for the one opposite."""
+    kept, ring = len(weights), len(colour)
+    here, at = row % kept, row % ring
+    slots = np.empty((radius + 1, 3), np.intp)
+    for down in range(radius + 1):
+        slots[down, 0] = mirrored(row + down, height) % ring
+        slots[down, 1] = mirrored(row - down, height) % ring
+        slots[down, 2] = (row - down) % kept
+    for plane in range(0, colour.shape[1], _TOGETHER):
+        for column in range(start, stop, _LANES):
+            x = column + radius
+            a, b, c, d = (
+                load(colour, (at, plane, x)), load(colour, (at, plane + 1, x)),
+                load(colour, (at, plane + 2, x)), load(colour, (at, plane + 3, x)),
+            )  # fmt: skip
+            offset = 0
+            for down in range(radius + 1):
+                below, above, before = slots[down]
+                for across in range(-radius if down else 1, radius + 1):
+                    weight, y = load(weights, (here, offset, column)), x + across
+                    a += weight * load(colour, (below, plane, y))
+                    b += weight * load(colour, (below, plane + 1, y))
+                    c += weight * load(colour, (below, plane + 2, y))
+                    d += weight * load(colour, (below, plane + 3, y))
+                    weight, y = load(weights, (before, offset, column - across)), x - across
+                    a += weight * load(colour, (above, plane, y))
+                    b += weight * load(colour, (above, plane + 1, y))
+                    c += weight * load(colour, (above, plane + 2, y))
+                    d += weight * load(colour, (above, plane + 3, y))
+                    offset += 1
+            store(sums, (plane, column), a)
+            store(sums, (plane + 1, column), b)
+            store(sums, (plane + 2, column), c)
+            store(sums, (plane + 3, column), d)
+
+
+@kernel
+def _finish(sums: FloatArray, initial: FloatArray, start: int, stop: int, edge: int, out: FloatArray) -> None:
+    """Eq. 15; where there is no light, what was there before."""
+    for column in range(start, stop, _LANES):
+        share = quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
+        for channel in range(out.shape[1]):
+            store(sums, (channel + 1, column), load(sums, (channel + 1, column)) * share)
+    dark = False
+    for column in range(start, stop):
+        dark = dark or sums[0, column] <= _LEAST
+    for channel in range(out.shape[1]):
+        for column in range(start, stop):
+            out[column + edge, channel] = sums[channel + 1, column]
+        if dark:
+            for column in range(start, stop):
+                if sums[0, column] <= _LEAST:
+                    out[column + edge, channel] = initial[column + edge, channel]
+
+
+@kernel
+def _pass_on(sums: FloatArray, colour: FloatArray, start: int, stop: int, radius: int, following: FloatArray) -> None:
+    """The same, times light again, for the next repetition: a pixel without light counts for none."""
+    for column in range(start, stop, _LANES):
+        light = load(colour, (0, column + radius))
+        share = light * quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
+        store(following, (0, column + radius), light)
+        for plane in range(1, len(sums)):
+            store(following, (plane, column + radius), load(sums, (plane, column)) * share)
+
+
+@kernel
+def _mirror(colour: FloatArray, edge: int, width: int, start: int, stop: int, radius: int) -> None:
+    """Past the frame's edges, if a row ends there."""
+    for step in range(1, radius + 1):
+        if start + edge == 0:
+            colour[:, radius - edge - step] = colour[:, radius - edge + mirrored(-step, width)]
+        if stop + edge == width:
+            colour[:, radius - edge + width - 1 + step] = colour[:, radius - edge + mirrored(width - 1 + step, width)]

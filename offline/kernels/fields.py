@@ -1,0 +1,363 @@
+"""Harmonic fields on the graph of neighbouring pixels (Eqs. 11-13): conjugate gradients, region by region, three fields together.
+
+A region is a core of patches and a halo of patches around it, cut where the domain ends. What lies beyond a halo is left out:
+blocks pin the fields at every corner of every patch, so that influence falls about tenfold with each patch it has to cross.
+
+The system is scaled by the roots of its diagonal, which is the usual diagonal preconditioning, but without a diagonal to read. An
+iteration goes through the rows once: it updates a row of solution, residual and direction, then applies the matrix to the row above
+it, whose three rows of direction are still in the cache.
+"""
+
+import math
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray, IndexArray
+
+from .compile import kernel, parallel_kernel, prange
+from .edges import transmission
+from .functions import zeros
+from .lanes import WIDTH, Lanes, Scalar, greater, lesser, load, quotient, shifted, square_root, store, total
+
+SOLVED = 3
+"""Fields solved; the fourth is what they leave to one."""
+_LANES = WIDTH
+_LAST = WIDTH - 1
+_MARGIN = WIDTH  # of the planes of a region, left of its first column; as many and a part of a lane follow its last
+_NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_LEAST = np.float32(1e-37)
+_RESIDUAL, _DIRECTION, _APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED  # planes of the unknowns, after the solutions
+_PLANES = 4 + 1 + 2 + 4 * SOLVED
+
+
+@parallel_kernel
+def solve_regions(
+    luminance: FloatArray,
+    rows: IndexArray,
+    columns: IndexArray,
+    patches: tuple[int, int, int],
+    period: int,
+    core: int,
+    halo: int,
+    pins: FloatArray,
+    filters: tuple[FloatArray, FloatArray, IndexArray],
+    tolerance: float,
+    iterations: int,
+    workers: int,
+    fields: FloatArray,
+    reached: DoubleArray,
+) -> None:
+    """Write the fields of the patches of some rows of the domain into `fields`, (4, their pixel rows, domain columns).
+
+    luminance: (H, W); rows, columns: the frame's row and column at each row and column of the domain, with the filters' reach
+    before and after it. patches: (first row, end row, columns of patches), the first a multiple of `core` and the end one too,
+    unless the domain ends there; core, halo: patches. pins: (4, 2 period, 4 period + a region's columns + 3 LANES), rows and
+    columns that repeat, from the domain's corner on: 1 at the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
+    filters: (smooth, slope, radii) as `transmission` wants them. tolerance: of the residual relative to the right-hand side, both
+    scaled; iterations: at most so many; workers: how many regions are worked on at a time. reached: (regions,), the relative
+    residual of the worst field of each.
+    """
+    first, end, across = patches
+    reach = filters[0].shape[1] - 1
+    height = len(rows) - 2 * reach
+    along = (across + core - 1) // core
+    regions = (end - first + core - 1) // core * along
+    largest = (core + 2 * halo) * period
+    for worker in prange(workers):
+        # Memory is taken once: fresh pages for every region would cost as much as solving it.
+        memory = zeros(_PLANES * (largest + 2) * _width(largest))
+        window = zeros((largest + 2 * reach) * (largest + 2 * reach + 3 * _LANES))
+        for region in range(worker, regions, workers):
+            top, left = first + region // along * core, region % along * core
+            bottom, right = min(top + core, end), min(left + core, across)
+            above, before = max(top - halo, 0), max(left - halo, 0)
+            below, after = min(bottom + halo, height // period), min(right + halo, across)
+            size = (below - above) * period, (after - before) * period
+            place = above * period, before * period
+            light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * _LANES)].reshape(size[0] + 2 * reach, -1)
+            for row in range(size[0] + 2 * reach):
+                for column in range(size[1] + 2 * reach):
+                    light[row, column] = luminance[rows[place[0] + row], columns[place[1] + column]]
+            width = _width(size[1])
+            planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
+            planes[:] = _NONE
+            weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
+            transmission(light, period, filters[0], filters[1], filters[2], through)
+            _weigh(through, place, size, pins, weights, scale)
+            norm = _start(weights, scale, pins, place, size, unknowns)
+            reached[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
+            inner = (top - above) * period, (left - before) * period
+            extent = (bottom - top) * period, (right - left) * period
+            out = fields[:, (top - first) * period : (bottom - first) * period, left * period : right * period]
+            _finish(unknowns, scale, pins, place, inner, extent, out)
+
+
+@kernel
+def _width(columns: int) -> int:
+    """Of the planes of a region with so many columns."""
+    return _MARGIN + (columns + _LANES - 1) // _LANES * _LANES + _MARGIN
+
+
+@kernel
+def _weigh(
+    through: FloatArray, place: tuple[int, int], size: tuple[int, int], pins: FloatArray, weights: FloatArray, scale: FloatArray
+) -> None:
+    """c[n, n'] of Eq. 12 to the right, below, below right and below left, and d^(-1/2), d their sum over all eight; 0 where pinned.
+
+    through: (2, rows + 2, width), of `transmission`; weights: (4, rows + 2, width); scale: (rows + 2, width). All are a region in a
+    frame of zeros.
+    """
+    period = pins.shape[1] // 2
+    through[:, :, _MARGIN + size[1] :] = _NONE  # no neighbours past the end
+    for row in range(1, size[0] + 1):
+        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+            h, v = load(through, (0, row, column)), load(through, (1, row, column))
+            either = lesser(h, v)  # e is the greater of both directions' along a diagonal (errata)
+            store(weights, (0, row, column), lesser(h, load(through, (0, row, column + 1))))
+            store(weights, (1, row, column), lesser(v, load(through, (1, row + 1, column))))
+            for side in range(2):
+                other = row + 1, column + 1 - 2 * side
+                there = lesser(load(through, (0, *other)), load(through, (1, *other)))
+                store(weights, (2 + side, row, column), lesser(either, there))
+    phase = _phase(place, period)
+    for row in range(1, size[0] + 1):
+        at = (place[0] + row - 1) % (2 * period)
+        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+            degree = _around(weights, row, column, _ONE, _ONE, _ONE, _ONE, _ONE, _ONE, _ONE, _ONE)
+            free = _ONE - load(pins, (SOLVED, at, phase + column - _MARGIN))
+            store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
+        scale[row, _MARGIN + size[1] :] = _NONE
+
+
+@kernel
+def _phase(place: tuple[int, int], period: int) -> int:
+    """Where in a row of pins a region's first column is found, with more to its left."""
+    return 2 * period + place[1] % (2 * period)
+
+
+@kernel
+def _around(
+    weights: FloatArray,
+    row: int,
+    column: int,
+    right: Lanes | Scalar,
+    left: Lanes | Scalar,
+    below: Lanes | Scalar,
+    above: Lanes | Scalar,
+    below_right: Lanes | Scalar,
+    above_left: Lanes | Scalar,
+    below_left: Lanes | Scalar,
+    above_right: Lanes | Scalar,
+) -> Lanes:
+    """The sum over eight neighbours of c[n, n'] times a value at n'."""
+    return (
+        load(weights, (0, row, column)) * right
+        + load(weights, (0, row, column - 1)) * left
+        + load(weights, (1, row, column)) * below
+        + load(weights, (1, row - 1, column)) * above
+        + load(weights, (2, row, column)) * below_right
+        + load(weights, (2, row - 1, column - 1)) * above_left
+        + load(weights, (3, row, column)) * below_left
+        + load(weights, (3, row - 1, column + 1)) * above_right
+    )
+
+
+@kernel
+def _start(
+    weights: FloatArray, scale: FloatArray, pins: FloatArray, place: tuple[int, int], size: tuple[int, int], planes: FloatArray
+) -> float:
+    """Residuals where every free pixel starts at a quarter, the squared norm of the greatest right-hand side; scales the weights.
+
+    All four fields alike: a pixel that edges cut off from every block is then shared by all, not left to the fourth.
+    """
+    period2 = pins.shape[1]
+    phase = _phase(place, period2 // 2)
+    squares = zeros(SOLVED * _LANES).reshape(SOLVED, _LANES)
+    for row in range(1, size[0] + 1):
+        at = place[0] + row - 1
+        above, at, below = (at - 1) % period2, at % period2, (at + 1) % period2
+        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+            x = phase + column - _MARGIN
+            every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x)
+            here = load(scale, (row, column))
+            for field in range(SOLVED):
+                pulled = _pulled(weights, row, column, pins, field, above, at, below, x)
+                store(planes, (_RESIDUAL + field, row, column), here * (pulled - _QUARTER * every))
+                side = here * pulled
+                store(squares, (field, 0), load(squares, (field, 0)) + side * side)
+    for row in range(1, size[0] + 1):
+        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+            here = load(scale, (row, column))
+            # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
+            store(weights, (0, row, column), load(weights, (0, row, column)) * here * load(scale, (row, column + 1)))
+            store(weights, (1, row, column), load(weights, (1, row, column)) * here * load(scale, (row + 1, column)))
+            store(weights, (2, row, column), load(weights, (2, row, column)) * here * load(scale, (row + 1, column + 1)))
+            store(weights, (3, row, column), load(weights, (3, row, column)) * here * load(scale, (row + 1, column - 1)))
+    return float(max(total(load(squares, (0, 0))), total(load(squares, (1, 0))), total(load(squares, (2, 0)))))
+
+
+@kernel
+def _pulled(
+    weights: FloatArray, row: int, column: int, pins: FloatArray, field: int, above: int, at: int, below: int, x: int
+) -> Lanes:
+    """How much the pinned neighbours of free pixels pull."""
+    return _around(
+        weights,
+        row,
+        column,
+        load(pins, (field, at, x + 1)),
+        load(pins, (field, at, x - 1)),
+        load(pins, (field, below, x)),
+        load(pins, (field, above, x)),
+        load(pins, (field, below, x + 1)),
+        load(pins, (field, above, x - 1)),
+        load(pins, (field, below, x - 1)),
+        load(pins, (field, above, x + 1)),
+    )
+
+
+@kernel
+def _conjugate_gradients(
+    weights: FloatArray, size: tuple[int, int], planes: FloatArray, norm: float, tolerance: float, iterations: int
+) -> float:
+    """Solve, from the residuals in planes[1], and return the greatest relative residual.
+
+    planes: of the three fields each, solution, residual, direction and the matrix times the direction, (12, rows + 2, width).
+    """
+    target = tolerance * tolerance * norm
+    alpha, beta = np.zeros(SOLVED, np.float32), np.zeros(SOLVED, np.float32)
+    sums = np.empty((SOLVED, 4))
+    worst = 0.0
+    for _ in range(iterations):
+        _sweep(weights, size, planes, alpha, beta, sums)
+        worst = sums[:, 0].max()
+        if worst <= target:
+            return math.sqrt(worst / norm) if norm > 0 else 0.0
+        certain = True
+        worst = 0.0
+        for field in range(SOLVED):
+            squared, curvature, applied, mixed = sums[field]
+            step = squared / curvature if curvature > 0 else 0.0
+            # The next residual's squared norm, before there is a next residual: this is what makes one pass enough.
+            following = max(squared - 2 * step * mixed + step * step * applied, 0.0)
+            certain = certain and (squared <= target or following > 1e-3 * squared)
+            worst = max(worst, following)
+            alpha[field], beta[field] = step, following / squared if squared > 0 else 0.0
+        if worst <= target and certain:  # otherwise rounding may have made it small: the next sweep sees
+            break
+    for field in range(SOLVED):
+        for row in range(1, size[0] + 1):
+            for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+                step = alpha[field] * load(planes, (_DIRECTION + field, row, column))
+                store(planes, (field, row, column), load(planes, (field, row, column)) + step)
+    return math.sqrt(worst / norm)
+
+
+@kernel
+def _sweep(
+    weights: FloatArray, size: tuple[int, int], planes: FloatArray, alpha: FloatArray, beta: FloatArray, sums: DoubleArray
+) -> None:
+    """One iteration; sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
+    parts = zeros(SOLVED * 4 * _LANES).reshape(SOLVED, 4, _LANES)
+    _update(planes, 1, size[1], alpha, beta, parts)
+    for row in range(1, size[0] + 1):
+        if row < size[0]:
+            _update(planes, row + 1, size[1], alpha, beta, parts)
+        _apply(weights, planes, row, size[1], parts)
+    for field in range(SOLVED):
+        for part in range(4):
+            sums[field, part] = total(load(parts, (field, part, 0)))
+
+
+@kernel
+def _update(planes: FloatArray, row: int, columns: int, alpha: FloatArray, beta: FloatArray, parts: FloatArray) -> None:
+    for field in range(SOLVED):
+        step, turn = alpha[field], beta[field]
+        squared = load(parts, (field, 0, 0))
+        for column in range(_MARGIN, _MARGIN + columns, _LANES):
+            direction = load(planes, (_DIRECTION + field, row, column))
+            store(planes, (field, row, column), load(planes, (field, row, column)) + step * direction)
+            residual = load(planes, (_RESIDUAL + field, row, column)) - step * load(planes, (_APPLIED + field, row, column))
+            store(planes, (_RESIDUAL + field, row, column), residual)
+            store(planes, (_DIRECTION + field, row, column), residual + turn * direction)
+            squared += residual * residual
+        store(parts, (field, 0, 0), squared)
+
+
+@kernel
+def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
+    for field in range(SOLVED):
+        curvature, applied, mixed = load(parts, (field, 1, 0)), load(parts, (field, 2, 0)), load(parts, (field, 3, 0))
+        start = _MARGIN - _LANES
+        a0, b0, c0 = _three(planes, field, row, start)
+        a1, b1, c1 = _three(planes, field, row, start + _LANES)
+        for column in range(_MARGIN, _MARGIN + columns, _LANES):
+            a2, b2, c2 = _three(planes, field, row, column + _LANES)
+            product = b1 - _around(
+                weights,
+                row,
+                column,
+                shifted(b1, b2, 1),
+                shifted(b0, b1, _LAST),
+                c1,
+                a1,
+                shifted(c1, c2, 1),
+                shifted(a0, a1, _LAST),
+                shifted(c0, c1, _LAST),
+                shifted(a1, a2, 1),
+            )
+            store(planes, (_APPLIED + field, row, column), product)
+            curvature += b1 * product
+            applied += product * product
+            mixed += load(planes, (_RESIDUAL + field, row, column)) * product
+            a0, b0, c0 = a1, b1, c1
+            a1, b1, c1 = a2, b2, c2
+        store(parts, (field, 1, 0), curvature)
+        store(parts, (field, 2, 0), applied)
+        store(parts, (field, 3, 0), mixed)
+
+
+@kernel
+def _three(planes: FloatArray, field: int, row: int, column: int) -> tuple[Lanes, Lanes, Lanes]:
+    """Directions above each other."""
+    return (
+        load(planes, (_DIRECTION + field, row - 1, column)),
+        load(planes, (_DIRECTION + field, row, column)),
+        load(planes, (_DIRECTION + field, row + 1, column)),
+    )
+
+
+@kernel
+def _finish(
+    solution: FloatArray,
+    scale: FloatArray,
+    pins: FloatArray,
+    place: tuple[int, int],
+    inner: tuple[int, int],
+    extent: tuple[int, int],
+    out: FloatArray,
+) -> None:
+    """The four fields of a core, not below zero and with a sum of one whatever rounding and tolerance left."""
+    period2 = pins.shape[1]
+    phase = _phase(place, period2 // 2)
+    first = _MARGIN + inner[1]
+    line = zeros((SOLVED + 1) * (extent[1] + _LANES)).reshape(SOLVED + 1, -1)
+    for row in range(extent[0]):
+        at = (place[0] + inner[0] + row) % period2
+        for column in range(0, extent[1], _LANES):
+            x = phase + inner[1] + column
+            here = load(scale, (inner[0] + row + 1, first + column))
+            free = _QUARTER * (_ONE - load(pins, (SOLVED, at, x)))
+            together = _NONE * here
+            for field in range(SOLVED):
+                start = load(pins, (field, at, x)) + free
+                value = greater(start + here * load(solution, (field, inner[0] + row + 1, first + column)), _NONE)
+                store(line, (field, column), value)
+                together += value
+            rest = greater(_ONE - together, _NONE)
+            share = quotient(_ONE, together + rest)
+            store(line, (SOLVED, column), rest * share)
+            for field in range(SOLVED):
+                store(line, (field, column), load(line, (field, column)) * share)
+        for field in range(SOLVED + 1):
+            out[field, row] = line[field, : extent[1]]

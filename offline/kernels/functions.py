@@ -1,0 +1,67 @@
+"""Functions of one number or of lanes, and memory, that several kernels need."""
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from .compile import kernel
+from .lanes import BYTES, Lanes, Scalar, greater, root_seed, times_power
+
+# x^(-1/2) from its seed y: r = x y^2 is within 0.875 .. 0.993, and y times this cubic in r is off by 5.4e-7 at most (minimax fit).
+_ROOT0, _ROOT1, _ROOT2, _ROOT3 = (np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887085))
+
+# e^x = 2^n e^r with n the nearest integer to x / ln 2, and e^r a quintic with e^0 = 1, off by 9.2e-8 at most (minimax fit). ln 2 in
+# two parts, the first short enough that n times it is exact.
+_PER_LN2, _LN2_HIGH, _LN2_LOW = np.float32(1.4426950408889634), np.float32(0.693359375), np.float32(-2.12194440e-4)
+_EXP1, _EXP2, _EXP3, _EXP4, _EXP5 = (np.float32(c) for c in (0.9999997072, 0.4999914950, 0.1666763623, 0.0418979339, 0.0082903139))
+_ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
+LEAST_EXPONENT = np.float32(-87.0)  # e^-87 is about the least normal float32
+_ONE = np.float32(1)
+_BYTES, _ITEM = BYTES, 4
+
+
+@kernel
+def scaled_reciprocal_root(x: Lanes, scale: Scalar) -> Lanes:
+    """A scalar times x^(-1/2), float32, x >= 0; relative error at most 1e-6, and a finite number of 1e18 or more at 0."""
+    y = root_seed(x)
+    r = x * y * y
+    return y * (scale * _ROOT0 + r * (scale * _ROOT1 + r * (scale * _ROOT2 + r * (scale * _ROOT3))))
+
+
+@kernel
+def exponential(x: Lanes) -> Lanes:
+    """e^x, float32, for x <= 0 (up to 87); relative error at most 1e-6. Below -87 it stays at e^-87, never zero."""
+    x = greater(x, LEAST_EXPONENT)
+    power = x * _PER_LN2 + _ROUND
+    n = power - _ROUND
+    r = x - n * _LN2_HIGH - n * _LN2_LOW
+    return times_power(_ONE + r * (_EXP1 + r * (_EXP2 + r * (_EXP3 + r * (_EXP4 + r * _EXP5)))), power)
+
+
+@kernel
+def mirrored(index: int, size: int) -> int:
+    """The pixel of 0..size-1 seen at `index`: `shared.arrays.BORDER`, however far out."""
+    if size == 1:
+        return 0
+    turn = 2 * size - 2
+    index = abs(index) % turn
+    return index if index < size else turn - index
+
+
+@kernel
+def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -> None:
+    """target[i] = what is seen at row[first + i], for i in 0..count-1: before and after the row its mirror image."""
+    start, stop = min(max(-first, 0), count), max(min(len(row) - first, count), 0)
+    for place in range(start):
+        target[place] = row[mirrored(first + place, len(row))]
+    target[start:stop] = row[first + start : first + stop]
+    for place in range(max(stop, start), count):
+        target[place] = row[mirrored(first + place, len(row))]
+
+
+@kernel
+def zeros(size: int) -> FloatArray:
+    """float32 zeros that begin on a boundary of lanes, where reading them is fastest."""
+    buffer = np.zeros(size + _BYTES // _ITEM, np.float32)
+    first = -(buffer.ctypes.data // _ITEM) % (_BYTES // _ITEM)
+    return buffer[first : first + size]

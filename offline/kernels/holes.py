@@ -1,0 +1,166 @@
+"""Filling blocks of holes that do not touch each other's surroundings (Eqs. 3-5): sixteen blocks at a time, all iterations at once.
+
+What Eq. 3 gives a hole depends on the pixels up to four away from it. Where no other block lies within four pixels of a block, its
+few unknown pixels are a problem of their own: the coefficients of all else are computed once, and each iteration adds to them what
+the holes contribute. The frame is tight (synthesis undoes analysis), so instead of synthesising what shrinkage leaves, what it
+takes away is synthesised and taken off the holes.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import FloatArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import scaled_reciprocal_root, zeros
+from .lanes import WIDTH, Lanes, lesser, load, store
+
+REACH = 4
+"""Pixels around a hole on which its new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
+CHUNK = 4
+"""The columns of `response` come in multiples of this."""
+_BANDS = 3
+_ONE = np.float32(1)
+_NONE = np.float32(0)
+_LANES = WIDTH
+
+
+@parallel_kernel
+def fill_blocks(
+    signal: FloatArray,
+    luminance: FloatArray,
+    first: tuple[int, int],
+    blocks: tuple[int, int],
+    period: int,
+    extent: tuple[int, int],
+    holes: NDArray[np.intp],
+    response: FloatArray,
+    taps: FloatArray,
+    thresholds: FloatArray,
+) -> None:
+    """Write the holes of `blocks` (rows, columns) blocks into `luminance`, from the samples in `signal`, both (H, W).
+
+    first: pixel (row, column) of the first block's first corner, `REACH` or more from the frame's edges, as all the blocks must be;
+    period: pixels from one block to the next, at least `extent` + `REACH` in both directions; extent: (rows, columns) of a block;
+    holes: (holes, 2), their places in it; response: (3 (rows + 3) (columns + 3), at least holes), what a unit in each hole adds to
+    the high-pass coefficients that see it; taps: (2, 4), low-pass and high-pass; thresholds: one per iteration.
+    """
+    rows, columns = extent
+    bands = _BANDS * (rows + 3) * (columns + 3)
+    for row in prange(blocks[0]):
+        window = zeros((rows + 2 * REACH) * (columns + 2 * REACH) * _LANES).reshape(rows + 2 * REACH, columns + 2 * REACH, _LANES)
+        energy = zeros(_BANDS * (rows + 5) * (columns + 5) * _LANES).reshape(_BANDS, rows + 5, columns + 5, _LANES)
+        fixed = zeros(bands * _LANES).reshape(bands, _LANES)
+        removed = zeros(bands * _LANES).reshape(bands, _LANES)
+        values = zeros(response.shape[1] * _LANES).reshape(response.shape[1], _LANES)
+        for group in range(0, blocks[1], _LANES):
+            # The last group's spare lanes repeat the last block.
+            places = first[1] + period * np.minimum(np.arange(group, group + _LANES), blocks[1] - 1)
+            top = first[0] + row * period
+            _gather(signal, top, places, holes, window, values)
+            _decompose(window, taps, fixed, energy)
+            _iterate(fixed, energy, response, thresholds, removed, values)
+            for hole in range(len(holes)):
+                for lane in range(_LANES):
+                    luminance[top + holes[hole, 0], places[lane] + holes[hole, 1]] = values[hole, lane]
+
+
+@kernel
+def _gather(
+    signal: FloatArray, top: int, places: NDArray[np.intp], holes: NDArray[np.intp], window: FloatArray, values: FloatArray
+) -> None:
+    """The surroundings of the blocks at row `top`, a block per lane, with the holes' own samples apart."""
+    for down in range(window.shape[0]):
+        for across in range(window.shape[1]):
+            for lane in range(_LANES):
+                window[down, across, lane] = signal[top + down - REACH, places[lane] + across - REACH]
+    for hole in range(len(holes)):
+        for lane in range(_LANES):
+            place = holes[hole, 0] + REACH, holes[hole, 1] + REACH, lane
+            values[hole, lane] = window[place]  # l_0 = m
+            window[place] = _NONE
+
+
+@kernel
+def _decompose(window: FloatArray, taps: FloatArray, fixed: FloatArray, energy: FloatArray) -> None:
+    """High-pass coefficients without the holes: where holes will add to them, themselves, and the squares of all."""
+    rows, columns = energy.shape[1:3]
+    place = 0
+    for band in range(_BANDS):
+        down, across = taps[(band + 1) // 2], taps[(band + 1) % 2]
+        for row in range(rows):
+            for column in range(columns):
+                coefficient = load(window, (row, column, 0)) * _NONE
+                for i in range(4):
+                    for j in range(4):
+                        coefficient += down[i] * across[j] * load(window, (row + i, column + j, 0))
+                store(energy, (band, row, column, 0), coefficient * coefficient)
+                if 0 < row < rows - 1 and 0 < column < columns - 1:
+                    store(fixed, (place, 0), coefficient)
+                    place += 1
+
+
+@kernel
+def _iterate(
+    fixed: FloatArray,
+    energy: FloatArray,
+    response: FloatArray,
+    thresholds: FloatArray,
+    removed: FloatArray,
+    values: FloatArray,
+) -> None:
+    rows, columns = energy.shape[1] - 2, energy.shape[2] - 2
+    for threshold in thresholds:
+        for chunk in range(0, len(values), CHUNK):
+            source = removed if chunk else fixed
+            h0, h1, h2, h3 = (
+                load(values, (chunk, 0)), load(values, (chunk + 1, 0)), load(values, (chunk + 2, 0)), load(values, (chunk + 3, 0))
+            )  # fmt: skip
+            for place in range(len(fixed)):
+                c0, c1, c2, c3 = (
+                    response[place, chunk], response[place, chunk + 1], response[place, chunk + 2], response[place, chunk + 3]
+                )  # fmt: skip
+                store(removed, (place, 0), load(source, (place, 0)) + c0 * h0 + c1 * h1 + c2 * h2 + c3 * h3)
+        place = 0
+        for band in range(_BANDS):
+            start = place
+            for row in range(rows):
+                for column in range(columns):
+                    coefficient = load(removed, (place, 0))
+                    store(energy, (band, row + 1, column + 1, 0), coefficient * coefficient)
+                    place += 1
+            place = start
+            for row in range(rows):
+                left, middle = _down(energy, band, row, 0), _down(energy, band, row, 1)
+                for column in range(columns):
+                    right = _down(energy, band, row, column + 2)
+                    # Eq. 5: what shrinkage takes away is the threshold's part of the neighbourhood's size, all if it is smaller.
+                    part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
+                    store(removed, (place, 0), load(removed, (place, 0)) * part)
+                    left, middle = middle, right
+                    place += 1
+        for chunk in range(0, len(values), CHUNK):
+            h0, h1, h2, h3 = (
+                load(values, (chunk, 0)), load(values, (chunk + 1, 0)), load(values, (chunk + 2, 0)), load(values, (chunk + 3, 0))
+            )  # fmt: skip
+            for place in range(len(fixed)):
+                c0, c1, c2, c3 = (
+                    response[place, chunk], response[place, chunk + 1], response[place, chunk + 2], response[place, chunk + 3]
+                )  # fmt: skip
+                gone = load(removed, (place, 0))
+                h0 -= c0 * gone
+                h1 -= c1 * gone
+                h2 -= c2 * gone
+                h3 -= c3 * gone
+            store(values, (chunk, 0), h0)
+            store(values, (chunk + 1, 0), h1)
+            store(values, (chunk + 2, 0), h2)
+            store(values, (chunk + 3, 0), h3)
+
+
+@kernel
+def _down(energy: FloatArray, band: int, row: int, column: int) -> Lanes:
+    """Three squares below each other."""
+    return (
+        load(energy, (band, row, column, 0)) + load(energy, (band, row + 1, column, 0)) + load(energy, (band, row + 2, column, 0))
+    )

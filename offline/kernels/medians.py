@@ -1,0 +1,100 @@
+"""Oriented medians on the coarse image of block chromaticities (end of section 3.2)."""
+
+import numpy as np
+
+from shared.arrays import BoolArray, DoubleArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import mirrored
+from .lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
+
+SLACK = WIDTH
+"""Columns behind the mirrored border, for lanes to run over."""
+_LANES = WIDTH // 2  # of float64: the chromaticities are solved in double
+_ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+_FIVE = 5
+_FAR = np.float64(np.inf)
+
+
+@parallel_kernel
+def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray) -> BoolArray:
+    """Of the 1-D medians along four orientations write the one nearest to the value before; which rows it changed, bool (rows,).
+
+    before, after: (C, rows, taps // 2 + columns + taps // 2 + SLACK), the columns of `before` mirrored, those of `after` too when
+    this returns. taps: odd, 3 or more. changed: rows of `before` that differ from the step before it; others need no new median.
+    """
+    channels, rows = before.shape[:2]
+    half = taps // 2
+    found = np.zeros(rows, np.bool_)
+    for row in prange(rows):
+        near = np.array([mirrored(row + step, rows) for step in range(-half, half + 1)])
+        if changed[near].any():
+            _row_of_medians(before, after, row, near, columns, taps)
+            for channel in range(channels):
+                for column in range(half, half + columns):
+                    if after[channel, row, column] != before[channel, row, column]:
+                        found[row] = True
+                _mirror(after[channel, row], columns, half)
+        else:
+            after[:, row] = before[:, row]
+    return found
+
+
+@kernel
+def _row_of_medians(
+    before: DoubleArray, after: DoubleArray, row: int, near: "np.ndarray[tuple[int], np.dtype[np.intp]]", columns: int, taps: int
+) -> None:
+    channels, half = before.shape[0], taps // 2
+    medians = np.empty((channels, _LANES))
+    line = np.empty((taps, _LANES))
+    for column in range(half, half + columns, _LANES):
+        nearest = load(before, (0, row, column)) * 0.0 + _FAR
+        for down, across in _ORIENTATIONS:
+            apart = load(before, (0, row, column)) * 0.0
+            for channel in range(channels):
+                if taps == _FIVE:
+                    median = _median_of_five(
+                        load(before, (channel, near[2 - 2 * down], column - 2 * across)),
+                        load(before, (channel, near[2 - down], column - across)),
+                        load(before, (channel, row, column)),
+                        load(before, (channel, near[2 + down], column + across)),
+                        load(before, (channel, near[2 + 2 * down], column + 2 * across)),
+                    )
+                else:
+                    for step in range(-half, half + 1):
+                        store(line, (step + half, 0), load(before, (channel, near[half + step * down], column + step * across)))
+                    median = _median(line)
+                store(medians, (channel, 0), median)
+                away = median - load(before, (channel, row, column))
+                apart += away * away
+            for channel in range(channels):
+                kept = load(after, (channel, row, column))
+                store(after, (channel, row, column), where_less(apart, nearest, load(medians, (channel, 0)), kept))
+            nearest = lesser(apart, nearest)
+
+
+@kernel
+def _median_of_five(a: Lanes, b: Lanes, c: Lanes, d: Lanes, e: Lanes) -> Lanes:
+    """By a selection network: neither the least nor the greatest of the first four can be it."""
+    low = greater(lesser(a, b), lesser(c, d))
+    high = lesser(greater(a, b), greater(c, d))
+    return greater(lesser(e, low), lesser(greater(e, low), high))
+
+
+@kernel
+def _median(line: DoubleArray) -> Lanes:
+    """By letting the larger half rise to the end, one after the other."""
+    taps = len(line)
+    for end in range(taps - 1, taps // 2 - 1, -1):
+        for place in range(end):
+            a, b = load(line, (place, 0)), load(line, (place + 1, 0))
+            store(line, (place, 0), lesser(a, b))
+            store(line, (place + 1, 0), greater(a, b))
+    return load(line, (taps // 2, 0))
+
+
+@kernel
+def _mirror(row: DoubleArray, columns: int, half: int) -> None:
+    for step in range(1, half + 1):
+        row[half - step] = row[half + mirrored(-step, columns)]
+        row[half + columns - 1 + step] = row[half + mirrored(columns - 1 + step, columns)]

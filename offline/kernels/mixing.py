@@ -1,0 +1,104 @@
+"""Chromaticity of every pixel from the four blocks at the corners of its patch (Eqs. 10 and 14)."""
+
+import numpy as np
+
+from shared.arrays import FloatArray, IndexArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import zeros
+from .lanes import WIDTH, Lanes, load, quotient, store, where_less
+
+_LANES = WIDTH
+_CLASSES = 4
+_NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_LEAST = np.finfo(np.float32).tiny
+
+
+@parallel_kernel
+def mix(
+    fields: FloatArray,
+    blocks: FloatArray,
+    luminance: FloatArray,
+    rows: IndexArray,
+    columns: IndexArray,
+    first: int,
+    corner: tuple[int, int],
+    out: FloatArray,
+) -> None:
+    """Write the chromaticities of some rows of the frame to `out`, (rows, W, C).
+
+    fields: (4, pixel rows, domain columns), of whole rows of patches, of which `first` is the first; blocks: (block rows, block
+    columns, C), all of the grid; luminance: (H, W); rows, columns: the frame's row and column at each of the domain's;
+    corner: domain row, counted from the first of `fields`, and domain column of out[0, 0].
+    """
+    across = blocks.shape[1] - 1
+    period = fields.shape[2] // across
+    channels = blocks.shape[2]
+    width = fields.shape[2] + _LANES
+    for patch in prange(fields.shape[1] // period):
+        # A class is the same corner in every second patch only: its light and its chromaticity at every column.
+        light = zeros(_CLASSES * width).reshape(_CLASSES, width)
+        colour = zeros((_CLASSES + 1) * channels * width).reshape(_CLASSES + 1, channels, width)
+        _expand(blocks, luminance, rows, columns, first + patch, period, light, colour)
+        alpha = zeros(_CLASSES * width).reshape(_CLASSES, width)
+        line = zeros(channels * width).reshape(channels, width)
+        start = max(patch * period - corner[0], 0)
+        for row in range(start, min((patch + 1) * period - corner[0], len(out))):
+            alpha[:, : fields.shape[2]] = fields[:, row + corner[0]]
+            _mix_row(alpha, fields.shape[2], light, colour, line)
+            for channel in range(channels):
+                for column in range(out.shape[1]):
+                    out[row, column, channel] = line[channel, column + corner[1]]
+
+
+@kernel
+def _expand(
+    blocks: FloatArray,
+    luminance: FloatArray,
+    rows: IndexArray,
+    columns: IndexArray,
+    patch: int,
+    period: int,
+    light: FloatArray,
+    colour: FloatArray,
+) -> None:
+    """Light and colour of the corner of each class, repeated over its patch, and the plain mean of the four colours at last."""
+    for across in range(blocks.shape[1] - 1):
+        left, right = across * period, (across + 1) * period
+        for kind in range(_CLASSES):
+            down, over = (kind // 2 - patch) % 2, (kind % 2 - across) % 2  # which corner of this patch the class is
+            sample = luminance[rows[patch * period + down * (period - 1)], columns[left + over * (period - 1)]]  # l[n_j]
+            light[kind, left:right] = max(sample, _NONE)
+            for channel in range(blocks.shape[2]):
+                value = blocks[patch + down, across + over, channel]
+                for column in range(left, right):
+                    colour[kind, channel, column] = value
+                    colour[_CLASSES, channel, column] += _QUARTER * value
+
+
+@kernel
+def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatArray, line: FloatArray) -> None:
+    for column in range(0, columns, _LANES):
+        kappa0, kappa1, kappa2, kappa3 = (
+            _kappa(alpha, light, 0, column), _kappa(alpha, light, 1, column),
+            _kappa(alpha, light, 2, column), _kappa(alpha, light, 3, column),
+        )  # fmt: skip
+        total = kappa0 + kappa1 + kappa2 + kappa3
+        share = quotient(_ONE, total)
+        for channel in range(colour.shape[1]):
+            mixed = (
+                kappa0 * load(colour, (0, channel, column))
+                + kappa1 * load(colour, (1, channel, column))
+                + kappa2 * load(colour, (2, channel, column))
+                + kappa3 * load(colour, (3, channel, column))
+            )  # Eq. 10
+            # Where no corner has light there is nothing to weigh by: all count the same.
+            plain = load(colour, (_CLASSES, channel, column))
+            store(line, (channel, column), where_less(_LEAST, total, mixed * share, plain))
+
+
+@kernel
+def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int) -> Lanes:
+    """Eq. 14, before the weights are scaled to a sum of one."""
+    part = load(alpha, (kind, column))
+    return part * part * load(light, (kind, column))

@@ -1,0 +1,125 @@
+"""One iteration of hole filling (Eqs. 3-5) for any pattern, over the whole plane: strips of rows, each band of a row made once.
+
+The frame is tight (synthesis undoes analysis), so instead of synthesising what shrinkage leaves of the coefficients, what it takes
+away is synthesised and taken off the plane. Rows without a hole are not synthesised.
+"""
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import mirrored, scaled_reciprocal_root, zeros
+from .lanes import WIDTH, Scalar, lesser, load, store
+
+REACH = 4
+"""Pixels around one on which its new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
+SLACK = REACH + 2 * WIDTH
+"""Columns that the planes have beyond the mirrored border, for lanes to run over."""
+_BANDS = 3
+_STRIP = 64
+_ONE = np.float32(1)
+_LANES = WIDTH
+
+
+@parallel_kernel
+def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float) -> None:
+    """Give the holes of `result` what the shrinkage of `plane` by `threshold` makes of them.
+
+    plane, result: (H, REACH + columns + REACH + SLACK), the frame with its columns mirrored; equal but for the holes, of which the
+    mirrored ones are written too. holes: (period, columns + SLACK), 1 at a hole and 0 elsewhere, of rows that repeat. taps: (2, 4),
+    low-pass and high-pass.
+    """
+    height = plane.shape[0]
+    limit = np.float32(threshold)
+    for strip in prange((height + _STRIP - 1) // _STRIP):
+        first, last = strip * _STRIP, min(height, (strip + 1) * _STRIP)
+        width = plane.shape[1]
+        low, high = zeros(width), zeros(width)
+        bands = zeros(_BANDS * 3 * width).reshape(_BANDS, 3, width)
+        removed = zeros(_BANDS * 4 * width).reshape(_BANDS, 4, width)
+        # Row r of the bands sees rows r - 4 .. r - 1 of the frame.
+        for row in range(first, last + REACH + 1):
+            _decompose(plane, row, columns, taps, low, high, bands)
+            if row >= first + 2:
+                _shrink(bands, row - 1, columns, limit, low, removed)
+            below = row - REACH - 1
+            if below >= first and holes[below % len(holes), :columns].any():
+                _synthesise(removed, below, columns, taps, low, high)
+                for column in range(0, columns, _LANES):
+                    change = load(holes, (below % len(holes), column)) * load(low, column)
+                    store(result, (below, column + REACH), load(plane, (below, column + REACH)) - change)
+                mirror_columns(result[below], columns)
+
+
+@kernel
+def mirror_columns(row: FloatArray, columns: int) -> None:
+    """Set the REACH pixels on either side of a row of `columns` to their mirror images."""
+    for step in range(1, REACH + 1):
+        row[REACH - step] = row[REACH + mirrored(-step, columns)]
+        row[REACH + columns - 1 + step] = row[REACH + mirrored(columns - 1 + step, columns)]
+
+
+@kernel
+def _decompose(
+    plane: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray, bands: FloatArray
+) -> None:
+    """Row `row` of the three high-pass bands, four columns and a lane's slack more than the frame's."""
+    r0, r1, r2, r3 = (
+        mirrored(row - 4, len(plane)), mirrored(row - 3, len(plane)), mirrored(row - 2, len(plane)), mirrored(row - 1, len(plane))
+    )  # fmt: skip
+    l0, l1, l2, l3 = taps[0]
+    h0, h1, h2, h3 = taps[1]
+    for column in range(0, columns + 2 * REACH, _LANES):
+        p0, p1, p2, p3 = load(plane, (r0, column)), load(plane, (r1, column)), load(plane, (r2, column)), load(plane, (r3, column))
+        store(low, column, l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3)
+        store(high, column, h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
+    place = row % 3
+    for column in range(0, columns + REACH + 1, _LANES):
+        p0, p1, p2, p3 = load(low, column), load(low, column + 1), load(low, column + 2), load(low, column + 3)
+        store(bands, (0, place, column), h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
+        p0, p1, p2, p3 = load(high, column), load(high, column + 1), load(high, column + 2), load(high, column + 3)
+        store(bands, (1, place, column), l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3)
+        store(bands, (2, place, column), h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
+
+
+@kernel
+def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, squares: FloatArray, removed: FloatArray) -> None:
+    """What Eq. 5 takes away from row `row` of the bands; the rows above and below are there too."""
+    for band in range(_BANDS):
+        for column in range(0, columns + REACH + 1, _LANES):
+            b0, b1, b2 = load(bands, (band, 0, column)), load(bands, (band, 1, column)), load(bands, (band, 2, column))
+            store(squares, column, b0 * b0 + b1 * b1 + b2 * b2)
+        for column in range(0, columns + REACH, _LANES):
+            box = load(squares, column) + load(squares, column + 1) + load(squares, column + 2)
+            part = lesser(_ONE, scaled_reciprocal_root(box, threshold))
+            store(removed, (band, row % 4, column), load(bands, (band, row % 3, column + 1)) * part)
+
+
+@kernel
+def _synthesise(removed: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray) -> None:
+    """Row `row` of the frame from rows row + 1 .. row + 4 of the bands, into `low`; the taps run backwards."""
+    r0, r1, r2, r3 = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
+    l3, l2, l1, l0 = taps[0]
+    h3, h2, h1, h0 = taps[1]
+    for column in range(0, columns + REACH, _LANES):
+        p0, p1, p2, p3 = (
+            load(removed, (0, r0, column)), load(removed, (0, r1, column)),
+            load(removed, (0, r2, column)), load(removed, (0, r3, column)),
+        )  # fmt: skip
+        across = l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3
+        p0, p1, p2, p3 = (
+            load(removed, (2, r0, column)), load(removed, (2, r1, column)),
+            load(removed, (2, r2, column)), load(removed, (2, r3, column)),
+        )  # fmt: skip
+        store(high, column, across + h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
+        p0, p1, p2, p3 = (
+            load(removed, (1, r0, column)), load(removed, (1, r1, column)),
+            load(removed, (1, r2, column)), load(removed, (1, r3, column)),
+        )  # fmt: skip
+        store(low, column, h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
+    for column in range(0, columns, _LANES):
+        p0, p1, p2, p3 = load(high, column), load(high, column + 1), load(high, column + 2), load(high, column + 3)
+        across = h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3
+        p0, p1, p2, p3 = load(low, column), load(low, column + 1), load(low, column + 2), load(low, column + 3)
+        store(low, column, across + l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3)

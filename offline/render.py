@@ -1,0 +1,64 @@
+"""The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.mosaic import Mosaic
+
+from .affinity import core_patches, solve_affinities, solve_patches
+from .chromaticity import estimate_chromaticities
+from .luminance import recover_luminance
+from .progress import SILENT, Progress
+from .propagation import propagate, propagate_patches
+from .refinement import noise_level, reach, refine, refine_rows
+from .settings import BEST, RenderSettings
+from .tiling import bands
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """A rendered mosaic, in scene units.
+
+    rgb: float32 (H, W, C), one plane per channel of the pattern, unclipped; luminance: float32 (H, W), the panchromatic reading of
+    every pixel; chromaticity: float32 (H, W, C), rgb = chromaticity * luminance and sum_i gamma_i chromaticity_i = 1.
+    """
+
+    rgb: FloatArray
+    luminance: FloatArray
+    chromaticity: FloatArray
+
+
+def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
+    """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance."""
+    luminance = recover_luminance(mosaic, settings.luminance, progress)  # l, Eqs. 1-5
+    blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
+    initial = propagate(blocks, affinity, luminance, mosaic.pattern)  # c, Eqs. 10 and 14
+    refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
+    return Rendering(refined * luminance[..., None], luminance, refined)  # Eq. 17
+
+
+def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
+    """The rows of `render(mosaic, settings).rgb` from top to bottom, to the bit, as bands float32 (rows, W, C).
+
+    Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
+    """
+    luminance = recover_luminance(mosaic, settings.luminance, progress)
+    blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)
+    sigma = noise_level(luminance, mosaic)
+    pattern = mosaic.pattern
+    steps = bands(pattern.grid(mosaic.shape), core_patches(pattern.period), reach(pattern.period, settings.refinement))
+    progress.stage("colour", len(steps))
+    initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
+    for band in steps:
+        affinity = solve_patches(luminance, pattern, settings.affinity, band.patches)
+        following = propagate_patches(blocks, affinity, luminance, pattern, band.patches[0])
+        initial = np.concatenate([initial, following])
+        refined = refine_rows(initial, first, luminance, pattern.period, sigma, settings.refinement, band.rows)
+        initial, first = initial[band.kept - first :].copy(), band.kept
+        progress.advance()
+        if len(refined):
+            yield refined * luminance[slice(*band.rows), :, None]

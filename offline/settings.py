@@ -1,0 +1,95 @@
+"""The settings of each stage, in order of execution, and the presets."""
+
+from dataclasses import dataclass, field
+
+from shared.errors import InputError
+
+
+def _require(holds: bool, name: str, value: object, expected: str) -> None:
+    if not holds:
+        raise InputError(f"settings: {name} is {value}, expected {expected}")
+
+
+@dataclass(frozen=True)
+class LuminanceSettings:
+    """Hole filling, Eqs. 1-5.
+
+    iterations: 50 in the paper; decay: beta, 2^(-1/4) in the paper; threshold: the shrinkage at the first iteration, scene units
+    (beta^0 = 1 in the paper, whose intensities are scene units too).
+    """
+
+    iterations: int = 50
+    decay: float = 2**-0.25
+    threshold: float = 1.0
+
+    def __post_init__(self) -> None:
+        _require(self.iterations >= 1, "luminance.iterations", self.iterations, "1 or more")
+        _require(0 < self.decay < 1, "luminance.decay", self.decay, "between 0 and 1")
+        _require(self.threshold > 0, "luminance.threshold", self.threshold, "more than 0")
+
+
+@dataclass(frozen=True)
+class ChromaticitySettings:
+    """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
+
+    taps: length of the 1-D medians, 5 in the paper, 1 = none; repetitions: at most so many ("till convergence" in the paper).
+    """
+
+    taps: int = 5
+    repetitions: int = 20
+
+    def __post_init__(self) -> None:
+        _require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
+        _require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
+
+
+@dataclass(frozen=True)
+class AffinitySettings:
+    """Affinity maps, Eqs. 11-13.
+
+    scales: standard deviations of the derivative filters, pixels (the paper gives none: errata). tolerance: of the
+    conjugate-gradient solver, residual relative to the right-hand side; iterations: at most so many.
+    """
+
+    scales: tuple[float, ...] = (0.5, 1.0)
+    tolerance: float = 1e-3
+    iterations: int = 500
+
+    def __post_init__(self) -> None:
+        _require(bool(self.scales) and min(self.scales) > 0, "affinity.scales", self.scales, "one or more positive scales")
+        _require(0 < self.tolerance < 1, "affinity.tolerance", self.tolerance, "between 0 and 1")
+        _require(self.iterations >= 1, "affinity.iterations", self.iterations, "1 or more")
+
+
+@dataclass(frozen=True)
+class RefinementSettings:
+    """Non-local averaging of chromaticity, Eqs. 15-16.
+
+    strength: lambda of h = lambda sigma_z, 40 in the paper; floor: the least h, scene units, which keeps sigma_z = 0 defined and
+    the average harmless; blur: standard deviation of G in periods (K/8 in the paper); repetitions: "multiple times" in the paper.
+    """
+
+    strength: float = 40.0
+    floor: float = 1e-3
+    blur: float = 1 / 8
+    repetitions: int = 2
+
+    def __post_init__(self) -> None:
+        _require(self.strength >= 0, "refinement.strength", self.strength, "0 or more")
+        _require(self.floor > 0, "refinement.floor", self.floor, "more than 0")
+        _require(self.blur > 0, "refinement.blur", self.blur, "more than 0")
+        _require(self.repetitions >= 0, "refinement.repetitions", self.repetitions, "0 or more")
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """All settings of a render, one part per stage."""
+
+    luminance: LuminanceSettings = field(default_factory=LuminanceSettings)
+    chromaticity: ChromaticitySettings = field(default_factory=ChromaticitySettings)
+    affinity: AffinitySettings = field(default_factory=AffinitySettings)
+    refinement: RefinementSettings = field(default_factory=RefinementSettings)
+
+
+PAPER = RenderSettings()
+BEST = PAPER

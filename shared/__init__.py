@@ -1,0 +1,21 @@
+"""What the camera is: filter pattern, calibration, mosaic, sensor model and the file they are saved in."""
+
+from .calibration import NoiseModel, SensorCalibration
+from .camera import Camera, read_camera
+from .dng import read_dng, write_dng
+from .metadata import CaptureMetadata
+from .mosaic import Mosaic
+from .pattern import BlockGrid, CfaPattern
+
+__all__ = [
+    "BlockGrid",
+    "Camera",
+    "CaptureMetadata",
+    "CfaPattern",
+    "Mosaic",
+    "NoiseModel",
+    "SensorCalibration",
+    "read_camera",
+    "read_dng",
+    "write_dng",
+]

@@ -1,0 +1,220 @@
+"""What calibration knows of one sensor: the weights of Eq. 7, noise, black and white level, colour.
+
+Scene units: 1.0 is the white level of the scene reference in each channel. A panchromatic pixel reads sum_i gamma_i channel_i
+(Eq. 7), so the sensor's full scale, for every pixel, is sum_i gamma_i scene units.
+"""
+
+import hashlib
+import json
+import math
+import operator
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .arrays import DoubleArray
+from .errors import InputError
+from .pattern import PANCHROMATIC, CfaPattern
+
+SCHEMA = 1
+BITS = range(10, 17)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Poisson-Gaussian noise per plane (the channels, then panchromatic): variance = shot * signal + read**2, in scene units.
+
+    Raises InputError when a figure is negative or not finite.
+    """
+
+    shot: tuple[float, ...]
+    read: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("shot", "read"):
+            values = _numbers(f"noise.{name}", getattr(self, name))
+            if min(values, default=0.0) < 0:
+                raise InputError(f"calibration: noise.{name} has a negative figure: {values}")
+            object.__setattr__(self, name, values)
+        if len(self.shot) != len(self.read):
+            raise InputError(f"calibration: noise.shot has {len(self.shot)} planes, noise.read {len(self.read)}")
+
+    @classmethod
+    def gaussian(cls, sigma: float, planes: int) -> "NoiseModel":
+        """Additive Gaussian noise of one standard deviation (scene units) on all planes: the paper's."""
+        return cls((0.0,) * planes, (sigma,) * planes)
+
+    def sigma(self, signal: float, plane: int = -1) -> float:
+        """sigma_z at a signal level, of one plane (by default panchromatic); both in scene units."""
+        return math.sqrt(self.shot[plane] * max(signal, 0.0) + self.read[plane] ** 2)
+
+
+def encoding(bits: int) -> tuple[int, int]:
+    """(black level, white level) of a `bits`-bit sample with one sixteenth of the range below black and above white.
+
+    So much room keeps additive noise from being clipped at either end.
+    """
+    if bits not in BITS:
+        raise InputError(f"samples of {bits} bits: expected {BITS[0]} to {BITS[-1]}")
+    margin = 1 << (bits - 4)
+    return margin, (1 << bits) - 1 - margin
+
+
+@dataclass(frozen=True)
+class SensorCalibration:
+    """One sensor's calibration, for any number C of channels; checked when made (InputError names the field).
+
+    channels: their letters, in the order of everything below and of `CfaPattern.channels`.
+    gamma: the C weights of Eq. 7, positive. By default all 1.
+    noise: per plane (channels, then panchromatic), scene units; None = unknown.
+    black_level: sensor codes, per plane; white_level: the code that reads `full_scale` scene units.
+        By default those of `encoding(16)`.
+    camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white), for the light the neutral belongs to; None = uncalibrated.
+    neutral: what a white surface reads in each channel under the light of the shot, up to scale; None = unknown.
+    defects: sensor (row, column) of pixels that do not measure light, in reading order.
+    sensor: a name for people. camera: id of the camera file it came from ("" = none), whatever has been replaced since.
+    """
+
+    channels: str = "RGB"
+    gamma: tuple[float, ...] = ()
+    noise: NoiseModel | None = None
+    black_level: tuple[float, ...] = ()
+    white_level: int = encoding(16)[1]
+    camera_to_xyz: tuple[tuple[float, ...], ...] | None = None
+    neutral: tuple[float, ...] | None = None
+    defects: tuple[tuple[int, int], ...] = ()
+    sensor: str = ""
+    camera: str = ""
+
+    def __post_init__(self) -> None:
+        count = len(self.channels)
+        letters = self.channels
+        if count < 2 or len(set(letters)) != count or not (letters.isascii() and letters.isalpha() and letters.isupper()):
+            raise InputError(f"calibration: channels is {letters!r}, expected two or more different letters A to Z")
+        if PANCHROMATIC in letters:
+            raise InputError(f"calibration: channels is {letters!r}; {PANCHROMATIC} stands for panchromatic")
+        # Only the default itself, (), asks for the default: null, 0 or [] in a document are mistakes.
+        self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count)
+        if min(self.gamma) <= 0:
+            raise InputError(f"calibration: gamma is {self.gamma}, expected positive weights")
+        black = (float(encoding(16)[0]),) * (count + 1)
+        self._set("black_level", black if _absent(self.black_level) else self.black_level, count + 1)
+        try:
+            object.__setattr__(self, "white_level", operator.index(self.white_level))  # NumPy's integers too: JSON takes only int
+        except TypeError:
+            raise InputError(f"calibration: white_level is {self.white_level!r}, expected a whole number") from None
+        if not 0 <= min(self.black_level) <= max(self.black_level) < self.white_level <= 65535:
+            raise InputError(
+                f"calibration: black_level {self.black_level} and white_level {self.white_level}, "
+                "expected 0 <= black < white <= 65535"
+            )
+        if self.noise is not None and len(self.noise.shot) != count + 1:
+            raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
+        if self.neutral is not None:
+            self._set("neutral", self.neutral, count)
+            if min(self.neutral) <= 0:
+                raise InputError(f"calibration: neutral is {self.neutral}, expected positive readings")
+        if self.camera_to_xyz is not None:
+            try:
+                rows = tuple(_numbers("camera_to_xyz", row, count) for row in self.camera_to_xyz)
+            except TypeError:
+                raise InputError(f"calibration: camera_to_xyz is {self.camera_to_xyz!r}, expected a list of rows") from None
+            if len(rows) != 3 or np.linalg.matrix_rank(np.array(rows)) < min(3, count):
+                raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")
+            object.__setattr__(self, "camera_to_xyz", rows)
+        object.__setattr__(self, "defects", _places(self.defects))
+
+    @property
+    def full_scale(self) -> float:
+        """Scene units at the white level, for every pixel of the sensor: sum_i gamma_i."""
+        return math.fsum(self.gamma)
+
+    @property
+    def grey(self) -> float:
+        """gamma_bar, the chromaticity of grey in every channel (Eqs. 8-9)."""
+        return 1.0 / self.full_scale
+
+    @property
+    def bits(self) -> int:
+        """Bits of a sample: those that hold the white level, and the room above it."""
+        return self.white_level.bit_length()
+
+    @cached_property
+    def id(self) -> str:
+        """Digest of the content, 16 hexadecimal digits: which calibration a file was made with.
+
+        What `camera` says is left out: a calibration taken unchanged from a camera file has that file's id.
+        """
+        content = self.to_json()
+        del content["camera"]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+    def scale(self) -> DoubleArray:
+        """Scene units per code, per plane; float64 (C + 1,)."""
+        return self.full_scale / (self.white_level - np.array(self.black_level))
+
+    def check_pattern(self, pattern: CfaPattern) -> None:
+        """Raise InputError unless the pattern's channels are this calibration's."""
+        if pattern.channels != self.channels:
+            raise InputError(
+                f"the pattern has channels {pattern.channels}, the calibration {self.channels}: they belong to different sensors"
+            )
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object from which `from_json` makes an equal calibration."""
+        return {"schema": SCHEMA, **asdict(self)}
+
+    @classmethod
+    def from_json(cls, document: Any) -> "SensorCalibration":
+        """Inverse of `to_json`; raises InputError that names the field."""
+        if not isinstance(document, dict):
+            raise InputError(f"calibration: expected a JSON object, found {type(document).__name__}")
+        given = dict(document)
+        if (schema := given.pop("schema", None)) != SCHEMA:
+            raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
+        if unknown := sorted(set(given) - {field.name for field in fields(cls)}):
+            raise InputError(f"calibration: unknown field {unknown[0]!r}")
+        for name, kind in (("channels", str), ("sensor", str), ("camera", str), ("white_level", int)):
+            if name in given and (not isinstance(given[name], kind) or isinstance(given[name], bool)):
+                raise InputError(f"calibration: {name} is {given[name]!r}, expected {kind.__name__}")
+        noise = given.get("noise")
+        if noise is not None:
+            if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
+                raise InputError('calibration: noise is not an object with "shot" and "read"')
+            given["noise"] = NoiseModel(**noise)
+        return cls(**given)
+
+    def _set(self, name: str, values: Any, count: int) -> None:
+        object.__setattr__(self, name, _numbers(name, values, count))
+
+
+def _absent(values: Any) -> bool:
+    return isinstance(values, tuple) and not values
+
+
+def _numbers(name: str, values: Any, count: int | None = None) -> tuple[float, ...]:
+    """Finite floats out of JSON or a caller's hand, or an InputError that names the field."""
+    try:
+        numbers = tuple(float(value) for value in values)
+        if any(isinstance(value, str | bool) for value in values):  # float() takes both
+            raise TypeError
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"calibration: {name} is {values!r}, expected a list of numbers") from None
+    if not all(math.isfinite(number) for number in numbers):
+        raise InputError(f"calibration: {name} holds a value that is not finite: {numbers}")
+    if count is not None and len(numbers) != count:
+        raise InputError(f"calibration: {name} has {len(numbers)} figures, expected {count}")
+    return numbers
+
+
+def _places(values: Any) -> tuple[tuple[int, int], ...]:
+    """Sorted pixel places out of JSON or a caller's hand, or an InputError that names the field."""
+    try:
+        places = sorted({(operator.index(row), operator.index(column)) for row, column in values})
+    except (TypeError, ValueError):
+        raise InputError("calibration: defects is not a list of [row, column]") from None
+    if places and min(min(place) for place in places) < 0:
+        raise InputError("calibration: defects holds a negative row or column")
+    return tuple(places)

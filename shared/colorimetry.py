@@ -1,0 +1,69 @@
+"""Published figures of colour: standard whites, adaptation between them, primaries of RGB spaces, the curve of sRGB."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import DoubleArray, FloatArray
+
+Matrix = tuple[tuple[float, ...], ...]  # of frozen dataclasses, a tuple per row
+
+D50 = np.array([0.9642, 1.0, 0.8249])  # CIE XYZ of the profile connection space, ICC.1:2022, 7.2.16
+D65_XY = (0.3127, 0.3290)  # ITU-R BT.709, also of IEC 61966-2-1
+# Bradford's cone responses: ICC.1:2022, annex E
+BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+
+SRGB_PRIMARIES = ((0.640, 0.330), (0.300, 0.600), (0.150, 0.060))  # IEC 61966-2-1, table 1
+P3_PRIMARIES = ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060))  # SMPTE EG 432-1
+
+# The curve of IEC 61966-2-1: encoded = SCALE linear^(1 / POWER) - OFFSET, a line of SLOPE below KNEE (linear) or its code.
+SRGB_POWER, SRGB_OFFSET, SRGB_SLOPE = 2.4, 0.055, 12.92
+SRGB_KNEE, SRGB_ENCODED_KNEE = 0.0031308, 0.04045
+
+
+def xyz(x: float, y: float) -> DoubleArray:
+    """CIE XYZ (Y = 1) of a chromaticity; float64 (3,)."""
+    return np.array([x / y, 1.0, (1 - x - y) / y])
+
+
+def adaptation(source: DoubleArray, destination: DoubleArray = D50) -> DoubleArray:
+    """Linear Bradford transform of XYZ from one white to another (ICC.1:2022, annex E); float64 (3, 3)."""
+    gain: DoubleArray = (BRADFORD @ destination) / (BRADFORD @ source)
+    adapted: DoubleArray = np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD)
+    return adapted
+
+
+def primaries_to_xyz(primaries: Sequence[tuple[float, float]], white: tuple[float, float] = D65_XY) -> DoubleArray:
+    """Linear RGB of these chromaticities -> XYZ of a D50 white (SMPTE RP 177, then Bradford); RGB (1, 1, 1) gives that white.
+
+    Returns float64 (3, 3). Raises numpy.linalg.LinAlgError when the primaries lie on a line.
+    """
+    columns = np.stack([xyz(*primary) for primary in primaries], axis=1)
+    source = xyz(*white)
+    matrix: DoubleArray = adaptation(source) @ (columns * np.linalg.solve(columns, source))
+    return matrix
+
+
+def as_rows(matrix: NDArray[np.floating]) -> Matrix:
+    """A matrix as the tuples that frozen dataclasses keep."""
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def encode_srgb(linear: FloatArray) -> FloatArray:
+    """Linear light, any shape, clipped to 0..1 -> the curve of IEC 61966-2-1, 0..1, float32."""
+    linear = np.clip(linear, 0.0, 1.0)
+    power = np.power(linear, np.float32(1 / SRGB_POWER))
+    line = np.float32(SRGB_SLOPE) * linear
+    return np.where(linear <= SRGB_KNEE, line, np.float32(1 + SRGB_OFFSET) * power - np.float32(SRGB_OFFSET))
+
+
+def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
+    """IEC 61966-2-1, encoded 0..1 -> linear 0..1; the straight part goes on below 0, the power above 1."""
+    scale = 1 + SRGB_OFFSET
+    power = (np.maximum(encoded, SRGB_ENCODED_KNEE) / scale + SRGB_OFFSET / scale) ** SRGB_POWER
+    linear: DoubleArray = np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
+    return linear
+
+
+SRGB_TO_XYZ = as_rows(primaries_to_xyz(SRGB_PRIMARIES))

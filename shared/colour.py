@@ -1,0 +1,144 @@
+"""Camera RGB to the colours of a screen or an editor: white balance, colour matrix, transfer curve.
+
+**White.** A white surface reads k * neutral, for some k. Display white is the brightest such reading that every channel can still
+measure: its largest channel is 1.0 scene unit, the white level. (Raw developers say it the other way round: white-balance
+multipliers scaled so that the smallest is 1.) For display each channel is first clipped at its reading of that white: past it some
+channel has clipped and the colour is unknown, and without the clip a burnt-out highlight would come out magenta instead of white.
+
+**Colour.** `SensorCalibration.camera_to_xyz` takes scene units to XYZ (D50) for the light of the neutral. A fitted matrix takes the
+neutral only nearly to D50 white: a Bradford adaptation takes it the rest of the way, so k * neutral becomes grey, R = G = B.
+Without a matrix, channels named R, G and B are taken for the primaries of sRGB; there is no such guess for other channels.
+
+**Curve.** That of IEC 61966-2-1, nothing else: no tone curve, no highlight reconstruction. "linear-srgb" has neither clip nor
+curve. "camera" means the samples as they are, and is no business of this module.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import DoubleArray, FloatArray, strips
+from .calibration import SensorCalibration
+from .colorimetry import BRADFORD, D50, P3_PRIMARIES, SRGB_PRIMARIES, Matrix, adaptation, as_rows, encode_srgb, primaries_to_xyz
+from .errors import InputError
+
+MAX_EXPOSURE = 16.0
+
+
+@dataclass(frozen=True)
+class OutputSpace:
+    """An RGB space with D65 white: chromaticities (x, y) of its primaries; linear, or with the sRGB transfer curve."""
+
+    name: str
+    title: str
+    primaries: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+    linear: bool = False
+
+    @cached_property
+    def to_xyz(self) -> DoubleArray:
+        """Linear RGB -> XYZ relative to D50: the columns of the ICC profile; float64 (3, 3)."""
+        return primaries_to_xyz(self.primaries)
+
+
+SPACES = {
+    space.name: space
+    for space in (
+        OutputSpace("srgb", "sRGB", SRGB_PRIMARIES),
+        OutputSpace("display-p3", "Display P3", P3_PRIMARIES),
+        OutputSpace("linear-srgb", "Linear sRGB", SRGB_PRIMARIES, linear=True),
+    )
+}
+
+
+@dataclass(frozen=True)
+class ColourTransform:
+    """From one sensor's scene units to one output space.
+
+    white: reading of display white, one figure per channel, the largest 1.0.
+    matrix: 3 x C, scene units -> linear RGB of the space; takes `white` to (1, 1, 1).
+    """
+
+    space: OutputSpace
+    white: tuple[float, ...]
+    matrix: Matrix
+
+    @classmethod
+    def to_space(cls, calibration: SensorCalibration, name: str = "srgb") -> "ColourTransform":
+        """The transform for pictures of this sensor.
+
+        name: a key of `SPACES`. A missing neutral is the reading that the matrix takes to D50, without a matrix (1, 1, 1).
+        Raises InputError for an unknown space, for channels whose colours nobody knows, and for a matrix that takes the neutral to
+        no possible white.
+        """
+        if name not in SPACES:
+            raise InputError(f"unknown output space {name!r}; there are {', '.join(SPACES)}")
+        space = SPACES[name]
+        to_xyz = _camera_to_xyz(calibration)
+        neutral = np.linalg.lstsq(to_xyz, D50)[0] if calibration.neutral is None else np.array(calibration.neutral)
+        white = neutral / neutral.max()
+        seen = to_xyz @ white
+        if min(white) <= 0 or min(BRADFORD @ seen) <= 0:
+            raise InputError(
+                f"calibration: camera_to_xyz takes the white reading {_figures(white)} to XYZ {_figures(seen)}, which is no colour "
+                "of light; calibrate again, or use --space camera"
+            )
+        matrix = np.linalg.solve(space.to_xyz, adaptation(seen) @ to_xyz)
+        return cls(space, tuple(white.tolist()), as_rows(matrix))
+
+    def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
+        """A picture in scene units (H, W, C) -> this space (H, W, 3), float32: 0..1 for display, unclipped when linear.
+
+        exposure: stops of gain, after the clip at display white: less than 0 darkens, it does not bring highlights back.
+        Raises InputError as `checked_picture` does, and for an exposure beyond +-16 stops.
+        """
+        rgb = checked_picture(rgb, len(self.white))
+        check_exposure(exposure)
+        matrix = (np.array(self.matrix) * 2.0**exposure).astype(np.float32)
+        white = np.array(self.white, np.float32)
+        result = np.empty((*rgb.shape[:2], 3), np.float32)
+        for rows in strips(len(rgb)):
+            # Below, -white: far under any noise, but no sample can overflow. Not 0: clipped noise would tint the shadows.
+            strip = rgb[rows] if self.space.linear else np.clip(rgb[rows], -white, white)
+            for output, row in enumerate(matrix):
+                result[rows, :, output] = sum(weight * strip[..., channel] for channel, weight in enumerate(row))
+            if not self.space.linear:
+                result[rows] = encode_srgb(result[rows])
+        return result
+
+
+def check_exposure(exposure: float) -> None:
+    """Raise InputError unless a gain is within +-16 stops."""
+    if not abs(exposure) <= MAX_EXPOSURE:
+        raise InputError(f"exposure is {exposure} stops, expected -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}")
+
+
+def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
+    """The picture as float32, if it is one: (H, W, channels), floating point, not empty, finite. Raises InputError if not."""
+    if rgb.ndim != 3 or rgb.shape[2] != channels or 0 in rgb.shape:
+        raise InputError(f"a picture of shape {rgb.shape}, expected (rows, columns, {channels})")
+    if not np.issubdtype(rgb.dtype, np.floating):
+        raise InputError(f"a picture of {rgb.dtype}, expected floating-point scene units")
+    if bad := sum(int(np.count_nonzero(~np.isfinite(rgb[rows]))) for rows in strips(len(rgb))):
+        raise InputError(f"{bad} of {rgb.size} values of the picture are not finite (NaN or infinite)")
+    return rgb.astype(np.float32, copy=False)
+
+
+def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
+    """Scene units -> XYZ (D50), measured, or of sRGB primaries; float64 (3, C)."""
+    if calibration.camera_to_xyz is not None:
+        return np.array(calibration.camera_to_xyz)
+    if sorted(calibration.channels) != sorted("RGB"):
+        raise InputError(
+            f"no colour matrix for the channels {calibration.channels}: calibrate the camera (panchroma calibrate), "
+            "or render with --space camera"
+        )
+    nominal = SPACES["srgb"].to_xyz[:, ["RGB".index(letter) for letter in calibration.channels]]
+    # Balanced channels, not raw ones, are the nominal primaries: white reads (1, 1, 1) there.
+    balance = 1.0 if calibration.neutral is None else max(calibration.neutral) / np.array(calibration.neutral)
+    return np.asarray(nominal * balance)
+
+
+def _figures(values: DoubleArray) -> str:
+    return "(" + ", ".join(f"{value:.3g}" for value in values) + ")"

@@ -1,0 +1,19 @@
+"""The file: a mosaic saved as a standard DNG with its preview, and a rendered picture saved as one."""
+
+from .codec import Layout, decode_dng, decode_preview, encode_dng
+from .exif import exif_block, metadata_directory
+from .file import read_dng, read_preview, write_dng
+from .picture import encode_picture_dng
+
+__all__ = [
+    "Layout",
+    "decode_dng",
+    "decode_preview",
+    "encode_dng",
+    "encode_picture_dng",
+    "exif_block",
+    "metadata_directory",
+    "read_dng",
+    "read_preview",
+    "write_dng",
+]

@@ -1,0 +1,141 @@
+"""Mosaic <-> the bytes of a DNG 1.4 file. Pure: no file is touched here (Adobe, Digital Negative Specification 1.4.0.0)."""
+
+from typing import Literal
+
+import numpy as np
+
+from ..arrays import ByteArray
+from ..calibration import BITS, SensorCalibration
+from ..errors import InputError
+from ..mosaic import Mosaic
+from ..pattern import CfaPattern
+from ..tiff import Fields, FieldType, encode_tiff
+from .colour import colour_fields
+from .container import main_directory, raw_digest, raw_directory
+from .exif import read_metadata
+from .reader import DngReader, damaged, opened
+from .record import decode_record, encode_record, is_record
+from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, MAX_PIXELS, Photometric, Tag
+
+Layout = Literal["auto", "cfa", "linear"]
+
+_RECTANGULAR = 1
+# Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
+_LEAST_SHOT_NOISE = 1e-12
+
+
+def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
+    """The mosaic as a DNG file; `decode_dng` gives back an equal one, with samples in sensor codes.
+
+    preview: (h, w, 3) uint8 sRGB picture, turned like the samples; large, because most viewers show it as the photograph.
+    layout: "cfa" tells every raw developer the true filter pattern; "linear" is the same samples as a grey photograph, for
+        developers that take any pattern for a Bayer one; "auto" is "cfa" where DNG has words for the pattern.
+    Raises InputError when `layout` cannot hold the pattern, when the preview is no such picture, and past 65500 pixels a side.
+    """
+    pattern, calibration, codes = mosaic.pattern, mosaic.calibration, mosaic.codes
+    photometric = _photometric(pattern, layout)
+    # DNG, and libjpeg for uint16, begin at more bits than a dim white level has.
+    raw = raw_directory(codes, max(calibration.bits, BITS[0]), photometric)
+    raw.fields.update(_levels(pattern, calibration))
+    camera = f"{MAKER} {calibration.sensor}".strip()
+    main = main_directory(preview, mosaic.metadata, camera, raw, raw_digest(codes))
+    if photometric is Photometric.CFA:
+        raw.fields.update(_cfa(pattern))
+        main.fields.update(_colours(calibration))
+    raw.fields.update(_noise(calibration, photometric))
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(mosaic)
+    return encode_tiff(main)
+
+
+def decode_dng(data: bytes, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
+    """The mosaic in a DNG of ours: uint16 codes, pattern and calibration as they were written.
+
+    Capture data come from the TIFF and Exif fields, which other programs may have edited since. Raises InputError for anything
+    but a whole file of ours, before decoding more than `max_pixels`.
+    """
+    with opened(data) as dng:
+        record = dng.stored(Tag.DNG_PRIVATE_DATA)
+        if not is_record(record):
+            raise InputError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+        pattern, calibration = decode_record(record)
+        _check_cfa(dng, pattern)
+        samples = dng.samples(max_pixels)
+        digest = dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)
+        if digest != raw_digest(samples):
+            raise damaged("the samples differ from those that were written (NewRawImageDigest)")
+        return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
+
+
+def decode_preview(data: bytes) -> bytes:
+    """The JPEG preview of a DNG, as it lies there. Raises InputError when there is none."""
+    with opened(data) as dng:
+        return dng.preview()
+
+
+def _photometric(pattern: CfaPattern, layout: Layout) -> Photometric:
+    obstacle = ""
+    if set(pattern.planes) != set(CFA_CODES):
+        obstacle = f"DNG has no colour codes for the channels {pattern.channels}, only for RGB beside panchromatic"
+    elif pattern.period > LONGEST_CFA_PERIOD:
+        obstacle = f"the period is {pattern.period}; DNG readers accept at most {LONGEST_CFA_PERIOD}"
+    if layout not in ("auto", "cfa", "linear"):
+        raise InputError(f'unknown layout {layout!r}; one of "auto", "cfa", "linear"')
+    if layout == "cfa" and obstacle:
+        raise InputError(f'the layout "cfa" cannot hold this pattern: {obstacle}; use "auto" or "linear"')
+    return Photometric.LINEAR_RAW if obstacle or layout == "linear" else Photometric.CFA
+
+
+def _cfa(pattern: CfaPattern) -> Fields:
+    tile = "".join(pattern.letters_from())  # from the first sample on: DNG knows no origin
+    return {
+        Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [pattern.period] * 2),
+        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in tile)),
+        Tag.CFA_PLANE_COLOR: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in pattern.planes)),
+        Tag.CFA_LAYOUT: (FieldType.SHORT, [_RECTANGULAR]),
+    }
+
+
+def _check_cfa(dng: DngReader, pattern: CfaPattern) -> None:
+    """The pattern is in the file twice; a reader that finds two must not choose."""
+    cfa = dng.cfa()
+    if cfa is None:
+        return
+    letters = {code: letter for letter, code in CFA_CODES.items()}
+    shown = ["".join(letters.get(code, "?") for code in row) for row in cfa]
+    if tuple(shown) != pattern.letters_from():
+        raise damaged(f"CFAPattern says {' '.join(shown)}, the record in DNGPrivateData says {' '.join(pattern.letters_from())}")
+
+
+def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
+    """Black level per pixel of a period where the planes differ, otherwise once; white level."""
+    if len(set(calibration.black_level)) == 1 or pattern.period > LONGEST_CFA_PERIOD:
+        levels = np.array([[calibration.black_level[-1]]])  # of the panchromatic plane, by far the largest
+    else:
+        levels = np.array(calibration.black_level)[pattern.filter_map((pattern.period, pattern.period))]
+    whole = not (levels % 1).any()
+    return {
+        Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, list(levels.shape)),
+        Tag.BLACK_LEVEL: (
+            FieldType.SHORT if whole else FieldType.RATIONAL,
+            levels.astype(int if whole else float).ravel().tolist(),
+        ),
+        Tag.WHITE_LEVEL: (FieldType.SHORT, [calibration.white_level]),
+    }
+
+
+def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
+    """NoiseProfile: from scene units to samples of 0..1, x = signal / full_scale, so S = shot / full_scale, O = (read / ...)**2."""
+    if calibration.noise is None:
+        return {}
+    full = calibration.full_scale
+    planes = [
+        (max(shot / full, _LEAST_SHOT_NOISE), (read / full) ** 2)
+        for shot, read in zip(calibration.noise.shot, calibration.noise.read, strict=True)
+    ]
+    if photometric is Photometric.LINEAR_RAW:
+        planes = planes[-1:]  # a file of one plane: nearly all of it is panchromatic
+    return {Tag.NOISE_PROFILE: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}
+
+
+def _colours(calibration: SensorCalibration) -> Fields:
+    return colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma)

@@ -1,0 +1,106 @@
+"""What all our DNG files have in common: a JPEG preview first, lossless samples below it, and the samples' digest."""
+
+import hashlib
+from typing import Any
+
+import imagecodecs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..metadata import CaptureMetadata
+from ..tiff import Directory, Fields, FieldType
+from .exif import metadata_directory, resolution_fields
+from .tags import (
+    DNG_BACKWARD_VERSION,
+    DNG_VERSION,
+    LONGEST_SIDE,
+    PREVIEW_SRGB,
+    Compression,
+    Photometric,
+    Tag,
+)
+
+PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the raw's size
+_DIGEST_TILE = 256
+_CHUNKY, _CENTRED = 1, 1
+
+
+def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
+    """The first directory of a DNG: preview, metadata, and the raw directory below it.
+
+    preview: (h, w, 3) uint8, sRGB, turned like the samples (orientation is for displays); camera: a name that tells its colours
+    from all other cameras'. Raises InputError for a preview of another kind.
+    """
+    picture = np.asarray(preview)
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
+        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected an uint8 picture (rows, columns, 3)")
+    _check_sides(picture.shape)
+    jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
+    main = metadata_directory(metadata)
+    # One strip, so that it is a whole JPEG: exiftool, LibRaw and every picture viewer take it as it lies there.
+    main.strips = [bytes(jpeg)]
+    main.fields.update(_picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
+    main.fields.update(resolution_fields())
+    main.fields.update(
+        {
+            Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [1]),
+            Tag.YCBCR_SUBSAMPLING: (FieldType.SHORT, [2, 2]),
+            Tag.YCBCR_POSITIONING: (FieldType.SHORT, [_CENTRED]),
+            Tag.REFERENCE_BLACK_WHITE: (FieldType.RATIONAL, [0, 255, 128, 255, 128, 255]),
+            Tag.PREVIEW_COLOR_SPACE: (FieldType.LONG, [PREVIEW_SRGB]),
+            Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
+            Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
+            # The one text that DNG wants in ASCII: converters look camera profiles up by it.
+            Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, camera.encode("ascii", "replace").decode()),
+            Tag.NEW_RAW_IMAGE_DIGEST: (FieldType.BYTE, digest),
+        }
+    )
+    main.children[Tag.SUB_IFDS] = raw
+    return main
+
+
+def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometric) -> Directory:
+    """The directory of the samples, uint16 (H, W) or (H, W, planes) of `bits` bits, as one strip of lossless JPEG.
+
+    Raises InputError when a side is longer than a JPEG's.
+    """
+    _check_sides(samples.shape)
+    # Predictor 1, not jpegsof3's 6: darktable reads no other.
+    jpeg = imagecodecs.jpeg8_encode(samples, lossless=True, predictor=1, bitspersample=bits)
+    fields = _picture_fields(samples.shape, bits, Compression.JPEG, photometric)
+    return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[bytes(jpeg)])
+
+
+def raw_digest(samples: NDArray[np.uint16]) -> bytes:
+    """NewRawImageDigest (DNG 1.4) of uint16 (H, W) or (H, W, planes).
+
+    MD5 over the MD5s of the 256 x 256 tiles in row order (those at the edges end there), samples little-endian, plane by plane.
+    """
+    planes = np.moveaxis(samples[..., None] if samples.ndim == 2 else samples, -1, 0).astype("<u2", copy=False)
+    rows, columns = planes.shape[1:]
+    whole = hashlib.md5(usedforsecurity=False)
+    for top in range(0, rows, _DIGEST_TILE):
+        for left in range(0, columns, _DIGEST_TILE):
+            tile = planes[:, top : top + _DIGEST_TILE, left : left + _DIGEST_TILE]
+            whole.update(hashlib.md5(tile.tobytes(), usedforsecurity=False).digest())
+    return whole.digest()
+
+
+def _picture_fields(shape: tuple[int, ...], bits: int, compression: Compression, photometric: Photometric) -> Fields:
+    planes = shape[2] if len(shape) == 3 else 1
+    return {
+        Tag.IMAGE_WIDTH: (FieldType.LONG, [shape[1]]),
+        Tag.IMAGE_LENGTH: (FieldType.LONG, [shape[0]]),
+        Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [bits] * planes),
+        Tag.COMPRESSION: (FieldType.SHORT, [compression]),
+        Tag.PHOTOMETRIC: (FieldType.SHORT, [photometric]),
+        Tag.SAMPLES_PER_PIXEL: (FieldType.SHORT, [planes]),
+        Tag.ROWS_PER_STRIP: (FieldType.LONG, [shape[0]]),
+        Tag.PLANAR_CONFIG: (FieldType.SHORT, [_CHUNKY]),
+    }
+
+
+def _check_sides(shape: tuple[int, ...]) -> None:
+    if max(shape[:2]) > LONGEST_SIDE:
+        raise InputError(f"{shape[1]} x {shape[0]} pixels: a side of a DNG's JPEG holds at most {LONGEST_SIDE}; cut it into parts")

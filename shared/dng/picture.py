@@ -1,0 +1,58 @@
+"""A rendered picture as a DNG, for the photographer's own raw developer: linear, three samples a pixel, nothing decided yet."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import ByteArray, FloatArray
+from ..errors import InputError
+from ..metadata import CaptureMetadata
+from ..tiff import FieldType, encode_tiff
+from .colour import colour_fields
+from .container import main_directory, raw_digest, raw_directory
+from .tags import MAKER, Photometric, Tag
+
+_BITS = 16
+_WHITE_CODE = 65535
+
+
+def encode_picture_dng(
+    rgb: FloatArray,
+    metadata: CaptureMetadata,
+    camera_to_xyz: ArrayLike | None,
+    neutral: ArrayLike | None,
+    preview: ByteArray,
+    *,
+    white: float = 1.0,
+) -> bytes:
+    """A DNG of a picture in camera colours (three-sample LinearRaw, 16 bits, lossless).
+
+    rgb: (H, W, 3) floats, linear camera RGB in scene units, turned like the mosaic.
+    camera_to_xyz: 3 x 3, camera -> XYZ (D50 white), or None for a nominal one.
+    neutral: what white reads in the 3 channels, or None.
+    preview: (h, w, 3) uint8 sRGB.
+    white: the scene units that code 65535 stands for. Brighter values are cut, so pass the picture's maximum to keep all
+        highlights: BaselineExposure then tells developers to brighten by as much. Negative values become 0.
+    Raises InputError for a picture of another shape, values that are not finite, and a white that is not positive.
+    """
+    picture = np.asarray(rgb)
+    if picture.ndim != 3 or picture.shape[2] != 3 or not min(picture.shape) or not np.issubdtype(picture.dtype, np.floating):
+        raise InputError(f"the picture is {picture.dtype} {picture.shape}, expected floats (rows, columns, 3)")
+    if not (math.isfinite(white) and white > 0):
+        raise InputError(f"white is {white}, expected a positive number of scene units")
+    if not np.isfinite(picture).all():
+        raise InputError("the picture has values that are not finite (NaN or infinite)")
+    codes = np.rint(picture * (_WHITE_CODE / white)).clip(0, _WHITE_CODE).astype(np.uint16)
+    raw = raw_directory(codes, _BITS, Photometric.LINEAR_RAW)
+    raw.fields.update(
+        {
+            Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, [1, 1]),
+            Tag.BLACK_LEVEL: (FieldType.SHORT, [0] * 3),
+            Tag.WHITE_LEVEL: (FieldType.SHORT, [_WHITE_CODE] * 3),
+        }
+    )
+    main = main_directory(preview, metadata, MAKER, raw, raw_digest(codes))
+    main.fields.update(colour_fields(camera_to_xyz, neutral))
+    main.fields[Tag.BASELINE_EXPOSURE] = FieldType.SRATIONAL, [math.log2(white)]
+    return encode_tiff(main)

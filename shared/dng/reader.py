@@ -1,0 +1,170 @@
+"""A DNG taken apart, and nothing in it believed: files arrive torn, edited, or made to do harm.
+
+tifffile parses the directories; samples are decoded after the declared sizes were held against what the file can contain.
+"""
+
+import logging
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
+from itertools import product
+from typing import Any
+
+import imagecodecs
+import numpy as np
+from tifffile import TiffFile, TiffPage
+
+from ..arrays import CodeArray
+from ..errors import InputError, PanchromaError
+from .tags import Compression, Photometric, Tag
+
+# tifffile tells its log about every odd field. An application may listen; by default nobody does.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
+_TIFF_STARTS = (b"II*\0", b"MM\0*")
+_JPEG_START = b"\xff\xd8\xff"
+_LOSSLESS_FRAME = 0xFFC3  # SOF3, the only JPEG process that DNG allows for raw samples
+_BEFORE_FRAME = {0xFFC4, 0xFFDB, 0xFFDD, 0xFFFE, *range(0xFFE0, 0xFFF0)}  # tables, restart interval, comment, applications
+
+
+@contextmanager
+def opened(data: bytes) -> Iterator["DngReader"]:
+    """The DNG in `data`, for the time of a `with` block; whatever goes wrong with it inside the block is an InputError."""
+    if not data:
+        raise InputError("the file is empty; copy it again")
+    if data.startswith(_JPEG_START):
+        raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of a picture")
+    if not data.startswith(_TIFF_STARTS):
+        raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
+    try:
+        with TiffFile(BytesIO(data)) as file:
+            yield DngReader(data, file)
+    except PanchromaError:
+        raise
+    except Exception as error:
+        # On purpose all of them: tifffile and imagecodecs raise a dozen kinds on bytes like these, and none speaks to people.
+        raise damaged("its parts contradict each other") from error
+
+
+def damaged(what: str) -> InputError:
+    """The error for a file that began as one of ours and is no longer whole."""
+    return InputError(f"damaged: {what}; copy the file again")
+
+
+class DngReader:
+    """The two directories of a DNG. Methods raise InputError, or what `opened` makes one of."""
+
+    def __init__(self, data: bytes, file: TiffFile) -> None:
+        self._data = data
+        try:
+            self._main = file.pages.first
+        except IndexError:
+            raise damaged(f"the file ends after {len(data)} bytes, before its directory") from None
+
+    def value(self, tag: int) -> Any:
+        """What tifffile reads of a tag in the first directory; None when there is none."""
+        return self._main.tags.valueof(tag)
+
+    def exif(self) -> Mapping[str, Any]:
+        """The Exif directory by Exif's names; empty when there is none."""
+        value = self.value(Tag.EXIF_IFD)
+        return value if isinstance(value, dict) else {}
+
+    def stored(self, tag: int) -> bytes:
+        """The bytes of a field of the first directory; none when it has no such field."""
+        return self._stored(self._main, tag)
+
+    def preview(self) -> bytes:
+        """The JPEG of the first directory, as it lies in the file."""
+        page = self._main
+        self._check_segments(page)
+        jpeg = b"".join(self._segments(page))
+        if page.compression != Compression.JPEG or len(page.dataoffsets) != 1 or not jpeg.startswith(_JPEG_START):
+            raise InputError("the file has no JPEG preview")
+        return jpeg
+
+    def raw(self) -> TiffPage:
+        """The directory of the raw samples: the main picture below the first directory."""
+        for page in self._main.pages or ():
+            if isinstance(page, TiffPage) and page.subfiletype == 0:
+                return page
+        raise damaged("the file has no raw picture")
+
+    def cfa(self) -> tuple[tuple[int, ...], ...] | None:
+        """The CFA codes of one period, row by row; None for a file that shows its mosaic as a grey picture."""
+        page = self.raw()
+        match page.photometric:
+            case Photometric.LINEAR_RAW:
+                return None
+            case Photometric.CFA:
+                rows, columns = page.tags.valueof(Tag.CFA_REPEAT_PATTERN_DIM)
+                codes = self._stored(page, Tag.CFA_PATTERN)
+                if len(codes) != rows * columns:
+                    raise damaged(f"CFAPattern has {len(codes)} entries, expected {rows} x {columns}")
+                return tuple(tuple(codes[start : start + columns]) for start in range(0, len(codes), columns))
+        raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
+
+    def samples(self, max_pixels: int) -> CodeArray:
+        """The raw samples, uint16 (H, W); checked to be so many before any is decoded."""
+        page = self.raw()
+        if len(page.shape) != 2 or page.dtype is None or page.dtype.kind != "u" or page.dtype.itemsize > 2:
+            raise damaged(f"the raw samples are {page.dtype} {page.shape}, expected whole numbers (rows, columns)")
+        rows, columns = page.shape
+        if rows * columns > max_pixels:
+            raise InputError(f"the file declares {columns} x {rows} pixels; {max_pixels} are the limit")
+        held = self._check_segments(page)
+        if page.compression not in tuple(Compression):
+            raise InputError(f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; export it again so")
+        bits = 1 if page.compression == Compression.JPEG else page.bitspersample  # a Huffman code has at least one bit
+        if held * 8 < rows * columns * bits:
+            raise damaged(f"the file declares {columns} x {rows} pixels, its {held} bytes of samples cannot hold them")
+        samples = self._decoded(page) if page.compression == Compression.JPEG else page.asarray(maxworkers=1)
+        return np.ascontiguousarray(samples, np.uint16)
+
+    def _decoded(self, page: TiffPage) -> CodeArray:
+        """Strips or tiles of lossless JPEG, put together.
+
+        Not by tifffile: where libjpeg-turbo refuses a damaged JPEG, it turns to a second decoder, which crashes on some.
+        """
+        rows, columns = page.shape
+        tall, wide = (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
+        samples = np.empty((rows, columns), np.uint16)
+        corners = product(range(0, rows, tall), range(0, columns, wide))
+        for (top, left), segment in zip(corners, self._segments(page), strict=True):
+            if _frame_samples(segment) > 8 * len(segment):
+                raise damaged("a JPEG declares more samples than its bytes can hold")
+            room = samples[top : top + tall, left : left + wide]
+            # Some writers store the same samples as a JPEG of twice the components and half the width.
+            room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide)[: room.shape[0], : room.shape[1]]
+        return samples
+
+    def _check_segments(self, page: TiffPage) -> int:
+        """The bytes that strips or tiles hold together; all must lie in the file, and not one upon another."""
+        ends = [offset + size for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
+        held = sum(page.databytecounts)
+        if max(ends, default=0) > len(self._data) or held > len(self._data):
+            raise damaged(f"the file ends before its samples do, after {len(self._data)} bytes")
+        return held
+
+    def _segments(self, page: TiffPage) -> Iterator[bytes]:
+        for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True):
+            yield self._data[offset : offset + size]
+
+    def _stored(self, page: TiffPage, tag: int) -> bytes:
+        field = page.tags.get(tag)
+        return b"" if field is None else self._data[field.valueoffset : field.valueoffset + field.valuebytecount]
+
+
+def _frame_samples(jpeg: bytes) -> int:
+    """How many samples a lossless JPEG declares (ITU T.81, B.2.2), or InputError when it is of another process."""
+    place = 2  # after the start of the image
+    while place + 4 <= len(jpeg):
+        marker, length = struct.unpack_from(">HH", jpeg, place)
+        if marker == _LOSSLESS_FRAME:
+            rows, columns, components = struct.unpack_from(">HHB", jpeg, place + 5)
+            return int(rows * columns * components)
+        if marker not in _BEFORE_FRAME:
+            break  # another process's frame, or the scan: what looks like a frame after that is not the decoder's
+        place += 2 + length
+    raise damaged("the raw samples are not a lossless JPEG")

@@ -1,0 +1,115 @@
+"""What each tag of our files means (TIFF 6.0, Exif 2.3, DNG 1.4), and the tables that go with them."""
+
+from enum import IntEnum
+
+from ..pattern import PANCHROMATIC
+
+MAKER = "Panchroma"
+
+DNG_VERSION = bytes([1, 4, 0, 0])
+DNG_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 knows all that it needs to show the file
+
+# Adobe's SDK knows no CFA, and no pattern of black levels, with a longer period (kMaxCFAPattern, kMaxBlackPattern).
+LONGEST_CFA_PERIOD = 8
+
+# libjpeg's JPEG_MAX_DIMENSION: rows or columns of one JPEG.
+LONGEST_SIDE = 65500
+
+# Pixels that a reader accepts unless told otherwise: 512 Mpixel, more than any single sensor has.
+MAX_PIXELS = 1 << 29
+
+# Colours that CFAPattern and CFAPlaneColor can name. 3, 4, 5 are cyan, magenta, yellow: no letters of ours.
+CFA_CODES = {"R": 0, "G": 1, "B": 2, PANCHROMATIC: 6}
+
+
+class Tag(IntEnum):
+    """TIFF tags by number."""
+
+    # The picture of a directory
+    NEW_SUBFILE_TYPE = 254  # LONG; 0 = the main picture, 1 = a smaller one of the same scene
+    IMAGE_WIDTH = 256
+    IMAGE_LENGTH = 257
+    BITS_PER_SAMPLE = 258
+    COMPRESSION = 259
+    PHOTOMETRIC = 262
+    ORIENTATION = 274  # 1..8, of raw and preview alike: displays apply it, nobody rotates the samples
+    SAMPLES_PER_PIXEL = 277
+    ROWS_PER_STRIP = 278
+    X_RESOLUTION = 282
+    Y_RESOLUTION = 283
+    PLANAR_CONFIG = 284
+    RESOLUTION_UNIT = 296
+    SUB_IFDS = 330  # LONG, not IFD: older readers know no type 13
+    YCBCR_SUBSAMPLING = 530
+    YCBCR_POSITIONING = 531
+    REFERENCE_BLACK_WHITE = 532
+
+    # Who, what, when
+    IMAGE_DESCRIPTION = 270
+    MAKE = 271
+    MODEL = 272
+    SOFTWARE = 305
+    DATE_TIME = 306
+    ARTIST = 315
+
+    # Exif
+    EXIF_IFD = 34665
+    EXPOSURE_TIME = 33434  # seconds
+    F_NUMBER = 33437
+    ISO_SPEED_RATINGS = 34855  # SHORT: 65535 when ISO_SPEED holds more
+    SENSITIVITY_TYPE = 34864
+    ISO_SPEED = 34867
+    EXIF_VERSION = 36864
+    DATE_TIME_ORIGINAL = 36867
+    FOCAL_LENGTH = 37386  # millimetres
+    SUB_SEC_TIME_ORIGINAL = 37521  # decimal digits after the second
+    LENS_MODEL = 42036
+
+    # Raw samples
+    CFA_REPEAT_PATTERN_DIM = 33421  # rows, columns
+    CFA_PATTERN = 33422  # CFA_CODES, row by row, from the first pixel of the picture
+    CFA_PLANE_COLOR = 50710  # CFA_CODES in the order of everything that comes per plane
+    CFA_LAYOUT = 50711  # 1 = rectangular
+    BLACK_LEVEL_REPEAT_DIM = 50713
+    BLACK_LEVEL = 50714  # codes
+    WHITE_LEVEL = 50717  # the code that reads full scale
+    NOISE_PROFILE = 51041  # S, O per plane: variance = S x + O at x = signal / full scale
+
+    # Camera
+    DNG_VERSION = 50706
+    DNG_BACKWARD_VERSION = 50707
+    UNIQUE_CAMERA_MODEL = 50708
+    COLOR_MATRIX_1 = 50721  # XYZ -> camera, a row per plane, under illuminant 1
+    COLOR_MATRIX_2 = 50722  # the same under illuminant 2
+    AS_SHOT_NEUTRAL = 50728  # what white reads, a figure per plane
+    BASELINE_EXPOSURE = 50730  # EV that a converter adds for a normally bright picture
+    DNG_PRIVATE_DATA = 50740
+    CALIBRATION_ILLUMINANT_1 = 50778
+    CALIBRATION_ILLUMINANT_2 = 50779
+    PREVIEW_COLOR_SPACE = 50970
+    NEW_RAW_IMAGE_DIGEST = 51111
+
+
+class Compression(IntEnum):
+    """Compression of the samples. Lossless JPEG is the only one that every raw developer decodes."""
+
+    NONE = 1
+    JPEG = 7  # lossless for raw samples, baseline for the preview
+
+
+class Photometric(IntEnum):
+    """What the samples are."""
+
+    YCBCR = 6
+    CFA = 32803  # one colour per pixel, as CFA_PATTERN says
+    LINEAR_RAW = 34892  # every plane at every pixel, linear
+
+
+class Light(IntEnum):
+    """Exif's LightSource, which CalibrationIlluminant takes over."""
+
+    D65 = 21
+    D50 = 23
+
+
+PREVIEW_SRGB = 2  # PreviewColorSpace

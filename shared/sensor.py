@@ -1,0 +1,86 @@
+"""The forward model, scene -> mosaic (section 4): the mirror image of the reconstruction."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .arrays import FloatArray
+from .calibration import NoiseModel, SensorCalibration
+from .errors import InputError
+from .metadata import CaptureMetadata
+from .mosaic import Mosaic
+from .pattern import CfaPattern
+
+# A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene units), read noise 3 electrons.
+TYPICAL_SHOT = 3 / 15_000
+TYPICAL_READ = 3 * TYPICAL_SHOT
+MOST_ELECTRONS = 1e18  # past which NumPy draws no Poisson numbers; no pixel holds a billionth of them
+
+
+def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration) -> FloatArray:
+    """What a noiseless sensor reads, scene units, float32 (H, W): one channel at a colour site, Eq. 7 everywhere else.
+
+    rgb: (H, W, C) scene units, channels in the pattern's order. Raises InputError when the number of channels is another.
+    """
+    if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
+        raise InputError(f"a scene of shape {rgb.shape} for a pattern with {len(pattern.channels)} channels ({pattern.channels})")
+    calibration.check_pattern(pattern)
+    with np.errstate(over="ignore"):  # a mosaic refuses infinite samples
+        samples: FloatArray = (rgb @ np.array(calibration.gamma, np.float32)).astype(np.float32, copy=False)  # Eq. 7
+    for channel, rows, columns in pattern.lattices:
+        samples[rows, columns] = rgb[rows, columns, channel]
+    return samples
+
+
+def simulate_additive(
+    rgb: FloatArray,
+    pattern: CfaPattern,
+    calibration: SensorCalibration,
+    sigma: float,
+    rng: np.random.Generator,
+    metadata: CaptureMetadata | None = None,
+) -> Mosaic:
+    """The paper's protocol: Gaussian noise of standard deviation `sigma` (scene units) on every sample, no clipping.
+
+    Returns a mosaic of float32 scene units whose calibration knows this noise.
+    """
+    if not 0 <= sigma < np.inf:
+        raise InputError(f"sigma is {sigma}, expected 0 or more")
+    samples = sample(rgb, pattern, calibration)
+    if sigma:
+        with np.errstate(over="ignore"):
+            samples += rng.normal(0, sigma, samples.shape).astype(np.float32)
+    known = replace(calibration, noise=NoiseModel.gaussian(sigma, len(pattern.planes)))
+    return Mosaic(samples, pattern, known, metadata or CaptureMetadata())
+
+
+def simulate_sensor(
+    rgb: FloatArray,
+    pattern: CfaPattern,
+    calibration: SensorCalibration,
+    exposure: float,
+    rng: np.random.Generator,
+    metadata: CaptureMetadata | None = None,
+) -> Mosaic:
+    """A sensor: the light times `exposure`, shot noise (Poisson) and read noise, clipping at full scale, quantisation.
+
+    Noise is the calibration's (`typical_noise` where it has none), levels and bits are its black and white level. Returns a mosaic
+    of uint16 codes.
+    """
+    if not 0 < exposure < np.inf:
+        raise InputError(f"exposure is {exposure}, expected a positive factor")
+    noise = calibration.noise or typical_noise(calibration)
+    known = replace(calibration, noise=noise)
+    light = sample(rgb, pattern, calibration) * np.float64(exposure)
+    planes = pattern.filter_map(light.shape)
+    shot, read = (np.array(figures)[planes] for figures in (noise.shot, noise.read))
+    electrons = (light / np.where(shot > 0, shot, 1)).clip(0, MOST_ELECTRONS)
+    counted = np.where(shot > 0, rng.poisson(electrons) * shot, light)
+    noisy = np.minimum(counted + rng.normal(0, 1, light.shape) * read, calibration.full_scale)
+    return Mosaic(Mosaic(noisy, pattern, known).codes, pattern, known, metadata or CaptureMetadata())
+
+
+def typical_noise(calibration: SensorCalibration) -> NoiseModel:
+    """Shot and read noise of a small modern sensor, for the calibration's number of planes."""
+    planes = len(calibration.channels) + 1
+    return NoiseModel((TYPICAL_SHOT,) * planes, (TYPICAL_READ,) * planes)

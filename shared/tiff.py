@@ -1,0 +1,130 @@
+"""The bones of a TIFF file (TIFF 6.0; Exif 2.3 section 4.6): directories of typed fields, and the data they point to.
+
+Writes what DNG, TIFF and Exif blocks share, little-endian, in memory or strip by strip. Reading is tifffile's business.
+"""
+
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from fractions import Fraction
+from typing import BinaryIO
+
+from .errors import InputError
+
+STRIP_OFFSETS, STRIP_BYTES = 273, 279
+LARGEST = 2**32  # bytes: offsets have 32 bits
+_HEADER, _FIRST = b"II*\0\0\0\0\0", 4  # whose last four bytes are the offset of the first directory
+
+
+class FieldType(IntEnum):
+    """TIFF field types that Panchroma writes."""
+
+    BYTE = 1
+    ASCII = 2
+    SHORT = 3
+    LONG = 4
+    RATIONAL = 5
+    UNDEFINED = 7
+    SRATIONAL = 10
+    DOUBLE = 12
+
+
+# A directory's fields by tag. A field is (type, values): bytes for BYTE and UNDEFINED, str for ASCII (written as UTF-8, NUL added),
+# otherwise numbers.
+Fields = dict[int, tuple[FieldType, bytes | str | Sequence[float]]]
+
+_FORMATS = {FieldType.SHORT: "H", FieldType.LONG: "I", FieldType.RATIONAL: "2I", FieldType.SRATIONAL: "2i", FieldType.DOUBLE: "d"}
+
+
+@dataclass
+class Directory:
+    """One image file directory: its fields, the strips of its image, directories that a tag points to (SubIFDs, Exif)."""
+
+    fields: Fields = field(default_factory=dict)
+    strips: Sequence[bytes] = ()
+    children: dict[int, "Directory"] = field(default_factory=dict)
+
+
+def encode_tiff(directory: Directory) -> bytes:
+    """A whole little-endian TIFF file with one first directory. Raises InputError past the format's 4 GiB."""
+    buffer = bytearray(_HEADER)
+    first = _place(directory, buffer)
+    struct.pack_into("<I", buffer, _FIRST, first)
+    return bytes(buffer)
+
+
+def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) -> None:
+    """The same bytes as of `encode_tiff` with these strips, to the beginning of a seekable file, each strip as soon as it comes."""
+    file.write(_HEADER)
+    end, offsets, sizes = len(_HEADER), [], []
+    for strip in strips:
+        end += file.write(bytes(end % 2))
+        offsets.append(end)
+        sizes.append(len(strip))
+        _check_size(end + len(strip))
+        end += file.write(strip)
+    fields: Fields = {STRIP_OFFSETS: (FieldType.LONG, offsets), STRIP_BYTES: (FieldType.LONG, sizes)}
+    rest = bytearray()
+    first = _place(Directory({**directory.fields, **fields}, (), directory.children), rest, end)
+    file.write(rest)
+    file.seek(_FIRST)
+    file.write(struct.pack("<I", first))
+
+
+def _place(directory: Directory, buffer: bytearray, start: int = 0) -> int:
+    """Append a directory after all that it points to; its offset. `start`: that of the buffer."""
+    fields = dict(directory.fields)
+    if directory.strips:
+        fields[STRIP_OFFSETS] = FieldType.LONG, [_append(strip, buffer, start) for strip in directory.strips]
+        fields[STRIP_BYTES] = FieldType.LONG, [len(strip) for strip in directory.strips]
+    for tag, child in directory.children.items():
+        fields[tag] = FieldType.LONG, [_place(child, buffer, start)]
+    table = bytearray(struct.pack("<H", len(fields)))
+    for tag, (kind, values) in sorted(fields.items()):
+        count, payload = _encode(kind, values)
+        if len(payload) > 4:
+            payload = struct.pack("<I", _append(payload, buffer, start))
+        table += struct.pack("<HHI4s", tag, kind, count, payload)
+    return _append(bytes(table + bytes(4)), buffer, start)
+
+
+def _append(data: bytes, buffer: bytearray, start: int) -> int:
+    """Add data on an even offset, as TIFF wants it."""
+    buffer += bytes((start + len(buffer)) % 2)
+    offset = start + len(buffer)
+    buffer += data
+    _check_size(offset + len(data))
+    return offset
+
+
+def _check_size(size: int) -> None:
+    if size >= LARGEST:
+        raise InputError("the file would pass the 4 GiB of a TIFF; use fewer bits, another format, or a part of the picture")
+
+
+def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int, bytes]:
+    """(count, little-endian bytes) of a field."""
+    if isinstance(values, str):
+        # Exif says ASCII, but has no other type for a name like "Käthe": everybody writes and reads UTF-8 here.
+        data = values.encode("utf-8", "replace").replace(b"\0", b"") + b"\0"
+        return len(data), data
+    if isinstance(values, bytes):
+        return len(values), values
+    if kind in (FieldType.RATIONAL, FieldType.SRATIONAL):
+        pairs = [number for value in values for number in _ratio(value, kind)]
+        return len(values), struct.pack(f"<{len(pairs)}{_FORMATS[kind][-1]}", *pairs)
+    return len(values), struct.pack(f"<{len(values)}{_FORMATS[kind]}", *values)
+
+
+def _ratio(value: float, kind: FieldType) -> tuple[int, int]:
+    """The simplest fraction that reads back as `value`, or the nearest that fits the type's 32 bits."""
+    limit = 2**31 - 1
+    finest = min(limit, max(1, int(limit / max(abs(value), 1e-9))))
+    for denominator in (10**3, 10**6, finest):  # 1/250 rather than what a float makes of it
+        fraction = Fraction(float(value)).limit_denominator(min(denominator, finest))
+        if float(fraction) == value:
+            break
+    if abs(fraction.numerator) > limit or (fraction < 0 and kind is FieldType.RATIONAL):
+        raise InputError(f"{value} does not fit a TIFF {kind.name}")
+    return fraction.numerator, fraction.denominator

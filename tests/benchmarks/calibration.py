@@ -1,0 +1,127 @@
+"""What calibration is judged by, measured: python -m tests.benchmarks.calibration [--seeds 100]
+
+Synthetic truth: the built-in chart, gamma (0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8: error and coverage of gamma over many
+seeds, gain and read noise from flats and darks, planted hot pixels. Photographs: those of PANCHROMA_TEST_DATA that show a chart.
+"""
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+from shared.sensor import simulate_additive, simulate_sensor
+from tools.calibration.chart import find_chart
+from tools.calibration.chart_gamma import fit_chart_gamma
+from tools.calibration.measure import conclude, measure_chart, measure_scene
+from tools.calibration.noise import measure_dark, measure_flats
+from tools.calibration.reference import color_checker_xyz
+from tools.calibration.samples import patch_samples
+from tools.chart_scene import chart_scene
+from tools.scenes import load_scene
+
+TRUTH = SensorCalibration(
+    gamma=(0.9, 1.1, 0.8),
+    noise=NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4)),
+    black_level=(256.0, 257.0, 255.0, 258.0),
+    white_level=4095,
+)
+BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)  # what the shots say of themselves: nothing
+HOT = 400
+REFERENCE = color_checker_xyz()
+
+
+def shot(rgb: DoubleArray | FloatArray, pattern: CfaPattern, rng: np.random.Generator) -> Mosaic:
+    """A frame of the true sensor whose file knows levels alone."""
+    return Mosaic(simulate_sensor(rgb.astype(np.float32), pattern, TRUTH, 1.0, rng).codes, pattern, BLIND)
+
+
+def synthetic_gamma(period: int, seeds: int) -> None:
+    """Errors and coverage of gamma."""
+    scene, pattern, truth = chart_scene(1200, 800), CfaPattern.bayer(period), np.array(TRUTH.gamma)
+    place = find_chart(shot(scene.rgb, pattern, np.random.default_rng(0)), REFERENCE).place
+    errors, covered = [], []
+    for seed in range(seeds):
+        fit = fit_chart_gamma(patch_samples(shot(scene.rgb, pattern, np.random.default_rng(seed)), place.regions()))
+        errors.append(fit.gamma / truth - 1)
+        covered.append(np.abs(fit.gamma - truth) <= fit.half_width)
+    worst, coverage = np.abs(errors).max(axis=0), np.mean(covered, axis=0)
+    print(f"K = {period}: {seeds} seeds, largest error {100 * worst.max():.2f} %, each gamma's interval covers {coverage * 100} %")
+
+
+def synthetic_noise(period: int) -> None:
+    """Gain, read noise, black level, defects."""
+    pattern, rng, shape = CfaPattern.bayer(period), np.random.default_rng(period), (600, 900)
+    hot = rng.choice(shape[0] * shape[1], HOT, replace=False)
+    above = rng.uniform(20, 800, HOT)
+    darks = []
+    for _ in range(8):
+        codes = shot(np.zeros((*shape, 3)), pattern, rng).codes.astype(np.int64).ravel()
+        codes[hot] = np.minimum(codes[hot] + above, 4095).astype(np.int64)
+        darks.append(Mosaic(codes.reshape(shape).astype(np.uint16), pattern, BLIND))
+    dark = measure_dark(darks)
+    found = {row * shape[1] + column for row, column in dark.defects}
+    falling = 1 - 0.3 * np.linspace(0, 1, shape[1])[None, :, None] * np.ones((shape[0], 1, 3))
+    flats = [shot(level * falling, pattern, rng) for level in (0.02, 0.1, 0.3, 0.6, 0.9) for _ in range(2)]
+    for read, name in ((dark.read / (4095 - dark.black), "flats and darks"), (None, "flats alone")):
+        noise, _, _ = measure_flats(flats, read)
+        model, true = noise.model(sum(TRUTH.gamma)), TRUTH.noise
+        assert true is not None
+        gain = 100 * (np.array(model.shot) / true.shot - 1)
+        reading = 100 * (np.array(model.read) / true.read - 1)
+        print(f"K = {period}, {name}: gain off by {gain.round(1)} %, read noise by {reading.round(1)} %")
+    print(
+        f"K = {period}: hot pixels missed {len(set(hot.tolist()) - found)} of {HOT}, "
+        f"false {len(found - set(hot.tolist())) / (shape[0] * shape[1]):.1e}, "
+        f"black level off by {(dark.black - TRUTH.black_level).round(4)} codes"
+    )
+
+
+def photograph(path: Path, *, chart: bool = True) -> None:
+    """Gamma and colour from a photograph simulated as a mosaic."""
+    scene = load_scene(str(path))
+    pattern = CfaPattern.bayer(6)
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=3839)
+    taken = simulate_additive(scene.rgb, pattern, calibration, 0.003, np.random.default_rng(0))
+    mosaic = Mosaic(taken.codes, pattern, calibration)
+    try:
+        measured = measure_chart(path.name, mosaic, REFERENCE) if chart else measure_scene(path.name, mosaic)
+    except InputError as error:
+        print(f"{path.name}: refused: {error}")
+        return
+    outcome = conclude(mosaic, [measured], REFERENCE)
+    assert outcome.gamma is not None
+    off = ", ".join(f"{100 * (value - 1):+.2f}" for value in outcome.gamma.gamma)
+    line = f"{path.name}{'' if chart else ' without chart'}: gamma off by {off} % (± {100 * outcome.gamma.worst:.1f})"
+    if outcome.colour is not None:
+        colour = outcome.colour
+        line += (
+            f"; dE2000 {colour.difference.mean():.2f}, without field {colour.plain.mean():.2f}, "
+            f"left out {colour.left_out.mean():.2f}; light uneven by {colour.unevenness:.2f}"
+        )
+    print(line + (f"; {outcome.refusal}" if outcome.refusal else ""), flush=True)
+
+
+def main() -> None:
+    """Print every figure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=100)
+    seeds = parser.parse_args().seeds
+    data = Path(os.environ.get("PANCHROMA_TEST_DATA", "../shared/data"))
+    for name in ("chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng"):
+        photograph(data / name)
+    for name in ("chart/g2_cut_off.crw", "chart/s40_cut_off.crw", "chart/table_srgb.jpg"):
+        photograph(data / name)
+    for name in ("raw/outdoor2.dng", "raw/s40_pantone.crw"):
+        photograph(data / name, chart=False)
+    for period in (4, 6, 8):
+        synthetic_noise(period)
+        synthetic_gamma(period, seeds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+import errno
+import gc
+import os
+import tracemalloc
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from device import Preview
+from device.capture import Refused, Saved, Sensor, capture
+from device.frame_queue import FrameQueue
+from device.frames import FrameLayout, RawFrame
+from device.shots import ShotFolder
+from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
+from shared.arrays import ByteArray
+from shared.dng import read_preview
+from shared.errors import InputError, OutputError
+from tests.device.packer import pack, random_codes
+
+SIZE = (26, 32)
+CALIBRATION = SensorCalibration(black_level=(64.0,) * 4, white_level=1023)
+SENSOR = Sensor(FrameLayout(SIZE[1], SIZE[0], "raw10", 48), CfaPattern.bayer(), CALIBRATION)
+TAKEN = datetime(2026, 3, 9, 7, 5, 1, tzinfo=UTC)
+
+
+def grey(mosaic: Mosaic) -> ByteArray:
+    """Says in its first pixel which frame it is of."""
+    return np.repeat((mosaic.codes >> 2).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+def frame(seed: int, sensor: Sensor = SENSOR, source: str = "") -> RawFrame:
+    codes = random_codes((sensor.layout.height, sensor.layout.width), 10, seed)
+    return RawFrame(pack(codes, sensor.layout.format, sensor.layout.stride), TAKEN, 0.0, source)
+
+
+def test_a_frame_becomes_a_shot_with_everything_that_is_known(tmp_path: Path) -> None:
+    seen: list[Mosaic] = []
+
+    def look(mosaic: Mosaic) -> ByteArray:
+        seen.append(mosaic)
+        return grey(mosaic)
+
+    saved = list(capture(map(frame, range(3)), SENSOR, look, ShotFolder(tmp_path)))
+    for seed, each in enumerate(saved):
+        assert isinstance(each, Saved)
+        assert min(each.preview, each.write) > 0
+        shot = read_dng(each.path)
+        assert np.array_equal(shot.codes, random_codes(SIZE, 10, seed))
+        assert np.array_equal(shot.codes, seen[seed].codes)
+        assert shot.pattern == SENSOR.pattern
+        assert shot.calibration == CALIBRATION
+        assert shot.metadata.taken == TAKEN.astimezone().replace(tzinfo=None)
+        assert read_preview(each.path).startswith(b"\xff\xd8")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_frame_that_does_not_fit_is_refused_and_the_rest_go_on(tmp_path: Path) -> None:
+    words = Sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(), CALIBRATION)
+    bright = RawFrame(b"\xff" * words.layout.frame_bytes, TAKEN, 0.0)
+    short = RawFrame(b"12", TAKEN, 0.0, "frames/7.raw")
+    first, second, third, fourth = capture([frame(0, words), bright, short, frame(1, words)], words, grey, ShotFolder(tmp_path))
+    assert isinstance(first, Saved)
+    assert second == Refused("a sample is 65535, more than the calibration's 10 bits hold")
+    assert isinstance(third, Refused)
+    assert third.reason.startswith("frames/7.raw: 2 bytes are not a frame")
+    assert isinstance(fourth, Saved)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    running = capture(map(frame, range(3)), SENSOR, grey, ShotFolder(tmp_path))
+    next(running)
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OutputError, match="the disk is full"):
+        next(running)
+    assert [path.name for path in tmp_path.iterdir()] == ["20260309T070501.000Z-000001.dng"]
+
+
+@pytest.mark.parametrize(
+    ("layout", "pattern", "calibration", "words"),
+    [
+        (FrameLayout(32, 26, "raw12"), CfaPattern.bayer(), CALIBRATION, "of 10 bits, raw12 has 12"),
+        (FrameLayout(32, 26, "raw10"), CfaPattern.bayer(), SensorCalibration(), "of 16 bits, raw10 has 10"),
+        (FrameLayout(3, 3, "raw10"), CfaPattern.bayer(8, origin=(4, 4)), CALIBRATION, "no whole colour block"),
+        (
+            FrameLayout(32, 26, "raw10"),
+            CfaPattern.with_block(("CM", "YC"), 6),
+            CALIBRATION,
+            "they belong to different sensors",
+        ),
+    ],
+)
+def test_a_sensor_that_contradicts_itself(
+    layout: FrameLayout, pattern: CfaPattern, calibration: SensorCalibration, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        Sensor(layout, pattern, calibration)
+
+
+def test_words_may_use_fewer_bits() -> None:
+    assert Sensor(FrameLayout(32, 26, "u16"), CfaPattern.bayer(), CALIBRATION).dark().codes.max() == 64
+
+
+def test_with_the_camera_s_preview(tmp_path: Path) -> None:
+    preview = Preview.for_mosaic(SENSOR.dark(), threads=1)
+    (saved,) = capture([frame(5)], SENSOR, lambda mosaic: np.asarray(preview.run(mosaic), np.uint8), ShotFolder(tmp_path))
+    assert isinstance(saved, Saved)
+    assert read_preview(saved.path).startswith(b"\xff\xd8")
+
+
+def test_memory_does_not_grow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hundreds of frames through the whole chain. If one in twenty stayed, ten frames more would be held at the end."""
+    frames, settled = 300, 100
+    monkeypatch.setattr(os, "fsync", lambda _: None)  # most of the time, and none of the memory
+    data = bytes(frame(0).data)
+
+    def source() -> Iterator[RawFrame]:
+        for _ in range(frames):
+            yield RawFrame.now(bytearray(data))
+
+    held: list[int] = []
+    tracemalloc.start()
+    try:
+        queue = FrameQueue(source(), 2, wait=True)
+        for number, each in enumerate(capture(queue, SENSOR, grey, ShotFolder(tmp_path))):
+            assert isinstance(each, Saved)
+            each.path.unlink()
+            if number in (settled, frames - 1):
+                gc.collect()
+                held.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert held[1] - held[0] < 10 * len(data)

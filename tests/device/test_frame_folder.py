@@ -1,0 +1,168 @@
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from device import frame_folder
+from device.frame_folder import watch_folder
+from device.frames import FrameLayout, RawFrame
+from shared.errors import InputError
+
+LAYOUT = FrameLayout(2, 2, "u16")
+FRAME = bytes(range(8))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame_folder, "_POLL", 0.01)
+    monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
+
+
+class Watch:
+    """Takes frames from a folder, and lets things happen there between two looks."""
+
+    def __init__(self, folder: Path, *, only_new: bool = False) -> None:
+        self.refused: list[str] = []
+        self.looks = 0
+        self.most = 0
+        self._frames = watch_folder(
+            folder, LAYOUT, lambda error: self.refused.append(str(error)), only_new=only_new, stopped=self._stopped
+        )
+
+    def take(self, count: int) -> list[RawFrame]:
+        self.most = self.looks + 1000
+        return [next(self._frames) for _ in range(count)]
+
+    def rest(self, looks: int = 20) -> list[RawFrame]:
+        self.most = self.looks + looks
+        return list(self._frames)
+
+    def _stopped(self) -> bool:
+        self.looks += 1
+        return self.looks > self.most
+
+
+def put(folder: Path, name: str, data: bytes = FRAME, seconds: float = 1e9) -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    os.utime(path, (seconds, seconds))
+    return path
+
+
+def test_what_is_there_comes_first_by_time_then_what_appears(tmp_path: Path) -> None:
+    put(tmp_path, "b", seconds=2e9)
+    put(tmp_path, "c", seconds=1e9)
+    put(tmp_path, "a", seconds=2e9)
+    watch = Watch(tmp_path)
+    first = watch.take(3)
+    assert [Path(frame.source).name for frame in first] == ["c", "a", "b"]
+    assert first[0].taken.timestamp() == 1e9
+    assert bytes(first[0].data) == FRAME
+    put(tmp_path, "later")
+    assert [Path(frame.source).name for frame in watch.rest()] == ["later"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c", "later"]
+    assert watch.refused == []
+
+
+def test_only_new_leaves_out_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(tmp_path, "old")
+    put(tmp_path, "overwritten")
+    slept = 0
+
+    def then(_: float) -> None:
+        nonlocal slept
+        slept += 1
+        if slept == 3:
+            put(tmp_path, "new")
+            put(tmp_path, "overwritten", seconds=2e9)
+
+    monkeypatch.setattr(time, "sleep", then)
+    watch = Watch(tmp_path, only_new=True)
+    assert [Path(frame.source).name for frame in watch.take(2)] == ["new", "overwritten"]
+    assert watch.rest() == []
+
+
+def test_unfinished_files_wait_for_their_names(tmp_path: Path) -> None:
+    for name in (".hidden", "frame.raw.part", "frame.tmp"):
+        put(tmp_path, name)
+    (tmp_path / "folder").mkdir()
+    watch = Watch(tmp_path)
+    assert watch.rest(5) == []
+    assert watch.refused == []
+    (tmp_path / "frame.tmp").rename(tmp_path / "frame.raw")
+    assert [Path(frame.source).name for frame in Watch(tmp_path).take(1)] == ["frame.raw"]
+
+
+def test_a_file_that_grows_is_taken_when_it_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "frame.raw"
+    path.write_bytes(b"")
+    monkeypatch.setattr(frame_folder, "_PATIENCE", 3600)
+
+    def grow(_: float) -> None:
+        with path.open("ab") as file:
+            file.write(FRAME[path.stat().st_size :][:3])
+
+    monkeypatch.setattr(time, "sleep", grow)
+    watch = Watch(tmp_path)
+    (frame,) = watch.take(1)
+    assert bytes(frame.data) == FRAME
+    assert watch.refused == []
+
+
+def test_a_file_of_another_size_is_told_once_and_taken_when_it_is_mended(tmp_path: Path) -> None:
+    bad = put(tmp_path, "bad.raw", FRAME[:5])
+    long = put(tmp_path, "long.raw", FRAME * 3)
+    watch = Watch(tmp_path)
+    assert watch.rest(60) == []
+    assert sorted(watch.refused) == [
+        f"{bad}: 5 bytes are not a frame: 2 x 2 pixels in u16 with a stride of 4 have 8",
+        f"{long}: 24 bytes are not a frame: 2 x 2 pixels in u16 with a stride of 4 have 8; "
+        "3 frames in one are a stream: give it on standard input",
+    ]
+    put(tmp_path, "good.raw")
+    assert len(Watch(tmp_path).take(1)) == 1  # one bad file does not stop the others
+
+
+def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(tmp_path, "frame.raw")
+
+    def fail(_: Path) -> bytes:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    watch = Watch(tmp_path)
+    assert watch.rest() == []
+    assert watch.refused == [f"{tmp_path / 'frame.raw'}: cannot be read (Permission denied)"]
+
+
+def test_a_folder_that_goes_away_ends_it(tmp_path: Path) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    watch = Watch(folder)
+    put(folder, "frame.raw")
+    watch.take(1)
+    (folder / "frame.raw").unlink()
+    folder.rmdir()
+    with pytest.raises(InputError, match="frames: cannot be looked into"):
+        watch.rest()
+
+
+def test_what_has_left_the_folder_is_forgotten(tmp_path: Path) -> None:
+    """The same name again is another frame, even with the same time."""
+
+    def take_and_remove() -> Iterator[str]:
+        watch = Watch(tmp_path)
+        for _ in range(3):
+            path = put(tmp_path, "frame.raw")
+            (frame,) = watch.take(1)
+            yield frame.source
+            path.unlink()
+            watch.most = watch.looks + 1000
+            pause = watch.looks
+            put(tmp_path, "other.raw", seconds=2e9 + pause)
+            watch.take(1)
+            (tmp_path / "other.raw").unlink()
+
+    assert list(take_and_remove()) == [str(tmp_path / "frame.raw")] * 3

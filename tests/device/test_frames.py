@@ -1,0 +1,188 @@
+import io
+
+import numpy as np
+import pytest
+
+from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from shared.errors import InputError
+from tests.device.packer import pack, random_codes
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("width", [1, 2, 3, 4, 5, 6, 7, 8, 9, 37])
+@pytest.mark.parametrize("extra", [0, 1, 27])
+def test_what_is_packed_bit_by_bit_is_unpacked(name: str, width: int, extra: int) -> None:
+    """Every width, groups that end within a line, and padding that is not zero."""
+    codes = random_codes((35, width), FORMATS[name].bits, seed=width)  # more rows than one strip, and not a whole number of them
+    layout = FrameLayout(width, 35, name)
+    layout = FrameLayout(width, 35, name, layout.line_bytes + extra)
+    data = pack(codes, name, layout.stride)
+    assert len(data) == layout.frame_bytes
+    for kind in (bytes, bytearray, memoryview):
+        unpacked = layout.unpack(kind(data))
+        assert unpacked.dtype == np.uint16
+        assert np.array_equal(unpacked, codes)
+
+
+@pytest.mark.parametrize("name", ["raw10", "raw12"])
+def test_every_code_at_every_place_of_a_group(name: str) -> None:
+    packing = FORMATS[name]
+    codes = np.stack([np.roll(np.arange(1 << packing.bits), shift) for shift in range(packing.pixels)]).astype(np.uint16)
+    assert np.array_equal(FrameLayout(codes.shape[1], len(codes), name).unpack(pack(codes, name)), codes)
+
+
+def test_the_tables_of_v4l2() -> None:
+    """SRGGB10P, SRGGB12P and SRGGB16, written out by hand: the first pixel's lower bits are the lowest of the last byte."""
+    raw10 = bytes([0b11111111, 0b00000000, 0b00000001, 0b10000000, 0b11_10_01_00])
+    assert FrameLayout(4, 1, "raw10").unpack(raw10).tolist() == [[0b1111111100, 0b01, 0b110, 0b1000000011]]
+    raw12 = bytes([0b11111111, 0b00000001, 0b1000_0111])
+    assert FrameLayout(2, 1, "raw12").unpack(raw12).tolist() == [[0b111111110111, 0b11000]]
+    assert FrameLayout(2, 1, "u16").unpack(bytes([0x34, 0x12, 0xFF, 0x00])).tolist() == [[0x1234, 0xFF]]
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "line"), [("raw10", 4056, 5070), ("raw10", 4057, 5075), ("raw12", 4056, 6084), ("raw12", 3, 6), ("u16", 3, 6)]
+)
+def test_a_line_has_whole_groups(name: str, width: int, line: int) -> None:
+    layout = FrameLayout(width, 10, name)
+    assert layout.stride == layout.line_bytes == line
+    assert layout.frame_bytes == 10 * line
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ((0, 4, "raw10"), "width is 0"),
+        ((4, -1, "raw10"), "height is -1"),
+        ((70000, 4, "raw10"), "width is 70000 pixels, expected 1 to 65500"),
+        ((4, 4, "raw14"), "'raw14' is unknown; one of raw10, raw12, u16"),
+        ((8, 4, "raw10", 9), "stride is 9 bytes, but a line of 8 pixels in raw10 has 10"),
+        ((8, 4, "u16", -16), "stride is -16"),
+    ],
+)
+def test_a_layout_that_no_frame_has(fields: tuple[int, int, str], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        FrameLayout(*fields)
+
+
+@pytest.mark.parametrize(
+    ("length", "words"),
+    [
+        (0, "0 bytes are not a frame: 8 x 4 pixels in raw10 with a stride of 10 have 40$"),
+        (39, "39 bytes are not a frame.*have 40$"),
+        (128, "have 40; a stride of 32 would fit$"),
+        (120, "have 40; 3 frames in one are a stream: give it on standard input$"),
+        (20, "have 40$"),  # a stride of 5 is too short
+    ],
+)
+def test_a_frame_of_another_size_is_explained(length: int, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        FrameLayout(8, 4, "raw10").unpack(bytes(length))
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("raw10", ("raw10", 10)),
+        ("raw12", ("raw12", 12)),
+        ("u16", ("u16", 16)),
+        ("SBGGR10_CSI2P", ("raw10", 10)),  # libcamera
+        ("R10_CSI2P", ("raw10", 10)),
+        ("SRGGB12_CSI2P", ("raw12", 12)),
+        ("SRGGB10P", ("raw10", 10)),  # V4L2
+        ("pRAA", ("raw10", 10)),
+        ("pgAA", ("raw10", 10)),
+        ("pBCC", ("raw12", 12)),
+        ("Y12P", ("raw12", 12)),
+        ("SGBRG16", ("u16", 16)),
+        ("RG16", ("u16", 16)),
+        ("BYR2", ("u16", 16)),
+        ("SRGGB12", ("u16", 12)),
+        ("BG10", ("u16", 10)),
+        ("R16", ("u16", 16)),
+        ("Y14", ("u16", 14)),
+    ],
+)
+def test_the_names_of_v4l2_and_libcamera(name: str, meant: tuple[str, int]) -> None:
+    assert format_named(name) == meant
+
+
+@pytest.mark.parametrize("name", ["", "RAW10", "SRGGB8", "SRGGB14P", "pREE", "YUYV", "XSRGGB10P", "SRGGB10P\n"])
+def test_other_formats_are_refused(name: str) -> None:
+    with pytest.raises(InputError, match="unknown; one of raw10, raw12, u16"):
+        format_named(name)
+
+
+def test_a_lossy_format_is_refused_with_the_remedy() -> None:
+    with pytest.raises(InputError, match=r"BGGR_PISP_COMP1 is a lossy compression.*--mode W:H:12:U"):
+        format_named("BGGR_PISP_COMP1")
+
+
+LAYOUT = FrameLayout(5, 3, "raw10", 12)
+
+
+class Pieces(io.RawIOBase):
+    """A pipe that gives a few bytes at a time."""
+
+    def __init__(self, data: bytes, piece: int, failure: OSError | None = None) -> None:
+        self._data = data
+        self._piece = piece
+        self._failure = failure
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        if not self._data and self._failure:
+            raise self._failure
+        length = min(len(buffer), self._piece, len(self._data))
+        buffer[:length] = self._data[:length]
+        self._data = self._data[length:]
+        return length
+
+
+def frames(count: int) -> list[bytes]:
+    return [pack(random_codes((3, 5), 10, seed), "raw10", 12) for seed in range(count)]
+
+
+@pytest.mark.parametrize("piece", [1, 7, 36, 50, 1000])
+def test_a_stream_is_cut_into_its_frames(piece: int) -> None:
+    sent = frames(4)
+    read = list(read_frames(Pieces(b"".join(sent), piece), LAYOUT))
+    assert [bytes(frame.data) for frame in read] == sent
+    assert [frame.arrived for frame in read] == sorted(frame.arrived for frame in read)
+    assert all(frame.taken.utcoffset() is not None for frame in read)
+
+
+def collect(stream: Pieces) -> tuple[list[RawFrame], str]:
+    """The frames before the error, and the error."""
+    read: list[RawFrame] = []
+    with pytest.raises(InputError) as caught:
+        read.extend(read_frames(stream, LAYOUT))  # extend keeps what came before
+    return read, str(caught.value)
+
+
+@pytest.mark.parametrize("rest", [1, 35])
+def test_a_stream_that_ends_in_a_frame_says_so_after_the_whole_ones(rest: int) -> None:
+    sent = frames(3)
+    read, message = collect(Pieces(b"".join(sent)[: 2 * 36 + rest], 10))
+    assert [bytes(frame.data) for frame in read] == sent[:2]
+    assert f"{rest} bytes after 2 whole ones; a frame has 36: 5 x 3 in raw10 with a stride of 12" in message
+
+
+def test_a_stream_without_a_frame_says_so() -> None:
+    read, message = collect(Pieces(b"", 10))
+    assert not read
+    assert "ended before the first frame" in message
+
+
+def test_a_stream_that_breaks_says_so_after_the_whole_ones() -> None:
+    sent = frames(2)
+    read, message = collect(Pieces(b"".join(sent), 10, OSError(5, "Input/output error")))
+    assert [bytes(frame.data) for frame in read] == sent
+    assert message == "the stream cannot be read (Input/output error) after 2 whole frames"
+
+
+def test_a_frame_keeps_its_bytes_when_the_next_has_come() -> None:
+    sent = frames(3)
+    stream = read_frames(Pieces(b"".join(sent), 1000), LAYOUT)
+    first = next(stream)
+    next(stream)
+    assert bytes(first.data) == sent[0]

@@ -1,0 +1,233 @@
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onnx import numpy_helper
+
+from device import Preview, contract, graph
+from device.graph import build_preview
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import FloatArray
+from shared.colorimetry import SRGB_TO_XYZ
+from shared.colour import ColourTransform
+from shared.errors import InputError
+from shared.sensor import sample
+from tests.reference.compare import assert_close
+from tests.reference.preview import preview
+from tools.export_preview import shipped
+
+MODELS = Path(graph.__file__).parent / "models"
+SINGLE = 2e-4
+"""Of a literal double-precision preview, scene units: what single precision loses in ratios of small differences."""
+CALIBRATION = SensorCalibration(
+    gamma=(0.9, 1.1, 0.8),
+    noise=NoiseModel((2e-4,) * 4, (3e-3,) * 4),
+    black_level=(200.0, 210.0, 190.0, 205.0),
+    white_level=3900,
+    camera_to_xyz=SRGB_TO_XYZ,
+    neutral=(0.5, 1.0, 0.7),
+)
+SIX = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8, (3, 6))
+SEVEN = CfaPattern.with_block(("GR", "BG", "RG"), 7, (1, 5))
+PATTERNS = {
+    "rggb": CfaPattern.bayer(6),
+    "moved": CfaPattern.bayer(4, "GBRG", (3, 1)),
+    "narrow": CfaPattern.bayer(3),
+    "odd": SEVEN,
+    "six channels": SIX,
+}
+
+
+def calibration_of(pattern: CfaPattern) -> SensorCalibration:
+    count = len(pattern.channels)
+    return SensorCalibration(
+        channels=pattern.channels,
+        gamma=tuple(np.linspace(0.7, 1.2, count)),
+        noise=NoiseModel((2e-4,) * (count + 1), (3e-3,) * (count + 1)),
+        black_level=tuple(np.linspace(190, 210, count + 1)),
+        white_level=3900,
+    )
+
+
+def codes(shape: tuple[int, int], seed: int = 0) -> np.ndarray:
+    """A smooth scene with an edge and noise, so that every stage has something to do; some black, some at the white level."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    light = 900 + 500 * np.sin(rows / 5) + 400 * np.cos(columns / 7) + 1200 * (columns - rows > 3) + rng.normal(0, 40, shape)
+    result: np.ndarray = light.clip(0, 4095).astype(np.uint16)
+    return result
+
+
+def linear(mosaic: Mosaic, scale: int = 1) -> FloatArray:
+    model = build_preview(mosaic.pattern, scale, linear=True).SerializeToString()
+    return np.asarray(Preview(model, threads=1).run(mosaic), np.float32)
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_it_is_the_literal_preview(name: str) -> None:
+    pattern = PATTERNS[name]
+    mosaic = Mosaic(codes((19, 25)), pattern, calibration_of(pattern))
+    assert_close(linear(mosaic), preview(mosaic), SINGLE)
+
+
+def test_it_is_the_literal_preview_where_nothing_is_known_of_the_noise() -> None:
+    mosaic = Mosaic(codes((23, 17)), CfaPattern.bayer(6, origin=(2, 3)), SensorCalibration())
+    assert_close(linear(mosaic), preview(mosaic), SINGLE)
+
+
+def test_the_comparison_can_fail() -> None:
+    mosaic = Mosaic(codes((19, 25)), CfaPattern.bayer(), CALIBRATION)
+    other = Mosaic(codes((19, 25)), CfaPattern.bayer(order="BGGR"), CALIBRATION)
+    with pytest.raises(AssertionError, match="further than"):
+        assert_close(linear(other), preview(mosaic), SINGLE)
+
+
+@pytest.mark.parametrize("scale", [1, 2, 3, 6])
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6, order, (1, 4)) for order in ("RGGB", "GRBG")])
+def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
+    colour = np.array([0.31, 0.22, 0.47], np.float32)
+    calibration = SensorCalibration(gamma=(0.9, 1.1, 0.8))
+    mosaic = Mosaic(sample(np.full((40, 31, 3), colour), pattern, calibration), pattern, calibration)
+    step = 2 * float(calibration.scale().max())  # rounding to codes, of the sample and of the luminance it is divided by
+    assert_close(linear(mosaic, scale), np.full((40 // scale, 31 // scale, 3), colour), step)
+
+
+@pytest.mark.parametrize("scale", [2, 3])
+def test_a_smaller_picture_keeps_the_measured_light(scale: int) -> None:
+    """Its luminance is the mean of the panchromatic samples of each cell, exactly."""
+    pattern = CfaPattern.bayer(6, origin=(5, 5))  # patches, and so cells, begin at the frame's first pixel
+    mosaic = Mosaic(codes((36, 48)), pattern, CALIBRATION)
+    measured = np.where(pattern.panchromatic_mask(mosaic.shape), mosaic.signal, np.nan)
+    cells = measured.reshape(36 // scale, scale, 48 // scale, scale)
+    assert_close(linear(mosaic, scale) @ np.array(CALIBRATION.gamma, np.float32), np.nanmean(cells, axis=(1, 3)), 1e-5)
+
+
+def test_luminance_is_kept_wherever_it_is_measured() -> None:
+    mosaic = Mosaic(codes((31, 44)), CfaPattern.bayer(6, "GBRG", (2, 1)), CALIBRATION)
+    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    luminance = linear(mosaic) @ np.array(CALIBRATION.gamma, np.float32)
+    assert_close(luminance[measured], mosaic.signal[measured], 1e-5)
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scale: int) -> None:
+    mosaic = Mosaic(codes((60, 80)), CfaPattern.bayer(4), CALIBRATION)
+    shown = np.rint(ColourTransform.to_space(CALIBRATION).apply(linear(mosaic, scale)) * 255)
+    picture = Preview(build_preview(mosaic.pattern, scale).SerializeToString()).run(mosaic)
+    assert picture.dtype == np.uint8
+    assert_close(picture, shown, 1)
+
+
+def test_greys_are_grey_from_black_to_white() -> None:
+    """Every level of a white surface, past white too: R = G = B, rising, 0 at black, 255 at white and past it."""
+    pattern, white = CfaPattern.bayer(4), ColourTransform.to_space(CALIBRATION).white
+    preview = Preview(build_preview(pattern).SerializeToString())
+    shades = []
+    for level in np.linspace(0, 1.2, 40):
+        scene = np.full((12, 12, 3), np.array(white) * level, np.float32)
+        (shade,) = np.unique(preview.run(Mosaic(sample(scene, pattern, CALIBRATION), pattern, CALIBRATION)).reshape(-1, 3), axis=0)
+        assert int(shade.max()) - int(shade.min()) <= 1
+        shades.append(int(shade[1]))
+    assert shades[0] == 0
+    assert shades == sorted(shades)
+    assert set(shades[34:]) == {255}
+
+
+CONSTANTS = ["_FLOOR", "_STILL", "_LEAST_VARIANCE", "_POOLING", "_CONTRAST", "_NOISE_WEIGHT", "_SPREAD"]
+SCREEN_CONSTANTS = ["_SHIFT", "_GAIN", "_BEND", "_KNEE"]
+
+
+@pytest.mark.parametrize("name", [*CONSTANTS, *SCREEN_CONSTANTS])
+def test_every_constant_matters(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    dark = codes((24, 30)).astype(float)
+    dark[:, 20:] = 205 + dark[:, 20:] / 2000  # at the black level
+    mosaic = Mosaic(dark.astype(np.uint16), CfaPattern.bayer(), CALIBRATION)
+    quiet = Mosaic(mosaic.codes, mosaic.pattern, SensorCalibration(black_level=CALIBRATION.black_level, white_level=3900))
+
+    def pictures() -> list[np.ndarray]:
+        models = [build_preview(CfaPattern.bayer(), linear=kind).SerializeToString() for kind in (True, False)]
+        return [Preview(model, threads=1).run(each) for model, each in product(models, (mosaic, quiet))]
+
+    before = pictures()
+    monkeypatch.setattr(graph, name, getattr(graph, name) * 1.5)
+    after = pictures()
+    moved = [not np.array_equal(*pair) for pair in zip(before, after, strict=True)]
+    assert any(moved)
+    assert any(moved[:2]) == (name in CONSTANTS)
+
+
+@pytest.mark.parametrize("name", [contract.BLACK, contract.SCALE, contract.GAMMA, contract.NOISE, contract.WHITE, contract.MATRIX])
+def test_every_element_of_every_input_matters(name: str) -> None:
+    mosaic = Mosaic(codes((24, 30)), CfaPattern.bayer(), CALIBRATION)
+    preview = Preview(build_preview(mosaic.pattern).SerializeToString(), threads=1)
+    inputs = {**preview._inputs(CALIBRATION), contract.MOSAIC: codes((48, 54))}
+    before = preview._session.run(None, inputs)[0]
+    for place in np.ndindex(inputs[name].shape):
+        values = inputs[name].copy()
+        values[place] = values[place] * 1.5 + 0.01
+        assert not np.array_equal(preview._session.run(None, {**inputs, name: values})[0], before), place
+
+
+def test_the_same_bytes_every_time() -> None:
+    first, second = (build_preview(SIX, 2).SerializeToString(deterministic=True) for _ in range(2))
+    assert first == second
+
+
+def test_versions_and_description() -> None:
+    model = build_preview(CfaPattern.bayer(6), 3)
+    assert [(each.domain, each.version) for each in model.opset_import] == [("", 17)]
+    assert model.ir_version == 8
+    assert model.producer_version == graph.BUILDER
+    assert {each.key: each.value for each in model.metadata_props} == {
+        "panchroma.contract": contract.VERSION,
+        "panchroma.builder": graph.BUILDER,
+        "panchroma.tile": "BWWWWG/WWWWWW/WWWWWW/WWWWWW/WWWWWW/GWWWWR",
+        "panchroma.channels": "RGB",
+        "panchroma.scale": "3",
+        "panchroma.output": "display",
+        "panchroma.halo": "9 9 9 9",
+    }
+
+
+def test_origins_share_a_graph_and_patterns_do_not() -> None:
+    def built(pattern: CfaPattern) -> bytes:
+        data: bytes = build_preview(pattern).SerializeToString(deterministic=True)
+        return data
+
+    assert built(CfaPattern.bayer(6)) == built(CfaPattern.bayer(6, origin=(4, 1)))
+    assert len({built(CfaPattern.bayer(6, order)) for order in ("RGGB", "BGGR", "GRBG", "GBRG")}) == 4
+
+
+EXACT = {
+    *("Add", "Sub", "Mul", "Div", "Sqrt", "Relu", "Max", "Clip", "QuantizeLinear", "Cast"),  # each rounds once
+    *("Slice", "Split", "Concat", "Reshape", "Transpose", "Squeeze", "Unsqueeze", "Gather", "ScatterND", "Identity", "Shape"),
+}
+
+
+@pytest.mark.parametrize(("pattern", "scale"), [(CfaPattern.bayer(6), 1), (CfaPattern.bayer(6), 3), (SIX, 1), (SIX, 2)])
+def test_nothing_in_it_depends_on_the_processor(pattern: CfaPattern, scale: int) -> None:
+    """But for the colour matrix, convolutions add 16-bit codes times small multiples of 1/64: exact in single precision."""
+    model = build_preview(pattern, scale)
+    assert {node.op_type for node in model.graph.node} <= {*EXACT, "Conv"}
+    weights = {each.name: numpy_helper.to_array(each).astype(float) for each in model.graph.initializer}
+    made = {node.output[0]: node for node in model.graph.node}
+    kernels = [node.input[1] for node in model.graph.node if node.op_type == "Conv"]
+    assert {made[name].input[0] for name in kernels if name not in weights} == {contract.MATRIX}
+    for kernel in (weights[name] for name in kernels if name in weights):
+        unit = 1 if np.array_equal(kernel, np.rint(kernel)) else 64
+        assert np.array_equal(kernel * unit, np.rint(kernel * unit))
+        assert np.abs(kernel * unit).sum(axis=(1, 2, 3)).max() * 65535 < 2**24
+
+
+def test_a_scale_that_there_is_not() -> None:
+    with pytest.raises(InputError, match=r"4 x 4 sensor pixels.*has 1, 2, 3, 6"):
+        build_preview(CfaPattern.bayer(6), 4)
+
+
+def test_the_shipped_graphs_are_what_is_built_now() -> None:
+    """If this fails: panchroma export-preview --all -o device/models --overwrite, and another BUILDER."""
+    built = {name: model.SerializeToString(deterministic=True) for name, model in shipped()}
+    found = {path.name: path.read_bytes() for path in MODELS.iterdir()}
+    assert sorted(found) == sorted(built)
+    assert [name for name in built if built[name] != found[name]] == []

@@ -1,0 +1,131 @@
+import errno
+import os
+import re
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import pytest
+
+from device.shots import ShotFolder
+from shared import read_dng
+from shared.errors import InputError, OutputError
+from tests.shared.dng.examples import mosaic, preview, same
+
+TAKEN = datetime(2026, 3, 9, 7, 5, 1, 20900, tzinfo=UTC)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_shot_is_named_by_its_time_and_a_counter(tmp_path: Path) -> None:
+    shots = ShotFolder(tmp_path)
+    first = shots.save(mosaic(), preview(), TAKEN)
+    second = shots.save(mosaic(), preview(), TAKEN.astimezone(timezone(timedelta(hours=9))))
+    assert first == tmp_path / "20260309T070501.020Z-000001.dng"
+    assert second.name == "20260309T070501.020Z-000002.dng"
+    assert same(read_dng(first), mosaic())
+
+
+def test_the_counter_goes_on_after_a_restart_with_a_clock_that_went_back(tmp_path: Path) -> None:
+    for time in (TAKEN, TAKEN):
+        ShotFolder(tmp_path).save(mosaic(), preview(), time)
+    (tmp_path / "20260309T070501.020Z-000090.dng.txt").touch()  # not a shot
+    (tmp_path / "90.dng").touch()
+    early = ShotFolder(tmp_path).save(mosaic(), preview(), datetime(1970, 1, 1, tzinfo=UTC))
+    assert early.name == "19700101T000000.000Z-000003.dng"
+
+
+def test_a_counter_of_seven_digits_is_a_counter(tmp_path: Path) -> None:
+    (tmp_path / "20260309T070501.020Z-1000000.dng").touch()
+    assert ShotFolder(tmp_path).save(mosaic(), preview(), TAKEN).name.endswith("Z-1000001.dng")
+
+
+def test_another_camera_in_the_folder_loses_nothing(tmp_path: Path) -> None:
+    one, other = ShotFolder(tmp_path), ShotFolder(tmp_path)
+    saved = [each.save(mosaic(), preview(), TAKEN) for each in (one, other, one, other)]
+    assert len(set(saved)) == 4
+    assert len(names(tmp_path)) == 4
+
+
+def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "shots", tmp_path / "links"
+    folder.mkdir()
+    elsewhere.mkdir()
+    link = elsewhere / "latest.dng"
+    shots = ShotFolder(folder, link)
+    assert not link.exists()
+    for _ in range(2):
+        path = shots.save(mosaic(), preview(), TAKEN)
+        assert link.resolve() == path
+    assert not link.readlink().is_absolute()
+    assert names(elsewhere) == ["latest.dng"]
+    tmp_path.rename(moved := tmp_path.with_name(tmp_path.name + "-moved"))
+    assert same(read_dng(moved / "links" / "latest.dng"), mosaic())
+    moved.rename(tmp_path)
+
+
+def test_the_link_is_right_where_its_folder_is_one_itself(tmp_path: Path) -> None:
+    (tmp_path / "deep" / "shots").mkdir(parents=True)
+    (tmp_path / "short").symlink_to("deep/shots")
+    link = tmp_path / "short" / "latest.dng"
+    path = ShotFolder(tmp_path / "short", link).save(mosaic(), preview(), TAKEN)
+    assert link.resolve() == path.resolve()
+
+
+def test_an_old_link_stays_until_there_is_a_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = tmp_path / "latest.dng"
+    link.symlink_to("gone.dng")  # a broken link is a link
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    shots = ShotFolder(tmp_path, link)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", fail)
+        with pytest.raises(OutputError, match=r"latest\.dng: the link to the latest shot cannot be made: Input/output error"):
+            shots.save(mosaic(), preview(), TAKEN)
+    assert link.readlink() == Path("gone.dng")
+    assert names(tmp_path) == ["20260309T070501.020Z-000001.dng", "latest.dng"]
+    shots.save(mosaic(), preview(), TAKEN)
+    assert link.readlink() == Path("20260309T070501.020Z-000002.dng")
+
+
+def test_a_file_system_without_links_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    shots = ShotFolder(tmp_path, tmp_path / "latest.dng")
+    monkeypatch.setattr(Path, "symlink_to", fail)
+    with pytest.raises(OutputError, match="has no symbolic links"):
+        shots.save(mosaic(), preview(), TAKEN)
+
+
+@pytest.mark.parametrize("make", [Path.touch, Path.mkdir])
+def test_what_is_no_link_is_not_replaced(tmp_path: Path, make: object) -> None:
+    link = tmp_path / "latest.dng"
+    link.touch() if make is Path.touch else link.mkdir()
+    with pytest.raises(InputError, match="is there and is no link"):
+        ShotFolder(tmp_path, link)
+
+
+def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=re.escape(str(tmp_path / "missing"))):
+        ShotFolder(tmp_path / "missing")
+
+
+def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    link = tmp_path / "latest.dng"
+    shots = ShotFolder(tmp_path, link)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(OutputError, match="the disk is full"):
+            shots.save(mosaic(), preview(), TAKEN)
+    assert names(tmp_path) == []
+    shots.save(mosaic(), preview(), TAKEN)
+    assert names(tmp_path) == ["20260309T070501.020Z-000002.dng", "latest.dng"]

@@ -1,0 +1,124 @@
+"""Lanes and the functions of them: each does what NumPy does, element by element."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from offline.kernels import functions
+from offline.kernels.compile import kernel
+from offline.kernels.lanes import (
+    BYTES,
+    WIDTH,
+    greater,
+    lesser,
+    load,
+    quotient,
+    shifted,
+    square_root,
+    store,
+    total,
+    where_less,
+)
+from shared.arrays import FloatArray
+
+Values = NDArray[np.floating]
+# What the docstrings of the approximations promise.
+APPROXIMATE = 1e-6
+
+
+@kernel
+def calculate(a: Values, b: Values, scalar: float, out: Values) -> None:
+    x, y = load(a, 1), load(b, (0, 2))
+    s = a.dtype.type(scalar)
+    store(out, (0, 0), x + y)
+    store(out, (1, 0), x - y)
+    store(out, (2, 0), x * y)
+    store(out, (3, 0), s - x)
+    store(out, (4, 0), x * s + s)
+    store(out, (5, 0), lesser(x, y))
+    store(out, (6, 0), greater(x, s))
+    store(out, (7, 0), where_less(x, y, s, y))
+    store(out, (8, 0), quotient(s, x))
+    store(out, (9, 0), square_root(x * x))
+    store(out, (10, 0), shifted(x, y, 1))
+    z = x
+    z += y
+    z -= s
+    store(out, (11, 0), z)
+    out[12, 0] = total(x)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_lanes_calculate_like_numpy(kind: type[np.floating]) -> None:
+    random, lanes = np.random.default_rng(1), BYTES // np.dtype(kind).itemsize
+    a, b = random.normal(size=lanes + 1).astype(kind), random.normal(size=(1, lanes + 2)).astype(kind)
+    out = np.zeros((13, lanes), kind)
+    calculate(a, b, 0.25, out)
+    x, y, s = a[1:], b[0, 2:], kind(0.25)
+    joined = np.concatenate([x, y])
+    expected = [
+        *(x + y, x - y, x * y, s - x, x * s + s, np.minimum(x, y), np.maximum(x, s)),
+        *(np.where(x < y, s, y), s / x, np.abs(x), joined[1 : lanes + 1], x + y - s),
+    ]
+    rounding = 2 * float(np.finfo(kind).eps)
+    for found, right in zip(out, expected, strict=False):
+        np.testing.assert_allclose(found, right, rtol=rounding, atol=rounding)
+    assert out[12, 0] == pytest.approx(x.sum(), rel=8 * rounding, abs=8 * rounding)
+
+
+@kernel
+def root_of(values: FloatArray, scale: float, out: FloatArray) -> None:
+    for place in range(0, len(values), WIDTH):
+        store(out, place, functions.scaled_reciprocal_root(load(values, place), np.float32(scale)))
+
+
+def test_reciprocal_root() -> None:
+    values = np.concatenate([np.logspace(-36, 36, 16 * 2000), np.linspace(1, 4, 16 * 2000)]).astype(np.float32)
+    found = np.empty_like(values)
+    root_of(values, 0.3, found)
+    assert np.abs(found * np.sqrt(values.astype(np.float64)) / 0.3 - 1).max() < APPROXIMATE
+    root_of(np.zeros(WIDTH, np.float32), 1e-6, found[:WIDTH])
+    assert np.isfinite(found[:WIDTH]).all()
+    assert found[0] > 1e10
+
+
+@kernel
+def exponential_of(values: FloatArray, out: FloatArray) -> None:
+    for place in range(0, len(values), WIDTH):
+        store(out, place, functions.exponential(load(values, place)))
+
+
+def test_exponential() -> None:
+    values = np.concatenate([np.linspace(-87, 0, 16 * 4000), -np.logspace(-30, 1, 16 * 1000)]).astype(np.float32)
+    found = np.empty_like(values)
+    exponential_of(values, found)
+    assert np.abs(found / np.exp(values.astype(np.float64)) - 1).max() < APPROXIMATE
+    far = np.array([0.0, -87, -87.1, -200, -1e6, -1e30, -3e38, -np.inf] * 2, np.float32)
+    exponential_of(far, found[:WIDTH])
+    assert found[0] == 1
+    assert (found[2:8] == found[1]).all()
+    assert found[1] > 0
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7])
+def test_mirrored_is_the_border_of_numpy(size: int) -> None:
+    wide = np.pad(np.arange(size, dtype=np.float32), 20, mode="reflect")
+    assert [functions.mirrored(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
+    for first, count in ((-20, size + 40), (-20, 5), (-3, 4), (0, size), (size - 1, 9), (size + 2, 6), (-4, size + 4)):
+        target = np.full(count + 1, -1, np.float32)
+        functions.copy_mirrored(np.arange(size, dtype=np.float32), first, target, count)
+        assert np.array_equal(target[:count], wide[20 + first : 20 + first + count])
+        assert target[count] == -1
+
+
+@kernel
+def places_of_zeros(sizes: "NDArray[np.intp]") -> "NDArray[np.intp]":
+    places = np.empty(len(sizes), np.intp)
+    for index in range(len(sizes)):
+        memory = functions.zeros(sizes[index])
+        places[index] = memory.ctypes.data if len(memory) == sizes[index] and not memory.any() else -1
+    return places
+
+
+def test_zeros_begin_on_a_boundary() -> None:
+    assert not (places_of_zeros(np.arange(1, 200)) % BYTES).any()

@@ -1,0 +1,44 @@
+"""Small scenes and sensors for the stages: every period and phase, odd sizes, blocks cut by the frame, more channels than three."""
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern, Mosaic
+from shared.arrays import DoubleArray
+from tests.reference.sensor import observe
+
+CASES = {
+    "paper": (CfaPattern.bayer(6), (24, 24)),
+    "odd": (CfaPattern.bayer(6, "GRBG", (4, 5)), (23, 31)),
+    "period 3": (CfaPattern.bayer(3, "GBRG", (2, 1)), (11, 14)),
+    "period 4": (CfaPattern.bayer(4, "BGGR", (1, 3)), (13, 18)),
+    "period 8": (CfaPattern.bayer(8, origin=(7, 3)), (29, 21)),
+    "five channels": (CfaPattern.with_block(("RGB", "XWY"), 6, (2, 3)), (25, 20)),
+    "one row": (CfaPattern.with_block(("RGB",), 5, (4, 3)), (17, 12)),
+    "across the tile's edge": (CfaPattern(("BWWWG", "WWWWW", "WWWWW", "WWWWW", "GWWWR")), (16, 14)),
+    "one block": (CfaPattern.bayer(6, origin=(2, 3)), (4, 5)),
+}
+every_case = pytest.mark.parametrize(("pattern", "shape"), CASES.values(), ids=list(CASES))
+
+GAMMAS = (0.8, 1.1, 1.25, 0.9, 1.3)  # no two alike: a weight taken for another shows
+
+
+def gamma_of(pattern: CfaPattern) -> tuple[float, ...]:
+    return GAMMAS[: len(pattern.channels)]
+
+
+def materials(shape: tuple[int, int], channels: int, seed: int = 0) -> DoubleArray:
+    """A scene of a few materials with slanted borders, each shaded and textured; values about 0.05 to 1."""
+    random = np.random.default_rng(seed)
+    row, column = np.indices(shape)
+    regions = (row + 0.3 * column > shape[0] / 2).astype(int) + 2 * (column - 0.4 * row > shape[1] / 3)
+    colours = random.uniform(0.2, 1.0, (4, channels))
+    shading = 0.6 + 0.3 * np.sin(row / 5.0) * np.cos(column / 7.0) + random.uniform(-0.1, 0.1, shape)
+    scene: DoubleArray = colours[regions] * shading[..., None]
+    return scene
+
+
+def shot(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02, seed: int = 0) -> Mosaic:
+    """A noisy mosaic of `materials`, whose calibration knows the noise."""
+    noise = None if sigma is None else np.random.default_rng(seed + 1).normal(scale=sigma, size=shape)
+    return observe(materials(shape, len(pattern.channels), seed), pattern, gamma_of(pattern), sigma, noise)

@@ -1,0 +1,86 @@
+"""Eqs. 10 and 14 against their reference."""
+
+import numpy as np
+import pytest
+
+from offline.propagation import propagate
+from shared import CfaPattern
+from shared.arrays import DoubleArray, FloatArray
+from tests.reference import geometry
+from tests.reference import propagation as reference
+from tests.reference.compare import assert_close
+
+from .scenes import CASES, every_case
+
+FLOAT32 = 1e-6  # a few dozen operations on values up to one
+
+
+def case(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Any blocks, affinities and light: the stage does not ask where they come from."""
+    random = np.random.default_rng(seed)
+    down, across = geometry.patch_counts(pattern, shape)
+    blocks = random.uniform(size=(down + 1, across + 1, len(pattern.channels)))
+    affinity = random.uniform(size=(2, 2, down * pattern.period, across * pattern.period))
+    light = random.uniform(-0.1, 1.0, size=shape)  # noise makes some of it negative
+    return blocks.astype(np.float32), (affinity / affinity.sum(axis=(0, 1))).astype(np.float32), light.astype(np.float32)
+
+
+def expected(blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern) -> DoubleArray:
+    return reference.propagate(blocks.astype(np.float64), affinity.astype(np.float64), light.astype(np.float64), pattern)
+
+
+@every_case
+def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    blocks, affinity, light = case(pattern, shape)
+    found = propagate(blocks, affinity, light, pattern)
+    assert found.dtype == np.float32
+    assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_without_light_all_four_count_the_same(value: float) -> None:
+    pattern, shape = CASES["odd"]
+    blocks, affinity, _ = case(pattern, shape)
+    light = np.full(shape, value, np.float32)
+    found = propagate(blocks, affinity, light, pattern)
+    assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
+    top, left = geometry.first_patch(pattern)
+    inside = found[: top + pattern.period, : left + pattern.period]
+    assert_close(inside, np.broadcast_to(blocks[:2, :2].mean(axis=(0, 1)), inside.shape), FLOAT32)
+
+
+def test_one_lit_corner_takes_all() -> None:
+    """kappa is proportional to l[n_j]: a block in the dark says nothing."""
+    pattern = CfaPattern.bayer(6, origin=(5, 5))  # patches begin at (0, 0)
+    blocks, affinity, _ = case(pattern, (12, 12))
+    for corner, place in (((0, 0), (0, 0)), ((0, 1), (0, 5)), ((1, 0), (5, 0)), ((1, 1), (5, 5))):
+        light = np.zeros((12, 12), np.float32)
+        light[place] = 0.5
+        found = propagate(blocks, affinity, light, pattern)[:6, :6]
+        assert_close(found, np.broadcast_to(blocks[corner], found.shape), FLOAT32)
+
+
+@every_case
+def test_is_a_convex_combination(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    blocks, affinity, light = case(pattern, shape)
+    found = propagate(blocks, affinity, light, pattern)
+    assert found.min() >= blocks.min() - FLOAT32
+    assert found.max() <= blocks.max() + FLOAT32
+    even = propagate(np.full_like(blocks, 0.375), affinity, light, pattern)
+    assert_close(even, np.full(even.shape, 0.375), FLOAT32)
+
+
+def test_brightness_does_not_matter() -> None:
+    pattern, shape = CASES["odd"]
+    blocks, affinity, light = case(pattern, shape)
+    for scale in (1e-12, 1e12):
+        found = propagate(blocks, affinity, light * np.float32(scale), pattern)
+        assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
+
+
+def test_inputs_are_left_as_they_were() -> None:
+    pattern, shape = CASES["odd"]
+    given = case(pattern, shape)
+    copies = [array.copy() for array in given]
+    propagate(*given, pattern)
+    assert all(np.array_equal(array, copy) for array, copy in zip(given, copies, strict=True))

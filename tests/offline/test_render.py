@@ -1,0 +1,231 @@
+"""The page as a whole: equal to the reference, and nothing on it idle."""
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import fields, replace
+from inspect import isfunction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from offline import BEST, PAPER, RenderSettings, render
+from offline.settings import AffinitySettings
+from shared import CfaPattern, Mosaic
+from shared.arrays import FloatArray
+from shared.errors import ConvergenceError
+from shared.sensor import simulate_additive
+from tests.reference import render as reference
+from tests.reference.compare import assert_close
+from tests.reference.sensor import luminance_of, observe
+
+from .scenes import CASES, every_case, gamma_of, materials, shot
+
+PAGE = sys.modules[render.__module__]  # `offline.render` names the function
+
+# All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
+FLOAT32 = 5e-5
+TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
+# The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a hundredth, the picture is not.
+RENDERED, RENDERED_RMS = 2e-2, 1e-3
+# What hole filling leaves after its last iteration is of the size of the last threshold; the corner of a frame is the worst place.
+FILLED = PAPER.luminance.threshold * PAPER.luminance.decay ** (PAPER.luminance.iterations - 1)
+# Rounding does not move a picture as far as this; every setting and stage does.
+SEEN = 1e-4
+
+
+@every_case
+@pytest.mark.parametrize("sigma", [None, 0.02])
+def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+    mosaic = shot(pattern, shape, sigma)
+    expected = reference.render(mosaic, PAPER)
+    found = render(mosaic, TIGHT)
+    assert {array.dtype for array in (found.rgb, found.luminance, found.chromaticity)} == {np.dtype(np.float32)}
+    assert_close(found.luminance, expected.luminance, FLOAT32)
+    assert_close(found.chromaticity, expected.chromaticity, FLOAT32)
+    assert_close(found.rgb, expected.rgb, FLOAT32)
+    rendered = render(mosaic, PAPER).rgb
+    assert_close(rendered, expected.rgb, RENDERED)
+    assert np.sqrt(np.mean((rendered - expected.rgb) ** 2)) < RENDERED_RMS
+
+
+@pytest.mark.parametrize("case", ["odd", "five channels"])
+def test_equals_the_reference_from_sensor_codes(case: str) -> None:
+    mosaic = shot(*CASES[case])
+    coded = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
+    assert_close(render(coded, TIGHT).rgb, reference.render(coded, PAPER).rgb, FLOAT32)
+
+
+@every_case
+def test_output_is_chromaticity_times_luminance_and_keeps_the_samples(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    mosaic = shot(pattern, shape)
+    found = render(mosaic, PAPER)
+    assert np.array_equal(found.rgb, found.chromaticity * found.luminance[..., None])  # Eq. 17
+    measured = pattern.panchromatic_mask(shape)
+    assert np.array_equal(found.luminance[measured], mosaic.signal[measured])
+    # Eq. 7 holds for what comes out: seen by the same sensor, panchromatic pixels read what they read.
+    again = luminance_of(found.rgb.astype(np.float64), mosaic.calibration.gamma)
+    assert_close(again, found.luminance, 1e-5)
+
+
+@every_case
+def test_a_flat_scene_returns_from_simulation_as_it_was(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    calibration = observe(np.ones((*shape, len(pattern.channels))), pattern, gamma_of(pattern)).calibration
+    colour = np.linspace(0.1, 1.0, len(pattern.channels), dtype=np.float32)
+    scene = np.broadcast_to(colour, (*shape, len(colour)))
+    mosaic = simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0))
+    found = render(mosaic, PAPER)
+    assert_close(found.rgb, scene, FILLED)
+    measured = pattern.panchromatic_mask(shape)
+    interior = np.zeros(shape, bool)
+    interior[4:-4, 4:-4] = True
+    assert_close(found.rgb[measured & interior], scene[measured & interior], 2e-5)
+
+
+def test_the_simulated_sensor_is_the_references() -> None:
+    for pattern, shape in CASES.values():
+        scene = materials(shape, len(pattern.channels))
+        expected = observe(scene, pattern, gamma_of(pattern))
+        found = simulate_additive(scene.astype(np.float32), pattern, expected.calibration, 0.0, np.random.default_rng(0))
+        assert_close(found.signal, expected.signal, 1e-6)
+
+
+@pytest.mark.parametrize("sigma", [None, 0.0, 0.05])
+def test_a_black_scene_stays_black(sigma: float | None) -> None:
+    pattern, shape = CASES["odd"]
+    found = render(observe(np.zeros((*shape, 3)), pattern, gamma_of(pattern), sigma), PAPER)
+    assert not found.rgb.any()
+    assert np.isfinite(found.chromaticity).all()
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1e3])
+def test_units_do_not_matter_but_to_the_first_threshold(scale: float) -> None:
+    """Everything else is a ratio: with threshold, floor and noise in the same unit the picture is the same."""
+    mosaic = shot(*CASES["odd"], sigma=None)
+    scaled = Mosaic(mosaic.signal * np.float32(scale), mosaic.pattern, mosaic.calibration)
+    settings = replace(
+        TIGHT,
+        luminance=replace(PAPER.luminance, threshold=scale),
+        refinement=replace(PAPER.refinement, floor=PAPER.refinement.floor * scale),
+    )
+    found = render(scaled, settings)
+    assert_close(found.rgb / np.float32(scale), render(mosaic, TIGHT).rgb, FLOAT32)
+
+
+def test_the_same_mosaic_gives_the_same_bytes() -> None:
+    mosaic = shot(*CASES["odd"])
+    before = mosaic.signal.copy()
+    assert np.array_equal(render(mosaic, PAPER).rgb, render(mosaic, PAPER).rgb)
+    assert np.array_equal(mosaic.signal, before)
+
+
+def test_the_presets() -> None:
+    assert RenderSettings() == PAPER
+    assert PAPER.luminance.iterations == 50
+    assert PAPER.luminance.decay == 2**-0.25
+    assert PAPER.chromaticity.taps == 5
+    assert PAPER.refinement.strength == 40
+    mosaic = shot(*CASES["odd"])
+    assert np.array_equal(render(mosaic).rgb, render(mosaic, BEST).rgb)
+
+
+class Listener:
+    """Notes what it is told."""
+
+    def __init__(self) -> None:
+        self.steps: dict[str, int] = {}
+        self.done: Counter[str] = Counter()
+
+    def stage(self, name: str, steps: int) -> None:
+        assert name not in self.steps
+        self.steps[name] = steps
+
+    def advance(self, steps: int = 1) -> None:
+        self.done[list(self.steps)[-1]] += steps
+
+
+def test_progress_is_reported_stage_by_stage() -> None:
+    listener = Listener()
+    mosaic = shot(*CASES["odd"])
+    assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
+    assert list(listener.steps) == ["luminance", "chromaticity", "affinity", "refinement"]
+    assert listener.done["luminance"] == listener.steps["luminance"]
+    assert listener.done["refinement"] == listener.steps["refinement"]
+    assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
+
+
+# ---- no dead knobs, no dead stages
+
+Change = tuple[Any, float | None]
+# Every field of every part of the settings -> another value, and the noise that the calibration admits.
+MOVED: dict[str, dict[str, Change]] = {
+    "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
+    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
+    "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
+    "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
+}
+
+
+def busy_shot(sigma: float | None) -> Mosaic:
+    """Enough blocks, and enough errors among them, that every stage has something to do."""
+    return shot(CfaPattern.bayer(4, origin=(1, 2)), (45, 50), sigma)
+
+
+def test_every_setting_is_moved() -> None:
+    assert {part.name: {knob.name for knob in fields(getattr(PAPER, part.name))} for part in fields(PAPER)} == {
+        part: set(knobs) for part, knobs in MOVED.items()
+    }
+
+
+@pytest.mark.parametrize("preset", [PAPER, BEST], ids=["paper", "best"])
+@pytest.mark.parametrize(("part", "knob"), [(part, knob) for part, knobs in MOVED.items() for knob in knobs])
+def test_every_setting_matters(part: str, knob: str, preset: RenderSettings) -> None:
+    value, sigma = MOVED[part][knob]
+    mosaic = busy_shot(sigma)
+    moved = replace(preset, **{part: replace(getattr(preset, part), **{knob: value})})
+    assert moved != preset
+    if (part, knob) == ("affinity", "iterations"):  # it bounds the work, never the result
+        with pytest.raises(ConvergenceError):
+            render(mosaic, moved)
+        return
+    assert np.abs(render(mosaic, moved).rgb - render(mosaic, preset).rgb).max() > SEEN
+
+
+def even_affinities(luminance: FloatArray, pattern: CfaPattern, *_: Any) -> FloatArray:
+    down, across = pattern.grid((luminance.shape[0], luminance.shape[1])).patches
+    return np.full((2, 2, down * pattern.period, across * pattern.period), 0.25, np.float32)
+
+
+def grey_blocks(mosaic: Mosaic, *_: Any) -> FloatArray:
+    shape = *mosaic.pattern.grid(mosaic.shape).shape, len(mosaic.pattern.channels)
+    return np.full(shape, mosaic.calibration.grey, np.float32)
+
+
+def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: Any) -> FloatArray:
+    mean: FloatArray = blocks.mean(axis=(0, 1))
+    return np.broadcast_to(mean, (*luminance.shape, mean.size)).copy()
+
+
+NEUTRAL: dict[str, Callable[..., FloatArray]] = {
+    "recover_luminance": lambda mosaic, *_: mosaic.signal,
+    "estimate_chromaticities": grey_blocks,
+    "solve_affinities": even_affinities,
+    "propagate": mean_block,
+    "refine": lambda initial, *_: initial,
+}
+
+
+def test_every_stage_of_the_page_has_a_neutral_one() -> None:
+    called = {name for name in render.__code__.co_names if isfunction(getattr(PAGE, name, None))}
+    assert called == set(NEUTRAL)
+
+
+@pytest.mark.parametrize("stage", NEUTRAL)
+def test_every_stage_matters(stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    mosaic = busy_shot(0.02)
+    whole = render(mosaic, PAPER).rgb
+    monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
+    idle = render(mosaic, PAPER).rgb
+    assert np.abs(idle - whole).max() > SEEN
+    assert np.abs(idle - whole).mean() > SEEN

@@ -1,0 +1,46 @@
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
+
+import pytest
+
+from offline.settings import (
+    PAPER,
+    AffinitySettings,
+    ChromaticitySettings,
+    LuminanceSettings,
+    RefinementSettings,
+)
+from shared.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("part", "knob", "value"),
+    [
+        (LuminanceSettings(), "iterations", 0),
+        (LuminanceSettings(), "decay", 0.0),
+        (LuminanceSettings(), "decay", 1.0),
+        (LuminanceSettings(), "threshold", 0.0),
+        (LuminanceSettings(), "threshold", float("nan")),
+        (ChromaticitySettings(), "taps", 4),
+        (ChromaticitySettings(), "taps", -1),
+        (ChromaticitySettings(), "repetitions", -1),
+        (AffinitySettings(), "scales", ()),
+        (AffinitySettings(), "scales", (0.5, 0.0)),
+        (AffinitySettings(), "tolerance", 0.0),
+        (AffinitySettings(), "tolerance", 1.0),
+        (AffinitySettings(), "iterations", 0),
+        (RefinementSettings(), "strength", -1.0),
+        (RefinementSettings(), "floor", 0.0),
+        (RefinementSettings(), "blur", 0.0),
+        (RefinementSettings(), "repetitions", -1),
+    ],
+)
+def test_impossible_settings_are_refused_by_name(part: Any, knob: str, value: Any) -> None:
+    with pytest.raises(InputError, match=rf"settings: \w+\.{knob} is .*, expected"):
+        replace(part, **{knob: value})
+
+
+def test_settings_are_frozen_values() -> None:
+    assert replace(PAPER) == PAPER
+    with pytest.raises(FrozenInstanceError):
+        PAPER.luminance.iterations = 1  # type: ignore[misc]

@@ -1,0 +1,94 @@
+"""Eqs. 6-9: one chromaticity per whole block, and the oriented medians at the end of section 3.2."""
+
+import numpy as np
+
+from shared import CfaPattern
+from shared.arrays import DoubleArray
+
+from .geometry import block_sites, is_whole, mirrored, patch_counts
+
+ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+def solve_block(samples: list[list[float]], luminance: list[list[float]], gamma: tuple[float, ...], sigma: float) -> DoubleArray:
+    """The minimiser of Eqs. 8-9 subject to sum_i gamma_i c_i = 1, from its Lagrange equations.
+
+    samples, luminance: per channel, the values at its sites.
+    """
+    count = len(gamma)
+    grey = 1 / sum(gamma)
+    equations, right = np.zeros((count + 1, count + 1)), np.zeros(count + 1)
+    for i in range(count):
+        equations[i, i] = sum(light**2 for light in luminance[i]) + sigma**2
+        equations[i, count] = equations[count, i] = gamma[i]
+        right[i] = sum(light * sample for light, sample in zip(luminance[i], samples[i], strict=True)) + sigma**2 * grey
+    right[count] = 1.0
+    solution: DoubleArray = np.linalg.solve(equations, right)[:count].astype(np.float64)
+    return solution
+
+
+def estimate(
+    signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], sigma: float
+) -> DoubleArray:
+    """The coarse image of the whole blocks, before the medians. A block that saw nothing at all, by a perfect sensor, is grey."""
+    shape = (luminance.shape[0], luminance.shape[1])
+    down, across = patch_counts(pattern, shape)
+    rows: list[list[DoubleArray]] = []
+    for i in range(down + 1):
+        row: list[DoubleArray] = []
+        for j in range(across + 1):
+            if not is_whole(pattern, shape, (i, j)):
+                continue
+            sites = block_sites(pattern, (i, j))
+            values = [[float(signal[y, x]) for y, x, name in sites if name == channel] for channel in pattern.channels]
+            lights = [[float(luminance[y, x]) for y, x, name in sites if name == channel] for channel in pattern.channels]
+            if sigma == 0 and not any(any(light) for light in lights):
+                row.append(np.full(len(gamma), 1 / sum(gamma)))
+            else:
+                row.append(solve_block(values, lights, gamma, sigma))
+        if row:
+            rows.append(row)
+    return np.array(rows)
+
+
+def proposals(coarse: DoubleArray, row: int, column: int, taps: int) -> list[DoubleArray]:
+    """The four 1-D medians through one block, channel by channel."""
+    height, width, channels = coarse.shape
+    medians = []
+    for down, right in ORIENTATIONS:
+        line = [
+            coarse[mirrored(row + step * down, height), mirrored(column + step * right, width)]
+            for step in range(-(taps // 2), taps // 2 + 1)
+        ]
+        medians.append(np.array([sorted(float(value[channel]) for value in line)[taps // 2] for channel in range(channels)]))
+    return medians
+
+
+def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, repetitions: int) -> DoubleArray:
+    """Of the four proposals the one nearest to the value before, till nothing changes; then back on sum_i gamma_i c_i = 1."""
+    current = coarse
+    for _ in range(repetitions):
+        following: DoubleArray = np.empty_like(current)
+        for row in range(current.shape[0]):
+            for column in range(current.shape[1]):
+                before = current[row, column]
+                best = min(proposals(current, row, column, taps), key=lambda value: float(np.sum((value - before) ** 2)))
+                following[row, column] = best
+        if np.array_equal(following, current):
+            break
+        current = following
+    scaled: DoubleArray = current / (current @ np.array(gamma))[..., None]
+    return scaled
+
+
+def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> DoubleArray:
+    """All blocks of the grid: one that is not whole takes the value of the nearest that is."""
+    down, across = patch_counts(pattern, shape)
+    indices = [(i, j) for i in range(down + 1) for j in range(across + 1)]
+    whole = [index for index in indices if is_whole(pattern, shape, index)]
+    values = dict(zip(whole, coarse.reshape(-1, coarse.shape[-1]), strict=True))
+    result = np.empty((down + 1, across + 1, coarse.shape[-1]))
+    for i, j in indices:
+        nearest = min(whole, key=lambda index: (index[0] - i) ** 2 + (index[1] - j) ** 2)
+        result[i, j] = values[nearest]
+    return result

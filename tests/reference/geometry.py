@@ -1,0 +1,84 @@
+"""Where filters, blocks and patches lie: counted out pixel by pixel from the tile alone (section 3; Fig. 2).
+
+Coordinates are frame pixels and may be negative or past the frame, where the picture is its own mirror image.
+"""
+
+from itertools import product
+from typing import NamedTuple
+
+from shared import CfaPattern
+
+
+class Block(NamedTuple):
+    """The smallest rectangle around the colour sites of one block: first pixel in 0..K-1, and size."""
+
+    top: int
+    left: int
+    height: int
+    width: int
+
+
+def letter(pattern: CfaPattern, row: int, column: int) -> str:
+    return pattern.tile[(row - pattern.origin[0]) % pattern.period][(column - pattern.origin[1]) % pattern.period]
+
+
+def mirrored(index: int, size: int) -> int:
+    """The pixel of 0..size-1 seen at `index`: one step at a time, turning round at either end."""
+    place, step = 0, 1
+    for _ in range(abs(index)):
+        if not 0 <= place + step < size:
+            step = -step
+        place = place + step if size > 1 else 0
+    return place if index >= 0 else mirrored(-index, size)
+
+
+def block(pattern: CfaPattern) -> Block:
+    period = pattern.period
+    sites = {(row, column) for row, column in product(range(period), repeat=2) if letter(pattern, row, column) != "W"}
+    for height, width in sorted(product(range(1, period), repeat=2), key=lambda size: size[0] * size[1]):
+        for top, left in product(range(period), repeat=2):
+            inside = {((top + down) % period, (left + right) % period) for down in range(height) for right in range(width)}
+            if sites <= inside:
+                return Block(top, left, height, width)
+    raise AssertionError("every tile has a block")
+
+
+def first_patch(pattern: CfaPattern) -> tuple[int, int]:
+    """The pixel, at or before (0, 0), where the first K x K patch begins: in the middle of a block."""
+    found = block(pattern)
+    row, column = found.top + found.height // 2, found.left + found.width // 2
+    while row > 0:
+        row -= pattern.period
+    while column > 0:
+        column -= pattern.period
+    return row, column
+
+
+def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]:
+    """How many patches, down and across, it takes to cover the frame."""
+    row, column = first_patch(pattern)
+    down = across = 1
+    while row + down * pattern.period < shape[0]:
+        down += 1
+    while column + across * pattern.period < shape[1]:
+        across += 1
+    return down, across
+
+
+def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
+    """First pixel of the block with this index in the grid of patch corners."""
+    found, (row, column) = block(pattern), first_patch(pattern)
+    return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[1] * pattern.period
+
+
+def block_sites(pattern: CfaPattern, index: tuple[int, int]) -> list[tuple[int, int, str]]:
+    """(row, column, letter) of the colour sites of one block."""
+    found, (top, left) = block(pattern), block_corner(pattern, index)
+    pixels = product(range(top, top + found.height), range(left, left + found.width))
+    return [(row, column, letter(pattern, row, column)) for row, column in pixels if letter(pattern, row, column) != "W"]
+
+
+def is_whole(pattern: CfaPattern, shape: tuple[int, int], index: tuple[int, int]) -> bool:
+    """Whether the block's rectangle lies inside the frame."""
+    found, (top, left) = block(pattern), block_corner(pattern, index)
+    return min(top, left) >= 0 and top + found.height <= shape[0] and left + found.width <= shape[1]

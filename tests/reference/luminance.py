@@ -1,0 +1,62 @@
+"""Eqs. 1-5: luminance under the colour filters, by shrinking undecimated wavelet coefficients."""
+
+import math
+
+import numpy as np
+import pywt
+from scipy.signal import convolve2d, correlate2d
+
+from shared.arrays import BoolArray, DoubleArray
+
+# Analysis reads l[n-3..n], the box one more on both sides, synthesis n..n+3.
+REACH = 4
+
+
+def filters() -> list[DoubleArray]:
+    """The four 4 x 4 decomposition filters f_i, the low-pass one first, scaled to sum_i |f_i|^2 = 1 at every frequency."""
+    wavelet = pywt.Wavelet("db2")
+    low, high = np.array(wavelet.dec_lo) / math.sqrt(2), np.array(wavelet.dec_hi) / math.sqrt(2)
+    return [np.outer(down, across) for down in (low, high) for across in (low, high)]
+
+
+def analyse(picture: DoubleArray) -> list[DoubleArray]:
+    """omega_i = f_i * l on the mirrored picture; one row and column wider than synthesis needs, for the box of Eq. 5."""
+    wide = np.pad(picture, REACH, mode="reflect")
+    return [convolve2d(wide, kernel, mode="valid") for kernel in filters()]
+
+
+def neighbourhood(band: DoubleArray) -> DoubleArray:
+    """[(k * omega^2)[n]]^(1/2), k a 3 x 3 box of ones."""
+    return np.sqrt(convolve2d(band**2, np.ones((3, 3)), mode="valid"))
+
+
+def shrink(band: DoubleArray, threshold: float) -> DoubleArray:
+    """Eq. 5; a coefficient without any energy around it is zero and stays so."""
+    size = neighbourhood(band)
+    factor = np.zeros_like(size)
+    for place in zip(*np.nonzero(size), strict=True):
+        factor[place] = max(0.0, size[place] - threshold) / size[place]
+    return factor * band[1:-1, 1:-1]
+
+
+def synthesise(bands: list[DoubleArray]) -> DoubleArray:
+    """The transpose of the analysis, which inverts it because the frame is tight."""
+    picture: DoubleArray = np.sum(
+        [correlate2d(band, kernel, mode="valid") for band, kernel in zip(bands, filters(), strict=True)], axis=0
+    )
+    return picture
+
+
+def objective(picture: DoubleArray) -> float:
+    """Eq. 1 with Eq. 2, summed over the frame and the one ring around it that the coefficients of its pixels reach."""
+    return float(sum(neighbourhood(band).sum() for band in analyse(picture)[1:]))
+
+
+def recover(samples: DoubleArray, measured: BoolArray, iterations: int, decay: float, threshold: float) -> DoubleArray:
+    """Eqs. 3-5."""
+    estimate = samples.copy()  # l_0 = m
+    for t in range(iterations):
+        low, *high = analyse(estimate)
+        denoised = synthesise([low[1:-1, 1:-1], *(shrink(band, threshold * decay**t) for band in high)])  # Eq. 4
+        estimate = np.where(measured, samples, denoised)  # Eq. 3
+    return estimate

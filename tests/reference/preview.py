@@ -1,0 +1,125 @@
+"""The camera's preview, pixel by pixel and block by block, in double precision and scene units. Slow, and as plain as can be.
+
+Weights of interpolation are those of `device.geometry`, which has tests of its own; the constants are those of `device.graph`.
+"""
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+
+from device import graph
+from device.geometry import Geometry
+from shared import Mosaic
+from shared.arrays import DoubleArray
+
+from .chromaticity import solve_block
+from .geometry import mirrored
+
+Sample = Callable[[int, int], float]
+
+
+def sampler(mosaic: Mosaic) -> Sample:
+    """The signal at any pixel, inside the frame or not."""
+    pattern, (height, width) = mosaic.pattern, mosaic.shape
+    period, clear = pattern.period, len(pattern.channels)
+    planes = pattern.filter_map((period, period))
+
+    def plane(row: int, column: int) -> int:
+        return int(planes[row % period, column % period])
+
+    def nearest(place: int, size: int) -> int:
+        alike = [each for each in range(size) if (each - place) % period == 0]
+        return min(alike, key=lambda each: abs(each - place)) if alike else min(max(place % period, 0), size - 1)
+
+    def sample(row: int, column: int) -> float:
+        image = mirrored(row, height), mirrored(column, width)
+        if not plane(row, column) == plane(*image) == clear:
+            image = nearest(row, height), nearest(column, width)
+        number = plane(row, column)
+        calibration = mosaic.calibration
+        return float((int(mosaic.codes[image]) - calibration.black_level[number]) * calibration.scale()[number])
+
+    return sample
+
+
+class Block:
+    """What a block measures: luminance at its sites, their mean, its noise and its chromaticity."""
+
+    def __init__(self, sample: Sample, mosaic: Mosaic, place: tuple[int, int]) -> None:
+        geometry = Geometry(mosaic.pattern)
+        origins = zip(mosaic.pattern.block_origin, place, strict=True)
+        top, left = (origin + number * mosaic.pattern.period for origin, number in origins)
+        rows, columns = geometry.window
+        seen = np.array([[sample(top + row, left + column) for column in columns] for row in rows])
+        along, down, row_steps, column_steps, colours = np.split(
+            (geometry.probes.astype(float) * seen).sum(axis=(1, 2)), np.cumsum(geometry.kinds)[:-1]
+        )
+        self.noise = mosaic.calibration.noise
+        least = graph._STILL + 2 * self._variance(along[0])
+        row_change, column_change = np.mean(row_steps**2) + least, np.mean(column_steps**2) + least
+        weights = 1 / row_change, 1 / column_change
+        self.filled = (weights[0] * along + weights[1] * down) / sum(weights)
+        self.luminance = float(self.filled.mean())
+        self.variance = self._variance(self.luminance)
+        channels = range(len(mosaic.pattern.channels))
+        at = [[number for number, site in enumerate(geometry.sites) if site[2] == channel] for channel in channels]
+        samples = [[float(colours[number]) for number in numbers] for numbers in at]
+        lights = [[float(self.filled[number]) for number in numbers] for numbers in at]
+        least_variance = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
+        sigma = max(self.variance, least_variance) ** 0.5
+        self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
+        self.light = max(self.luminance, graph._FLOOR)
+
+    def _variance(self, luminance: float) -> float:
+        return self.noise.sigma(luminance) ** 2 if self.noise else 0.0
+
+
+def preview(mosaic: Mosaic) -> DoubleArray:
+    """Camera RGB, scene units, (H, W, C), of a full-resolution preview."""
+    pattern, (height, width) = mosaic.pattern, mosaic.shape
+    geometry, sample = Geometry(pattern), sampler(mosaic)
+    known: dict[tuple[int, int], Block] = {}
+
+    def block(row: int, column: int) -> Block:
+        if (row, column) not in known:
+            known[row, column] = Block(sample, mosaic, (row, column))
+        return known[row, column]
+
+    def chromaticity(row: int, column: int) -> DoubleArray:
+        own = block(row, column)
+        share = own.variance / (own.variance + graph._POOLING * own.light**2)
+        total, weight = np.zeros(len(pattern.channels)), 0.0
+        for down, right in product((-1, 0, 1), repeat=2):
+            other = block(row + down, column + right)
+            part = (1.0 if (down, right) == (0, 0) else share) * other.light**2
+            total, weight = total + part * other.chromaticity, weight + part
+        return total / weight
+
+    def luminance(row: int, column: int) -> float:
+        place = row - pattern.block_origin[0], column - pattern.block_origin[1]
+        (down, site_row), (right, site_column) = (divmod(value, pattern.period) for value in place)
+        for number, (*site, _) in enumerate(geometry.sites):
+            if site == [site_row, site_column]:
+                return float(block(down, right).filled[number])
+        return sample(row, column)
+
+    picture = np.empty((height, width, len(pattern.channels)))
+    for row, column in product(range(height), range(width)):
+        corner, cell, place = [], [], []
+        for value, origin, half in zip((row, column), pattern.block_origin, geometry.half, strict=True):
+            patch, inside = divmod(value - origin - half, pattern.period)
+            number = inside // geometry.cell
+            corner.append(patch)
+            cell.append(origin + half + patch * pattern.period + number * geometry.cell)
+            place.append((number + 0.5) * geometry.cell / pattern.period)
+        mean = np.mean([luminance(cell[0] + down, cell[1] + right) for down, right in product(range(geometry.cell), repeat=2)])
+        total, weight = np.zeros(len(pattern.channels)), 0.0
+        for down, right in product((0, 1), repeat=2):
+            each = block(corner[0] + down, corner[1] + right)
+            near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
+            apart = mean / each.light - 1
+            part = near**graph._SPREAD / (apart**2 + graph._CONTRAST + graph._NOISE_WEIGHT * each.variance / each.light**2)
+            total, weight = total + part * chromaticity(corner[0] + down, corner[1] + right), weight + part
+        picture[row, column] = luminance(row, column) * total / weight
+    return picture

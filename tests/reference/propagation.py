@@ -1,0 +1,30 @@
+"""Eqs. 10 and 14: every pixel a convex combination of the chromaticities at the four corners of its patch."""
+
+import numpy as np
+
+from shared import CfaPattern
+from shared.arrays import DoubleArray
+
+from .affinity import domain
+from .geometry import first_patch
+
+
+def propagate(blocks: DoubleArray, affinity: DoubleArray, luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
+    period, area, (top, left) = pattern.period, domain(luminance, pattern), first_patch(pattern)
+    result = np.empty((*luminance.shape, blocks.shape[-1]))
+    for row in range(luminance.shape[0]):
+        for column in range(luminance.shape[1]):
+            y, x = row - top, column - left
+            i, j = y // period, x // period
+            corners = [(a, b) for a in (0, 1) for b in (0, 1)]
+            kappa = []
+            for a, b in corners:
+                alpha = affinity[(i + a) % 2, (j + b) % 2, y, x]
+                light = area[i * period + a * (period - 1), j * period + b * (period - 1)]  # l[n_j]
+                kappa.append(alpha**2 * max(light, 0.0))  # Eq. 14
+            if sum(kappa) == 0:
+                kappa = [1.0] * 4
+            result[row, column] = sum(
+                weight / sum(kappa) * blocks[i + a, j + b] for weight, (a, b) in zip(kappa, corners, strict=True)
+            )  # Eq. 10
+    return result

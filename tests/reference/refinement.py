@@ -1,0 +1,40 @@
+"""Eqs. 15-16: non-local averaging of chromaticity, matched by luminance."""
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+
+from .gaussian import blur, gaussian
+
+
+def matches(luminance: DoubleArray, radius: int, h: float, std: float) -> list[tuple[int, int, DoubleArray]]:
+    """(down, right, unnormalised weight at every pixel) for each n' = n + (down, right) of the window."""
+    height, width = luminance.shape
+    reach = max(gaussian(std))
+    wide = np.pad(luminance, radius + reach, mode="reflect")  # the patches around n and n' are patches of the mirrored picture
+    centre = wide[radius : wide.shape[0] - radius, radius : wide.shape[1] - radius]
+    frame = slice(reach, reach + height), slice(reach, reach + width)
+    found = []
+    for down in range(-radius, radius + 1):
+        for right in range(-radius, radius + 1):
+            other = wide[radius + down :, radius + right :][: centre.shape[0], : centre.shape[1]]
+            distance = blur((other - centre) ** 2, std)[frame]
+            found.append((down, right, np.exp(-distance / (2 * h**2)) * np.maximum(other[frame], 0.0)))  # Eq. 16
+    return found
+
+
+def refine(
+    initial: DoubleArray, luminance: DoubleArray, period: int, *, h: float, blur_periods: float, repetitions: int
+) -> DoubleArray:
+    height, width = luminance.shape
+    radius = period // 2
+    weights = matches(luminance, radius, h, period * blur_periods)
+    total = np.sum([weight for _, _, weight in weights], axis=0)
+    current = initial
+    for _ in range(repetitions):
+        wide = np.pad(current, ((radius, radius), (radius, radius), (0, 0)), mode="reflect")
+        mixed = np.zeros_like(current)
+        for down, right, weight in weights:
+            mixed += weight[..., None] * wide[radius + down : radius + down + height, radius + right : radius + right + width]
+        current = np.where((total > 0)[..., None], mixed / np.where(total > 0, total, 1.0)[..., None], current)  # Eq. 15
+    return current

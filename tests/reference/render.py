@@ -1,0 +1,58 @@
+"""The whole of section 3, in float64: from the mosaic to Eq. 17."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from offline.settings import RenderSettings
+from shared import Mosaic
+from shared.arrays import DoubleArray
+
+from . import affinity, chromaticity, propagation, refinement
+from . import luminance as wavelets
+from .geometry import block_sites, is_whole, letter, patch_counts
+
+
+class Picture(NamedTuple):
+    rgb: DoubleArray
+    luminance: DoubleArray
+    chromaticity: DoubleArray
+
+
+def sigma_of_light(mosaic: Mosaic, luminance: DoubleArray) -> float:
+    """sigma_z of Eq. 16: panchromatic noise at the mean luminance; a sensor of unknown noise counts as perfect."""
+    noise = mosaic.calibration.noise
+    return 0.0 if noise is None else noise.sigma(float(luminance.mean()))
+
+
+def sigma_of_colour(mosaic: Mosaic) -> float:
+    """sigma_z of Eqs. 8-9: one figure for all channels, the mean of their variances at the mean sample of the whole blocks."""
+    noise, pattern = mosaic.calibration.noise, mosaic.pattern
+    if noise is None:
+        return 0.0
+    down, across = patch_counts(pattern, mosaic.shape)
+    whole = [(i, j) for i in range(down + 1) for j in range(across + 1) if is_whole(pattern, mosaic.shape, (i, j))]
+    level = float(np.mean([mosaic.signal[row, column] for index in whole for row, column, _ in block_sites(pattern, index)]))
+    return math.sqrt(np.mean([noise.sigma(level, channel) ** 2 for channel in range(len(pattern.channels))]))
+
+
+def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
+    pattern, gamma = mosaic.pattern, mosaic.calibration.gamma
+    signal = mosaic.signal.astype(np.float64)
+    measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
+
+    part = settings.luminance
+    light = wavelets.recover(signal, measured, part.iterations, part.decay, part.threshold)
+
+    coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
+    coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
+    blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
+
+    alpha = affinity.fields(light, pattern, settings.affinity.scales)
+    initial = propagation.propagate(blocks, alpha, light, pattern)
+
+    last = settings.refinement
+    h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
+    refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
+    return Picture(refined * light[..., None], light, refined)  # Eq. 17

@@ -1,0 +1,36 @@
+"""What the sensor reads of a scene (Eqs. 6-7), one pixel at a time."""
+
+import numpy as np
+
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import DoubleArray
+
+from .geometry import letter
+
+
+def luminance_of(scene: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
+    total: DoubleArray = sum(weight * scene[..., channel] for channel, weight in enumerate(gamma))  # type: ignore[assignment]  # Eq. 7
+    return total
+
+
+def observe(
+    scene: DoubleArray,
+    pattern: CfaPattern,
+    gamma: tuple[float, ...] = (),
+    sigma: float | None = None,
+    noise: DoubleArray | None = None,
+) -> Mosaic:
+    """The mosaic of a scene (H, W, C). `sigma` is what the calibration says of the noise, `noise` what is added."""
+    calibration = SensorCalibration(
+        pattern.channels,
+        gamma or (1.0,) * len(pattern.channels),
+        None if sigma is None else NoiseModel.gaussian(sigma, len(pattern.channels) + 1),
+    )
+    samples = luminance_of(scene, calibration.gamma)
+    for row in range(scene.shape[0]):
+        for column in range(scene.shape[1]):
+            if (name := letter(pattern, row, column)) != "W":
+                samples[row, column] = scene[row, column, pattern.channels.index(name)]  # Eq. 6
+    if noise is not None:
+        samples = samples + noise
+    return Mosaic(samples.astype(np.float32), pattern, calibration)

@@ -1,0 +1,67 @@
+"""Mosaics to save: every field filled in, so that one that gets lost shows."""
+
+from datetime import datetime
+
+import numpy as np
+
+from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import ByteArray
+from shared.calibration import encoding
+
+METADATA = CaptureMetadata(
+    make="Contax",
+    model="G2 (II)",
+    lens="Käthe 1:2,8/35 µm",
+    artist="Jürgen Müller — 山田",
+    description='quoted "text", a \\ and an & in it',
+    taken=datetime(2014, 3, 9, 7, 5, 1, 20300),  # noqa: DTZ001  local time, as Exif has it
+    exposure_time=1 / 250,
+    f_number=2.8,
+    iso=640,
+    focal_length=34.56,
+    orientation=6,
+)
+
+
+def preview(rows: int = 60, columns: int = 80) -> ByteArray:
+    """A picture that differs in every direction and channel."""
+    down, across = np.mgrid[:rows, :columns]
+    return np.stack([down * 4, across * 3, 255 - down * 2 - across], axis=-1).astype(np.uint8)
+
+
+def calibration(channels: str = "RGB", bits: int = 12, **fields: object) -> SensorCalibration:
+    """A calibration whose planes differ in everything."""
+    count = len(channels)
+    black, white = encoding(bits)
+    given: dict[str, object] = {
+        "channels": channels,
+        "gamma": tuple(0.7 + 0.21 * index for index in range(count)),
+        "noise": NoiseModel(
+            tuple(1e-3 * (index + 1) for index in range(count + 1)), tuple(0.01 / (index + 1) for index in range(count + 1))
+        ),
+        "black_level": tuple(float(black + index) for index in range(count + 1)),
+        "white_level": white,
+        "camera_to_xyz": tuple(tuple(float((row - column) % count == 0) + 0.1 for column in range(count)) for row in range(3)),
+        "neutral": tuple(0.5 + 0.1 * index for index in range(count)),
+        "sensor": "Prüfling 7",
+    }
+    return SensorCalibration(**{**given, **fields})  # type: ignore[arg-type]
+
+
+def mosaic(
+    pattern: CfaPattern | None = None,
+    shape: tuple[int, int] = (37, 53),
+    calibrated: SensorCalibration | None = None,
+    metadata: CaptureMetadata = METADATA,
+) -> Mosaic:
+    """Random codes, the lowest and the highest among them."""
+    pattern = CfaPattern.bayer(6) if pattern is None else pattern
+    calibrated = calibration(pattern.channels) if calibrated is None else calibrated
+    codes = np.random.default_rng(6).integers(0, 1 << calibrated.bits, shape).astype(np.uint16)
+    codes[0, 1::2], codes[0, ::2] = 0, (1 << calibrated.bits) - 1
+    return Mosaic(codes, pattern, calibrated, metadata)
+
+
+def same(one: Mosaic, other: Mosaic) -> bool:
+    """Whether two mosaics are equal in all that is measured: codes, pattern, calibration."""
+    return np.array_equal(one.codes, other.codes) and one.pattern == other.pattern and one.calibration == other.calibration

@@ -1,0 +1,245 @@
+from dataclasses import replace
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from tifffile import TiffFile, TiffPage
+
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.dng import Layout, decode_dng, decode_preview, encode_dng
+from shared.dng.container import raw_digest
+from shared.dng.record import RECORD_ID, decode_record, encode_record
+from shared.errors import InputError
+from shared.pattern import BAYER_ORDERS
+from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
+
+FIVE = CfaPattern.with_block(("ABC", "DEA"), 8, (3, 2))
+
+
+def pages(data: bytes) -> tuple[dict[int, Any], dict[int, Any]]:
+    """Values by tag of the first and of the raw directory, as an independent reader finds them."""
+    with TiffFile(BytesIO(data)) as file:
+        main = file.pages.first
+        assert main.pages is not None
+        raw = main.pages[0]
+        assert isinstance(raw, TiffPage)
+        return {tag.code: tag.value for tag in main.tags}, {tag.code: tag.value for tag in raw.tags}
+
+
+def assert_survives(original: Mosaic, layout: Layout = "auto") -> None:
+    read = decode_dng(encode_dng(original, preview(), layout))
+    assert read.samples.dtype == np.uint16
+    assert same(read, original)
+    assert read.metadata == original.metadata
+
+
+def test_the_comparison_can_fail() -> None:
+    original = mosaic()
+    assert same(original, mosaic())
+    codes = original.codes.copy()
+    codes[3, 4] ^= 1
+    assert not same(original, replace(original, samples=codes))
+    assert not same(original, replace(original, pattern=CfaPattern.bayer(6, origin=(0, 1))))
+    assert not same(original, replace(original, calibration=calibration(neutral=(0.5, 0.6, 0.7000001))))
+
+
+@pytest.mark.parametrize("period", range(3, 17))
+def test_every_period_survives(period: int) -> None:
+    assert_survives(mosaic(CfaPattern.bayer(period, "GRBG", (period - 1, 1))))
+
+
+@pytest.mark.parametrize("order", BAYER_ORDERS)
+@pytest.mark.parametrize("layout", ["cfa", "linear"])
+def test_every_bayer_order_survives(order: str, layout: Layout) -> None:
+    assert_survives(mosaic(CfaPattern.bayer(6, order, (5, 3))), layout)
+
+
+@pytest.mark.parametrize("bits", range(10, 17))
+def test_every_depth_survives(bits: int) -> None:
+    original = mosaic(calibrated=calibration(bits=bits))
+    assert original.samples.max() == (1 << bits) - 1
+    assert_survives(original)
+
+
+@pytest.mark.parametrize("shape", [(6, 6), (7, 301), (300, 13), (257, 256)])
+def test_every_size_survives(shape: tuple[int, int]) -> None:
+    assert_survives(mosaic(shape=shape))
+
+
+def test_a_dim_white_level_survives() -> None:
+    calibrated = calibration(black_level=(3.0,) * 4, white_level=200)  # 8 bits
+    assert_survives(mosaic(calibrated=calibrated))
+
+
+def test_a_bare_calibration_and_no_metadata_survive() -> None:
+    pattern = CfaPattern.bayer(5)
+    assert_survives(Mosaic(mosaic(pattern).samples, pattern, SensorCalibration()))
+
+
+def test_other_channels_survive_as_a_grey_picture() -> None:
+    original = mosaic(FIVE)
+    assert_survives(original)
+    assert pages(encode_dng(original, preview()))[1][262] == 34892
+
+
+def test_another_order_of_the_channels_survives() -> None:
+    pattern = CfaPattern(CfaPattern.bayer(4).tile, (1, 2), "BRG")
+    original = mosaic(pattern)
+    assert_survives(original)
+    raw = pages(encode_dng(original, preview()))[1]
+    assert bytes(raw[50710]) == bytes([2, 0, 1, 6])  # and everything per plane in this order
+    assert raw[51041][0] == pytest.approx(original.calibration.noise.shot[0] / original.calibration.full_scale)  # type: ignore[union-attr]
+
+
+def test_scene_units_are_stored_as_codes() -> None:
+    original = mosaic()
+    scene = Mosaic(original.signal, original.pattern, original.calibration, METADATA)
+    read = decode_dng(encode_dng(scene, preview()))
+    np.testing.assert_array_equal(read.samples, scene.codes)
+
+
+def test_the_same_mosaic_gives_the_same_bytes() -> None:
+    assert encode_dng(mosaic(), preview()) == encode_dng(mosaic(), preview())
+
+
+def test_auto_is_cfa_up_to_period_8() -> None:
+    for period, photometric in ((8, 32803), (9, 34892)):
+        assert pages(encode_dng(mosaic(CfaPattern.bayer(period)), preview()))[1][262] == photometric
+
+
+@pytest.mark.parametrize(
+    ("pattern", "reason"), [(CfaPattern.bayer(9), "period is 9.*at most 8"), (FIVE, "no colour codes for the channels ABCDE")]
+)
+def test_cfa_refuses_what_dng_cannot_say(pattern: CfaPattern, reason: str) -> None:
+    with pytest.raises(InputError, match=f'"cfa" cannot hold.*{reason}.*"linear"'):
+        encode_dng(mosaic(pattern), preview(), "cfa")
+
+
+def test_unknown_layout_is_refused() -> None:
+    with pytest.raises(InputError, match="unknown layout 'bayer'"):
+        encode_dng(mosaic(), preview(), "bayer")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "picture", [np.zeros((4, 4, 3)), np.zeros((4, 4), np.uint8), np.zeros((4, 4, 4), np.uint8), np.zeros((0, 4, 3), np.uint8)]
+)
+def test_a_preview_that_is_no_picture_is_refused(picture: Any) -> None:
+    with pytest.raises(InputError, match=r"the preview is .* expected an uint8 picture"):
+        encode_dng(mosaic(), picture)
+
+
+def test_a_frame_too_long_for_a_jpeg_is_refused() -> None:
+    with pytest.raises(InputError, match="at most 65500"):
+        encode_dng(mosaic(shape=(6, 65501)), preview())
+
+
+def test_directories_are_laid_out_as_dng_wants() -> None:
+    data = encode_dng(mosaic(CfaPattern.bayer(6, "RGGB", (2, 5))), preview())
+    main, raw = pages(data)
+    assert data[:4] == b"II*\0"
+    with TiffFile(BytesIO(data)) as file:
+        assert len(file.pages) == 1
+        assert file.pages.first.tags[330].dtype == 4  # LONG, not IFD
+        assert file.pages.first.tags[330].count == 1
+    assert (main[254], main[259], main[262]) == (1, 7, 6)
+    assert (raw[254], raw[259], raw[262], raw[258], raw[277]) == (0, 7, 32803, 12, 1)
+    assert (bytes(main[50706]), bytes(main[50707])) == (b"\1\4\0\0", b"\1\2\0\0")
+    assert main[50708] == "Panchroma Pr?fling 7"
+    assert raw[33421] == (6, 6)
+    shown = np.frombuffer(raw[33422], np.uint8).reshape(6, 6)
+    assert {(int(row), int(column)): int(shown[row, column]) for row, column in np.argwhere(shown != 6)} == {
+        (2, 5): 0,
+        (2, 0): 1,
+        (3, 5): 1,
+        (3, 0): 2,
+    }
+
+
+def test_black_levels_are_told_per_pixel_where_planes_differ() -> None:
+    pattern = CfaPattern.bayer(4, origin=(1, 3))
+    original = mosaic(pattern, calibrated=calibration(black_level=(200.0, 210.0, 220.25, 230.0)))
+    raw = pages(encode_dng(original, preview()))[1]
+    levels = np.array(raw[50714]).reshape(4, 4, 2)
+    expected = np.array(original.calibration.black_level)[pattern.filter_map((4, 4))]
+    np.testing.assert_array_equal(levels[..., 0] / levels[..., 1], expected)
+    assert raw[50713] == (4, 4)
+    assert raw[50717] == original.calibration.white_level
+    assert_survives(original)
+
+
+def test_one_black_level_is_told_once() -> None:
+    for period, blacks, told in ((4, (200.0,) * 4, 200), (12, (200.0, 210.0, 220.0, 230.0), 230)):
+        raw = pages(encode_dng(mosaic(CfaPattern.bayer(period), calibrated=calibration(black_level=blacks)), preview()))[1]
+        assert (raw[50713], raw[50714]) == ((1, 1), told)
+
+
+def test_noise_profile_is_that_of_normalised_samples() -> None:
+    original = mosaic(calibrated=calibration(bits=16))
+    calibrated = original.calibration
+    assert calibrated.noise is not None
+    raw = pages(encode_dng(original, preview()))[1]
+    profile = np.array(raw[51041]).reshape(-1, 2)
+    for plane, (slope, floor) in enumerate(profile):
+        signal = 0.4  # scene units
+        told = np.sqrt(slope * signal / calibrated.full_scale + floor) * calibrated.full_scale
+        assert told == pytest.approx(calibrated.noise.sigma(signal, plane), rel=1e-12)
+    grey = pages(encode_dng(original, preview(), "linear"))[1]
+    assert tuple(grey[51041]) == tuple(profile[-1])
+
+
+def test_noise_without_a_shot_term_has_a_slope_that_readers_accept() -> None:
+    gaussian = calibration(noise=NoiseModel.gaussian(0.01, 4))
+    data = encode_dng(mosaic(calibrated=gaussian), preview())
+    assert min(pages(data)[1][51041]) > 0
+    assert decode_dng(data).calibration == gaussian
+    assert 51041 not in pages(encode_dng(mosaic(calibrated=replace(gaussian, noise=None)), preview()))[1]
+
+
+def test_digest_is_adobes() -> None:
+    # The figures that Adobe's DNG SDK 1.7.1 finds for these samples (dng_negative::FindNewRawImageDigest).
+    samples = np.arange(300 * 280, dtype=np.uint32).astype(np.uint16).reshape(300, 280)
+    assert raw_digest(samples).hex() == "93531235569db4d81a0ae06c25f8d9fd"
+    assert (
+        raw_digest(np.stack([samples, samples[::-1], samples.T.reshape(300, 280)], axis=-1)).hex()
+        == "0ac03a8130d6b0ac9bf47effb07a8953"
+    )
+
+
+def test_preview_is_a_jpeg_of_its_size() -> None:
+    jpeg = decode_preview(encode_dng(mosaic(), preview(41, 77)))
+    assert jpeg.startswith(b"\xff\xd8\xff")
+    assert jpeg.endswith(b"\xff\xd9")
+
+
+def test_record_is_named_and_survives_padding() -> None:
+    original = mosaic()
+    record = encode_record(original)
+    assert record.startswith(RECORD_ID)
+    assert RECORD_ID.startswith(b"Panchroma")
+    assert RECORD_ID.endswith(b"\0")
+    assert decode_record(record) == (original.pattern, original.calibration)
+    assert decode_record(record + b"\0") == (original.pattern, original.calibration)  # exiftool pads
+    assert original.calibration.id.encode() in record
+
+
+def test_record_tells_any_change() -> None:
+    record = encode_record(mosaic())
+    for changed in (
+        record.replace(b'"W', b'"G'),
+        record[:-1],
+        RECORD_ID,
+        RECORD_ID + b"[1]",
+        RECORD_ID + b"{}",
+        RECORD_ID + b"\xff",
+    ):
+        with pytest.raises(InputError, match="damaged: the record"):
+            decode_record(changed)
+
+
+def test_two_patterns_that_disagree_are_both_named() -> None:
+    data = encode_dng(mosaic(CfaPattern.bayer(3)), preview())
+    tile = bytes([0, 1, 6, 1, 2, 6, 6, 6, 6])
+    assert data.count(tile) == 1
+    with pytest.raises(InputError, match=r"CFAPattern says RBW GGW WWW.*DNGPrivateData says RGW GBW WWW"):
+        decode_dng(data.replace(tile, bytes([0, 2, 6, 1, 1, 6, 6, 6, 6])))

@@ -1,0 +1,188 @@
+"""Files that are torn, flipped, foreign, or made to do harm: each is refused, or read as it was written."""
+
+import struct
+import time
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern
+from shared.dng import codec, decode_dng, decode_preview, encode_dng, encode_picture_dng
+from shared.dng.container import main_directory, raw_digest, raw_directory
+from shared.dng.record import encode_record
+from shared.dng.tags import Photometric, Tag
+from shared.errors import InputError
+from shared.tiff import Directory, Fields, FieldType, encode_tiff
+from tests.shared.dng.examples import METADATA, mosaic, preview, same
+
+LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
+
+
+def tampered(raw_fields: Fields, strips: list[bytes] | None = None) -> bytes:
+    """A file of ours, record, digest and all, whose raw directory says something else."""
+    original = mosaic(CfaPattern.bayer(9))
+    raw = raw_directory(original.codes, 12, Photometric.LINEAR_RAW)
+    raw.fields.update(raw_fields)
+    raw.strips = raw.strips if strips is None else strips
+    main = main_directory(preview(), METADATA, "Panchroma", raw, raw_digest(original.codes))
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(original)
+    return encode_tiff(main)
+
+
+def sides(rows: int, columns: int) -> Fields:
+    return {
+        Tag.IMAGE_LENGTH: (FieldType.LONG, [rows]),
+        Tag.ROWS_PER_STRIP: (FieldType.LONG, [rows]),
+        Tag.IMAGE_WIDTH: (FieldType.LONG, [columns]),
+    }
+
+
+def assert_refused_cheaply(data: bytes, match: str) -> None:
+    tracemalloc.start()
+    start = time.perf_counter()
+    with pytest.raises(InputError, match=match):
+        decode_dng(data)
+    assert time.perf_counter() - start < LIMIT_SECONDS
+    assert tracemalloc.get_traced_memory()[1] < LIMIT_BYTES
+    tracemalloc.stop()
+
+
+def test_the_helper_makes_good_files() -> None:
+    assert same(decode_dng(tampered({})), mosaic(CfaPattern.bayer(9)))
+
+
+@pytest.mark.parametrize("layout", ["cfa", "linear"])
+def test_a_flipped_bit_is_told_or_harmless(layout: codec.Layout) -> None:
+    original = mosaic(shape=(13, 17))
+    data = encode_dng(original, preview(8, 8), layout)
+    random = np.random.default_rng(300)
+    # Half of them in the directories, which are a small part of the file and the dangerous one.
+    tail = 8 * (len(data) - 1200)
+    for bit in (*random.integers(0, 8 * len(data), 300).tolist(), *random.integers(tail, 8 * len(data), 300).tolist()):
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        try:
+            read = decode_dng(bytes(flipped))
+        except InputError:
+            continue
+        assert same(read, original), f"bit {bit}"
+
+
+def test_a_torn_file_is_told() -> None:
+    data = encode_dng(mosaic(), preview())
+    for size in np.random.default_rng(1).integers(1, len(data), 100).tolist():
+        with pytest.raises(InputError):
+            decode_dng(data[:size])
+    with pytest.raises(InputError, match=r"damaged: the file ends after 3000 bytes.*copy the file again"):
+        decode_dng(data[:3000])
+
+
+def test_absurd_sizes_are_refused_before_they_are_decoded() -> None:
+    assert_refused_cheaply(tampered(sides(60000, 60000)), "declares 60000 x 60000 pixels; 536870912 are the limit")
+    assert_refused_cheaply(tampered(sides(16000, 32000)), "its .* bytes of samples cannot hold them")
+    assert_refused_cheaply(tampered(sides(2**32 - 1, 2**32 - 1)), "are the limit")
+    assert_refused_cheaply(tampered({Tag.IMAGE_WIDTH: (FieldType.LONG, [0])}), "damaged")
+    assert_refused_cheaply(tampered({32997: (FieldType.LONG, [10**6])}), "expected whole numbers")  # ImageDepth
+
+
+def test_the_callers_limit_counts() -> None:
+    original = mosaic(shape=(20, 30))
+    data = encode_dng(original, preview())
+    assert same(decode_dng(data, max_pixels=600), original)
+    with pytest.raises(InputError, match="30 x 20 pixels; 599 are the limit"):
+        decode_dng(data, max_pixels=599)
+
+
+def test_a_deflate_bomb_is_refused() -> None:
+    bomb = zlib.compress(bytes(200_000_000), 9)
+    fields = {**sides(10000, 10000), Tag.COMPRESSION: (FieldType.SHORT, [8])}
+    assert_refused_cheaply(tampered(fields, [bomb]), "compression 8; a mosaic is lossless JPEG or uncompressed")
+    foreign = Directory({**sides(60000, 60000), Tag.COMPRESSION: (FieldType.SHORT, [8])}, strips=[bomb])
+    assert_refused_cheaply(encode_tiff(foreign), "not a mosaic of Panchroma")
+
+
+def test_a_jpeg_that_declares_more_than_it_holds_is_refused() -> None:
+    original = mosaic(CfaPattern.bayer(9))
+    (jpeg,) = raw_directory(original.codes, 12, Photometric.LINEAR_RAW).strips
+    frame = jpeg.index(b"\xff\xc3") + 5
+    assert struct.unpack_from(">HH", jpeg, frame) == original.shape
+    huge = jpeg[:frame] + struct.pack(">HH", 65500, 65500) + jpeg[frame + 4 :]
+    assert_refused_cheaply(tampered({}, [huge]), "a JPEG declares more samples")
+    assert_refused_cheaply(tampered({}, [jpeg.replace(b"\xff\xc3", b"\xff\xc0", 1)]), "not a lossless JPEG")
+    hidden = huge.replace(b"\xff\xc3", b"\xff\xc0", 1)[: frame + 6 + 3] + jpeg[frame - 5 :]  # a good frame behind a bad one
+    assert_refused_cheaply(tampered({}, [hidden]), "not a lossless JPEG")
+    assert_refused_cheaply(tampered({}, [jpeg[:30] * 200]), "damaged")
+
+
+def test_strips_must_lie_in_the_file_and_side_by_side() -> None:
+    rows = 37
+    many: Fields = {
+        Tag.ROWS_PER_STRIP: (FieldType.LONG, [1]),
+        Tag.COMPRESSION: (FieldType.SHORT, [1]),
+        Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16]),
+    }
+    (samples,) = [mosaic(CfaPattern.bayer(9)).codes]
+    strips = [row.tobytes() for row in samples]
+    assert same(decode_dng(tampered(many, strips)), mosaic(CfaPattern.bayer(9)))
+    data = tampered(many, strips)
+    sizes = struct.pack(f"<{rows}I", *[53 * 2] * rows)
+    assert data.count(sizes) == 1
+    assert_refused_cheaply(data.replace(sizes, struct.pack(f"<{rows}I", *[len(data) // 2] * rows)), "before its samples do")
+    assert_refused_cheaply(data.replace(sizes, struct.pack(f"<{rows}I", *[1] * rows)), "cannot hold them")
+    assert_refused_cheaply(tampered(many, strips[:-1]), "damaged")
+
+
+def test_tiles_of_jpeg_are_put_together() -> None:
+    """Adobe's converter cuts the samples into tiles, and counts two columns as two components."""
+    original = mosaic(CfaPattern.bayer(9), (37, 53))
+    padded = np.pad(original.codes, ((0, 11), (0, 11)))
+    tiles = [
+        np.ascontiguousarray(padded[top : top + 16, left : left + 32]) for top in range(0, 48, 16) for left in range(0, 64, 32)
+    ]
+    strips = [raw_directory(tile, 12, Photometric.LINEAR_RAW).strips[0] for tile in tiles]
+    data = tampered({322: (FieldType.SHORT, [32]), 323: (FieldType.SHORT, [16])}, strips)
+    # What the writer knows as strips are tiles: patch the two tags, which keeps the order of all.
+    for strip_tag, tile_tag in ((273, 324), (279, 325)):
+        entry = struct.pack("<HHI", strip_tag, 4, len(strips))
+        assert data.count(entry) == 1
+        data = data.replace(entry, struct.pack("<HHI", tile_tag, 4, len(strips)))
+    assert same(decode_dng(data), original)
+
+
+def test_changed_samples_are_told() -> None:
+    other = mosaic(CfaPattern.bayer(9)).codes.copy()
+    other[5, 5] ^= 1
+    with pytest.raises(InputError, match=r"damaged: the samples differ .*NewRawImageDigest"):
+        decode_dng(tampered({}, list(raw_directory(other, 12, Photometric.LINEAR_RAW).strips)))
+
+
+def test_samples_of_another_kind_are_told() -> None:
+    with pytest.raises(InputError, match="PhotometricInterpretation of the raw samples is 2"):
+        decode_dng(tampered({Tag.PHOTOMETRIC: (FieldType.SHORT, [2])}))
+    with pytest.raises(InputError, match="no raw picture"):
+        decode_dng(tampered({Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [1])}))
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "the file is empty"),
+        (b"\xff\xd8\xff\xe0 and so on", "a JPEG picture, not a DNG"),
+        (b"\x89PNG", "not a DNG"),
+        (b"II*\0", "damaged"),
+        (b"II*\0\x08\0\0\0\0\0\0\0\0\0", "not a mosaic|no JPEG preview"),
+    ],
+)
+def test_other_files_are_told(data: bytes, reason: str) -> None:
+    for decode in (decode_dng, decode_preview):
+        with pytest.raises(InputError, match=reason):
+            decode(data)
+
+
+def test_a_rendered_picture_is_no_mosaic() -> None:
+    rendering = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
+    with pytest.raises(InputError, match="not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW"):
+        decode_dng(rendering)
+    assert decode_preview(rendering).startswith(b"\xff\xd8")

@@ -1,0 +1,140 @@
+"""The rendered picture as a DNG, opened with LibRaw as a raw developer opens it."""
+
+import math
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+from tifffile import TiffFile
+
+from shared import CaptureMetadata
+from shared.arrays import DoubleArray, FloatArray
+from shared.colorimetry import SRGB_TO_XYZ
+from shared.dng import decode_preview, encode_picture_dng
+from shared.errors import InputError
+from tests.shared.dng.examples import METADATA, preview
+
+PATCH = 16
+QUANTISED = 1e-4  # of full scale: two roundings to 16 bits, and LibRaw's matrix in floats of four digits
+NEUTRAL = np.array([0.5, 1.0, 0.7])
+
+
+def patches(low: float = 0.1, high: float = 0.9) -> FloatArray:
+    """A chart of random colours, the first one grey; (96, 80, 3)."""
+    colours = np.random.default_rng(3).uniform(low, high, (6, 5, 3)).astype(np.float32)
+    colours[0, 0] = 0.5
+    return colours.repeat(PATCH, axis=0).repeat(PATCH, axis=1)
+
+
+def developed(data: bytes) -> DoubleArray:
+    """The middle of each patch in linear sRGB, 0..1, as LibRaw renders it with the white balance of the shot."""
+    with rawpy.imread(BytesIO(data)) as raw:
+        # LibRaw brightens pictures whose maximum is not quite white unless told not to.
+        linear = raw.postprocess(
+            gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, use_camera_wb=True, output_bps=16, user_flip=0
+        )
+    return linear[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] / 65535
+
+
+@pytest.mark.parametrize("shape", [(22, 23), (64, 301)])
+def test_libraw_reads_the_very_codes(shape: tuple[int, int]) -> None:
+    rgb = np.random.default_rng(1).random((*shape, 3), np.float32)
+    rgb[0, 0] = 0.0, 1.0, 0.5
+    with rawpy.imread(BytesIO(encode_picture_dng(rgb, METADATA, None, None, preview()))) as raw:
+        np.testing.assert_array_equal(raw.raw_image[..., :3], np.rint(rgb * 65535).astype(np.uint16))
+        assert raw.white_level == 65535
+        assert raw.sizes.flip == 6  # LibRaw's word for orientation 6
+
+
+def test_tifffile_reads_the_very_codes() -> None:
+    rgb = patches()
+    with TiffFile(BytesIO(encode_picture_dng(rgb, METADATA, None, None, preview()))) as file:
+        assert file.pages.first.pages is not None
+        codes = file.pages.first.pages[0].asarray()
+    np.testing.assert_array_equal(codes, np.rint(rgb * 65535).astype(np.uint16))
+
+
+def test_nominal_colours_are_kept() -> None:
+    shown = developed(encode_picture_dng(patches(), METADATA, None, [1.0, 1.0, 1.0], preview()))
+    np.testing.assert_allclose(shown, patches()[::PATCH, ::PATCH], atol=QUANTISED)
+
+
+def test_nominal_colours_are_white_balanced() -> None:
+    camera = (patches() * NEUTRAL).astype(np.float32)
+    shown = developed(encode_picture_dng(camera, METADATA, None, NEUTRAL, preview()))
+    np.testing.assert_allclose(shown, patches()[::PATCH, ::PATCH], atol=QUANTISED)
+
+
+def test_calibrated_colours_are_kept() -> None:
+    crosstalk = np.array([[1.2, -0.1, -0.1], [0.1, 0.8, 0.1], [0.0, 0.2, 0.8]])  # white to white
+    camera_to_xyz = SRGB_TO_XYZ @ crosstalk / NEUTRAL
+    camera = (patches(0.3, 0.7) * NEUTRAL).astype(np.float32)
+    shown = developed(encode_picture_dng(camera, METADATA, camera_to_xyz, NEUTRAL, preview()))
+    np.testing.assert_allclose(shown, (camera / NEUTRAL @ crosstalk.T)[::PATCH, ::PATCH], atol=QUANTISED)
+
+
+def test_colour_tags() -> None:
+    camera_to_xyz = SRGB_TO_XYZ / NEUTRAL
+    with TiffFile(BytesIO(encode_picture_dng(patches(), METADATA, camera_to_xyz, NEUTRAL * 3, preview()))) as file:
+        tags = file.pages.first.tags
+        matrix, light, neutral = tags[50721].value, tags[50778].value, tags[50728].value
+    to_camera = np.array(matrix[::2]).reshape(3, 3) / np.array(matrix[1::2]).reshape(3, 3)
+    product = to_camera @ camera_to_xyz
+    np.testing.assert_allclose(product, product[0, 0] * np.eye(3), atol=1e-6)
+    assert light == 23  # D50
+    np.testing.assert_allclose(np.array(neutral[::2]) / np.array(neutral[1::2]), NEUTRAL, atol=1e-6)
+
+
+def test_highlights_are_kept_below_the_callers_white() -> None:
+    rgb = patches() * 3
+    white = float(rgb.max())
+    data = encode_picture_dng(rgb, METADATA, None, None, preview(), white=white)
+    with rawpy.imread(BytesIO(data)) as raw:
+        np.testing.assert_allclose(raw.raw_image[..., :3] / 65535 * white, rgb, atol=white / 65535)
+    with TiffFile(BytesIO(data)) as file:
+        numerator, denominator = file.pages.first.tags[50730].value
+    assert numerator / denominator == pytest.approx(math.log2(white), abs=1e-6)
+
+
+def test_beyond_black_and_white_is_cut() -> None:
+    rgb = np.full((32, 32, 3), (-0.5, 2.0, 1e9), np.float32)
+    with rawpy.imread(BytesIO(encode_picture_dng(rgb, CaptureMetadata(), None, None, preview()))) as raw:
+        assert raw.raw_image[0, 0, :3].tolist() == [0, 65535, 65535]
+
+
+def test_preview_lies_in_it() -> None:
+    data = encode_picture_dng(patches(), METADATA, None, None, preview())
+    with TiffFile(BytesIO(data)) as file:
+        assert file.pages.first.shape == preview().shape
+    assert decode_preview(data) in data
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"rgb": np.zeros((4, 4), np.float32)}, "the picture is float32"),
+        ({"rgb": np.zeros((4, 4, 4), np.float32)}, "the picture is float32"),
+        ({"rgb": np.zeros((4, 4, 3), np.uint8)}, "expected floats"),
+        ({"rgb": np.zeros((0, 4, 3), np.float32)}, "expected floats"),
+        ({"rgb": np.full((4, 4, 3), np.nan, np.float32)}, "not finite"),
+        ({"white": 0.0}, "white is 0.0"),
+        ({"white": math.inf}, "white is inf"),
+        ({"camera_to_xyz": np.ones((3, 3))}, "with an inverse"),
+        ({"camera_to_xyz": np.eye(4)}, "with an inverse"),
+        ({"camera_to_xyz": np.full((3, 3), np.nan)}, "with an inverse"),
+        ({"neutral": [1.0, 0.0, 1.0]}, "three positive readings"),
+        ({"neutral": [1.0, 1.0]}, "three positive readings"),
+    ],
+)
+def test_nonsense_is_refused(change: dict[str, Any], reason: str) -> None:
+    given: dict[str, Any] = {
+        "rgb": patches(),
+        "metadata": METADATA,
+        "camera_to_xyz": None,
+        "neutral": None,
+        "preview": preview(),
+    }
+    with pytest.raises(InputError, match=reason):
+        encode_picture_dng(**{**given, **change})

@@ -1,0 +1,114 @@
+"""Our files in other people's hands: what they read is what we wrote, and what they edit we can still read."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+import rawpy
+from PIL import Image
+from tifffile import TiffFile
+
+from shared import CfaPattern, Mosaic
+from shared.calibration import encoding
+from shared.dng import Layout, encode_dng, encode_picture_dng, read_dng, read_preview, write_dng
+from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
+
+needs_exiftool = pytest.mark.skipif(shutil.which("exiftool") is None, reason="exiftool is not installed")
+
+CASES: list[tuple[Mosaic, Layout]] = [
+    (mosaic(CfaPattern.bayer(3, "BGGR", (1, 2))), "cfa"),
+    (mosaic(CfaPattern.bayer(6), (41, 67), calibration(bits=10)), "cfa"),
+    (mosaic(CfaPattern.bayer(6), (64, 48), calibration(bits=14)), "linear"),
+    (mosaic(CfaPattern.bayer(8, "GBRG"), (33, 31), calibration(bits=16)), "cfa"),
+    (mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=(encoding(12)[0],) * 4)), "auto"),
+    (mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))), "auto"),
+]
+
+
+def exiftool(*arguments: str | Path) -> str:
+    done = subprocess.run(["exiftool", *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize(("original", "layout"), CASES)
+def test_tifffile_and_libraw_read_the_very_samples(original: Mosaic, layout: Layout) -> None:
+    data = encode_dng(original, preview(), layout)
+    with TiffFile(BytesIO(data)) as file:
+        assert file.pages.first.pages is not None
+        np.testing.assert_array_equal(file.pages.first.pages[0].asarray(), original.codes)
+    with rawpy.imread(BytesIO(data)) as raw:
+        np.testing.assert_array_equal(raw.raw_image, original.codes)
+
+
+def test_every_viewer_shows_the_preview(tmp_path: Path) -> None:
+    path = tmp_path / "shot.dng"
+    write_dng(path, mosaic(metadata=replace(METADATA, orientation=1)), preview())
+    shown = imagecodecs.jpeg8_decode(read_preview(path))
+    assert np.abs(shown.astype(int) - preview()).mean() < 3  # JPEG, and half the colour resolution
+    with Image.open(path) as picture:
+        assert picture.size == (80, 60)
+        assert np.abs(np.asarray(picture.convert("RGB")).astype(int) - preview()).mean() < 3
+    with rawpy.imread(str(path)) as raw:
+        thumb = raw.extract_thumb()
+    assert thumb.format == rawpy.ThumbFormat.JPEG
+    np.testing.assert_array_equal(imagecodecs.jpeg8_decode(bytes(thumb.data)), shown)
+
+
+@needs_exiftool
+def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
+    for number, (original, layout) in enumerate(CASES):
+        write_dng(tmp_path / f"{number}.dng", original, preview(), layout=layout)
+    rendering = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
+    (tmp_path / "picture.dng").write_bytes(rendering)
+    verdicts = exiftool("-validate", "-warning", "-error", "-a", "-q", "-s3", tmp_path)
+    assert verdicts.split() == ["OK"] * (len(CASES) + 1)
+
+
+@needs_exiftool
+def test_exiftool_shows_metadata_and_preview(tmp_path: Path) -> None:
+    path = tmp_path / "shot.dng"
+    write_dng(path, mosaic(), preview())
+    shown = exiftool("-s3", "-Artist", "-LensModel", "-ExposureTime", "-ISO", "-SubSecDateTimeOriginal", path).splitlines()
+    assert shown == [METADATA.artist, METADATA.lens, "1/250", "640", "2014:03:09 07:05:01.020300"]
+    extracted = subprocess.run(["exiftool", "-b", "-PreviewImage", path], capture_output=True, check=True).stdout
+    assert extracted == read_preview(path)
+
+
+@needs_exiftool
+def test_an_edit_is_read_back_and_costs_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "shot.dng"
+    write_dng(path, mosaic(), preview())
+    edits = ["-Artist=Zoë", "-ISO=100", "-Orientation#=1", "-XMP:Rating=3", "-DateTimeOriginal=2020:01:02 03:04:05"]
+    exiftool("-q", "-overwrite_original", *edits, path)
+    read = read_dng(path)
+    assert same(read, mosaic())
+    assert METADATA.taken is not None
+    taken = METADATA.taken.replace(2020, 1, 2, 3, 4, 5)
+    assert read.metadata == replace(METADATA, artist="Zoë", iso=100, orientation=1, taken=taken)
+
+
+@needs_exiftool
+@pytest.mark.parametrize("case", [1, 4])
+def test_a_rebuild_from_nothing_costs_nothing(tmp_path: Path, case: int) -> None:
+    path = tmp_path / "shot.dng"
+    original, layout = CASES[case]
+    write_dng(path, original, preview(), layout=layout)
+    exiftool("-q", "-q", "-overwrite_original", "-all=", "-tagsfromfile", "@", "-all:all", "-unsafe", path)
+    read = read_dng(path)
+    assert same(read, original)
+    # It copies the length as it prints it.
+    assert replace(read.metadata, focal_length=METADATA.focal_length) == METADATA
+
+
+@pytest.mark.parametrize(("original", "layout"), CASES)
+def test_adobe_reads_the_very_samples(tmp_path: Path, original: Mosaic, layout: Layout, capfd: pytest.CaptureFixture[str]) -> None:
+    dngpy = pytest.importorskip("dngpy", reason="Adobe's DNG SDK is not installed")
+    write_dng(tmp_path / "shot.dng", original, preview(), layout=layout)
+    np.testing.assert_array_equal(np.squeeze(dngpy.Dng(str(tmp_path / "shot.dng")).raw_pixels), original.codes)
+    assert "Error" not in capfd.readouterr().err  # it says there when the digest is wrong

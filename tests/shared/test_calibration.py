@@ -1,0 +1,224 @@
+import json
+import math
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared.calibration import BITS, SCHEMA, NoiseModel, SensorCalibration, encoding
+from shared.errors import InputError
+from shared.pattern import CfaPattern
+
+FULL = SensorCalibration(
+    "RGB",
+    gamma=(0.9, 1.1, 1.2),
+    noise=NoiseModel((1e-4, 2e-4, 3e-4, 4e-4), (0.01, 0.02, 0.03, 0.04)),
+    black_level=(60.0, 61.5, 62.0, 64.0),
+    white_level=4000,
+    camera_to_xyz=((0.4, 0.3, 0.2), (0.2, 0.7, 0.1), (0.0, 0.1, 0.7)),
+    neutral=(0.5, 1.0, 0.7),
+    sensor="bench camera",
+)
+
+
+def test_defaults_are_the_papers_sensor() -> None:
+    calibration = SensorCalibration()
+    assert calibration.gamma == (1.0, 1.0, 1.0)
+    assert calibration.full_scale == 3.0
+    assert calibration.grey == pytest.approx(1 / 3)
+    assert calibration.noise is None
+    assert calibration.bits == 16
+    assert calibration.black_level == (4096.0,) * 4
+
+
+@pytest.mark.parametrize("bits", BITS)
+def test_encoding_leaves_room_at_both_ends(bits: int) -> None:
+    black, white = encoding(bits)
+    assert black == (1 << bits) - 1 - white == 2**bits // 16
+    assert SensorCalibration(black_level=(black,) * 4, white_level=white).bits == bits
+
+
+@pytest.mark.parametrize("bits", [0, 8, 9, 17])
+def test_other_depths_are_refused(bits: int) -> None:
+    with pytest.raises(InputError, match=f"{bits} bits: expected 10 to 16"):
+        encoding(bits)
+
+
+def test_scale_takes_black_to_zero_and_white_to_full_scale() -> None:
+    scale = FULL.scale()
+    assert scale.shape == (4,)
+    np.testing.assert_allclose((4000 - np.array(FULL.black_level)) * scale, FULL.full_scale, rtol=1e-15)
+    assert FULL.full_scale == pytest.approx(3.2)
+    assert FULL.grey * FULL.full_scale == pytest.approx(1.0)
+    assert FULL.bits == 12
+
+
+def test_noise_is_poisson_plus_gaussian_per_plane() -> None:
+    noise = NoiseModel((0.0, 0.04), (0.3, 0.1))
+    assert noise.sigma(5.0, plane=0) == pytest.approx(0.3)
+    assert noise.sigma(2.0) == noise.sigma(2.0, plane=1) == pytest.approx(math.sqrt(0.08 + 0.01))
+    assert noise.sigma(-1.0) == pytest.approx(0.1)  # a sample below black has no shot noise
+    assert NoiseModel.gaussian(0.02, 4) == NoiseModel((0.0,) * 4, (0.02,) * 4)
+
+
+@pytest.mark.parametrize(
+    ("shot", "read", "words"),
+    [
+        ((0.1,), (-0.1,), "noise.read has a negative"),
+        ((-0.1,), (0.1,), "noise.shot has a negative"),
+        ((0.1,), (0.1, 0.1), "1 planes, noise.read 2"),
+        ((math.nan,), (0.1,), "noise.shot holds a value that is not finite"),
+        (("x",), (0.1,), "expected a list of numbers"),
+        (0.1, (0.1,), "expected a list of numbers"),
+    ],
+)
+def test_impossible_noise_is_refused(shot: Any, read: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        NoiseModel(shot, read)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"channels": "R"}, "channels"),
+        ({"channels": "RGR"}, "channels"),
+        ({"channels": "rgb"}, "channels"),
+        ({"channels": "RGW"}, "stands for panchromatic"),
+        ({"gamma": (1.0, 1.0)}, "gamma has 2 figures, expected 3"),
+        ({"gamma": (1.0, 0.0, 1.0)}, "positive weights"),
+        ({"gamma": (1.0, math.inf, 1.0)}, "not finite"),
+        ({"black_level": (64.0, 64.0, 64.0)}, "black_level has 3 figures, expected 4"),
+        ({"black_level": (64.0, 64.0, 64.0, 65000.0)}, "expected 0 <= black < white"),
+        ({"black_level": (-1.0, 64.0, 64.0, 64.0)}, "expected 0 <= black < white"),
+        ({"white_level": 4000.0}, "white_level is 4000.0, expected a whole number"),
+        ({"white_level": None}, "white_level is None, expected a whole number"),
+        ({"white_level": 65536}, "expected 0 <= black < white"),
+        ({"noise": NoiseModel.gaussian(0.1, 3)}, "noise has 3 planes, expected 4"),
+        ({"neutral": (1.0, 0.0, 1.0)}, "positive readings"),
+        ({"neutral": (1.0, 1.0)}, "neutral has 2 figures"),
+        ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))}, "3 x 3 matrix"),
+        ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0))}, "full rank"),
+        ({"camera_to_xyz": ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0))}, "camera_to_xyz has 2 figures"),
+    ],
+)
+def test_impossible_calibrations_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SensorCalibration(**{"channels": "RGB", **changes})
+
+
+def test_any_number_of_channels() -> None:
+    five = SensorCalibration("RGBXY", camera_to_xyz=((1, 0, 0, 0.1, 0.2), (0, 1, 0, 0.3, 0.1), (0, 0, 1, 0.1, 0.5)))
+    assert five.full_scale == 5.0
+    assert len(five.black_level) == 6
+    two = SensorCalibration("XY", camera_to_xyz=((1, 0), (0, 1), (1, 1)))
+    assert two.grey == 0.5
+
+
+@pytest.mark.parametrize("calibration", [FULL, SensorCalibration(), SensorCalibration("XY", sensor="é")])
+def test_json_and_back_is_the_identity(calibration: SensorCalibration) -> None:
+    again = SensorCalibration.from_json(json.loads(json.dumps(calibration.to_json())))
+    assert again == calibration
+    assert again.id == calibration.id
+
+
+def test_arrays_are_taken_as_the_tuples_they_hold() -> None:
+    arrays: dict[str, Any] = {
+        "gamma": np.array([1.0, 2.0, 3.0]),
+        "black_level": np.array([60, 61, 62, 63]),
+        "neutral": np.array([0.5, 1.0, 0.7], np.float32),
+        "camera_to_xyz": np.eye(3),
+    }
+    assert SensorCalibration(**arrays) == SensorCalibration(**{name: array.tolist() for name, array in arrays.items()})
+    with pytest.raises(InputError, match="gamma has 0 figures"):
+        SensorCalibration(gamma=np.array([]))  # type: ignore[arg-type]
+
+
+def test_id_depends_on_every_field() -> None:
+    document = FULL.to_json()
+    others: list[dict[str, Any]] = [
+        {"gamma": [1.0, 1.1, 1.2]},
+        {"noise": None},
+        {"noise": {**document["noise"], "shot": [0.0] * 4}},
+        {"black_level": [60.0, 61.5, 62.0, 63.0]},
+        {"white_level": 4001},
+        {"camera_to_xyz": None},
+        {"neutral": [0.5, 1.0, 0.8]},
+        {"defects": [[3, 4]]},
+        {"sensor": "another"},
+        {"channels": "BGR"},
+    ]
+    assert {next(iter(change)) for change in others} == set(document) - {"schema", "camera"}
+    ids = {SensorCalibration.from_json({**document, **change}).id for change in others}
+    assert len(ids | {FULL.id}) == len(others) + 1
+    assert len(FULL.id) == 16
+
+
+def test_equal_content_has_equal_id_whatever_number_types_it_came_in() -> None:
+    whole = SensorCalibration(gamma=(1, 1, 2), black_level=(64, 64, 64, 64), white_level=4000)
+    real = SensorCalibration(gamma=(1.0, 1.0, 2.0), black_level=(64.0,) * 4, white_level=np.uint16(4000))  # type: ignore[arg-type]
+    assert whole == real
+    assert whole.id == real.id
+    assert whole.bits == real.bits == 12
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": SCHEMA + 1}, "schema"),
+        ({"gama": [1, 1, 1]}, "unknown field 'gama'"),
+        ({"channels": 3}, "channels is 3, expected str"),
+        ({"white_level": 4000.5}, "white_level is 4000.5, expected int"),
+        ({"white_level": True}, "white_level is True, expected int"),
+        ({"sensor": None}, "sensor is None, expected str"),
+        ({"noise": [0.1]}, 'object with "shot" and "read"'),
+        ({"noise": {"shot": [0.0] * 4}}, 'object with "shot" and "read"'),
+        ({"camera_to_xyz": 5}, "camera_to_xyz is 5, expected a list of rows"),
+        ({"camera_to_xyz": [1, 2, 3]}, "expected a list of numbers"),
+        ({"gamma": 5}, "gamma is 5, expected a list of numbers"),
+        ({"gamma": "abc"}, "expected a list of numbers"),
+        ({"gamma": "123"}, "expected a list of numbers"),
+        ({"gamma": ["1", "2", "3"]}, "expected a list of numbers"),
+        ({"gamma": [True, True, True]}, "expected a list of numbers"),
+        ({"gamma": [10**400, 1, 1]}, "gamma is .*, expected a list of numbers"),
+        ({"gamma": None}, "gamma is None, expected a list of numbers"),
+        ({"gamma": 0}, "gamma is 0, expected a list of numbers"),
+        ({"gamma": []}, "gamma has 0 figures, expected 3"),
+        ({"black_level": None}, "black_level is None, expected a list of numbers"),
+        ({"black_level": 0}, "black_level is 0, expected a list of numbers"),
+        ({"black_level": []}, "black_level has 0 figures, expected 4"),
+        ({"black_level": [None] * 4}, "expected a list of numbers"),
+        ({"neutral": [1.0, float("nan"), 1.0]}, "not finite"),
+    ],
+)
+def test_wrong_documents_are_refused_by_field(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SensorCalibration.from_json({**FULL.to_json(), **change})
+
+
+@pytest.mark.parametrize("document", [None, [], "text", 5, {}])
+def test_what_is_not_a_calibration_is_refused(document: Any) -> None:
+    with pytest.raises(InputError, match="calibration"):
+        SensorCalibration.from_json(document)
+
+
+def test_pattern_and_calibration_must_name_the_same_channels() -> None:
+    FULL.check_pattern(CfaPattern.bayer())
+    with pytest.raises(InputError, match="XY, the calibration RGB"):
+        FULL.check_pattern(CfaPattern.with_block(("XY",), 4))
+
+
+def test_calibrations_are_frozen() -> None:
+    with pytest.raises(FrozenInstanceError):
+        FULL.sensor = "x"  # type: ignore[misc]
+
+
+def test_id_is_that_of_the_camera_file_until_something_is_replaced() -> None:
+    assert replace(FULL, camera="0123456789abcdef").id == FULL.id
+
+
+def test_defects_are_sorted_and_checked() -> None:
+    assert SensorCalibration(defects=((5, 1), (2, 3), (5, 1))).defects == ((2, 3), (5, 1))
+    for wrong in ([[1, 2, 3]], [[1.5, 2]], [[-1, 2]], 7):
+        with pytest.raises(InputError, match="defects"):
+            SensorCalibration.from_json({**FULL.to_json(), "defects": wrong})

@@ -1,0 +1,92 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera
+from shared.errors import InputError
+
+CALIBRATION = SensorCalibration(
+    gamma=(0.9, 1.1, 0.8),
+    noise=NoiseModel.gaussian(0.01, 4),
+    black_level=(250.0,) * 4,
+    white_level=4095,
+    defects=((1, 2),),
+    sensor="bench",
+)
+CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}})
+
+
+def mosaic(pattern: CfaPattern, **changes: Any) -> Mosaic:
+    calibration = replace(SensorCalibration(black_level=(256.0,) * 4, white_level=4095), **changes)
+    return Mosaic(np.full((24, 24), 500, np.uint16), pattern, calibration)
+
+
+def test_json_and_back_is_the_identity(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(CAMERA.to_json()))
+    assert read_camera(path) == CAMERA
+
+
+def test_a_calibration_by_hand_is_a_camera_file_too() -> None:
+    assert Camera.from_json({"schema": 1, "gamma": [1, 2, 3]}).calibration.gamma == (1.0, 2.0, 3.0)
+
+
+def test_calibration_remembers_the_file() -> None:
+    assert CAMERA.calibration.camera == CALIBRATION.id
+    assert replace(CAMERA.calibration, noise=None).camera == CALIBRATION.id
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"pattern": 7}, "pattern is 7"),
+        ({"pattern": {"tile": 3}}, "pattern.tile"),
+        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "origin": [0]}}, "pattern.origin"),
+        ({"pattern": {"tile": ["RGW", "GBW", "WWW"], "size": 1}}, "unknown field 'size'"),
+        ({"pattern": {"tile": ["XYW", "YZW", "WWW"]}}, "XYZ.*RGB"),
+        ({"measured": []}, "measured"),
+        ({"measured": {"taste": {}}}, "unknown part 'taste'"),
+        ({"measured": {"gamma": 1}}, "measured.gamma"),
+        ({"gamma": [1, 2]}, "gamma has 2 figures"),
+        ({"colour": 1}, "unknown field 'colour'"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(change: dict[str, Any], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({**CAMERA.to_json(), **change}))
+    with pytest.raises(InputError, match=words) as caught:
+        read_camera(path)
+    assert str(path) in str(caught.value)
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        read_camera(tmp_path / "absent.json")
+    (tmp_path / "torn.json").write_text('{"schema": 1,')
+    with pytest.raises(InputError, match="not JSON"):
+        read_camera(tmp_path / "torn.json")
+
+
+def test_another_camera_is_refused_and_both_are_named() -> None:
+    with pytest.raises(InputError, match=r"'other'.*'bench'"):
+        CAMERA.calibrated(mosaic(CfaPattern.bayer(6), sensor="other"))
+    with pytest.raises(InputError, match=r"period 8.*period 6"):
+        CAMERA.calibrated(mosaic(CfaPattern.bayer(8)))
+    with pytest.raises(InputError, match=r"BGWWWW.*RGWWWW"):
+        CAMERA.calibrated(mosaic(CfaPattern.bayer(6, "BGGR")))
+    with pytest.raises(InputError, match=r"16 bits.*12"):
+        CAMERA.calibrated(mosaic(CfaPattern.bayer(6), white_level=60000))
+
+
+def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:
+    seen = CAMERA.calibrated(mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7))).calibration
+    assert seen.gamma == CALIBRATION.gamma
+    assert seen.black_level == CALIBRATION.black_level
+    assert seen.noise == CALIBRATION.noise
+    assert seen.neutral == (0.5, 1.0, 0.7)
+    coloured = Camera(replace(CALIBRATION, neutral=(0.6, 1.0, 0.6)), CAMERA.pattern)
+    assert coloured.calibrated(mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7))).calibration.neutral == (0.6, 1.0, 0.6)

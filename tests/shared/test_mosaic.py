@@ -1,0 +1,158 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared.calibration import SensorCalibration, encoding
+from shared.errors import InputError
+from shared.metadata import CaptureMetadata
+from shared.mosaic import Mosaic
+from shared.pattern import CfaPattern
+from tests.reference import geometry
+
+PATTERN = CfaPattern.bayer(4, "GRBG", (1, 3))
+CALIBRATION = SensorCalibration(
+    gamma=(0.8, 1.0, 1.2), black_level=(100.0, 110.0, 120.5, 130.0), white_level=3900
+)  # different blacks: a plane taken for another shows
+SHAPE = (13, 9)
+
+
+def codes() -> Any:
+    return np.random.default_rng(1).integers(0, 4096, SHAPE, np.uint16)
+
+
+def test_codes_become_scene_units_by_plane() -> None:
+    mosaic = Mosaic(codes(), PATTERN, CALIBRATION)
+    assert mosaic.shape == SHAPE
+    assert mosaic.signal.dtype == np.float32
+    for row, column in np.ndindex(SHAPE):
+        black = CALIBRATION.black_level["RGBW".index(geometry.letter(PATTERN, row, column))]
+        expected = (int(mosaic.samples[row, column]) - black) / (3900 - black) * 3.0
+        assert mosaic.signal[row, column] == pytest.approx(expected, rel=1e-6, abs=1e-7)
+
+
+def test_black_reads_zero_and_white_full_scale_exactly() -> None:
+    calibration = SensorCalibration(black_level=(encoding(12)[0],) * 4, white_level=encoding(12)[1])
+    for code, value in ((encoding(12)[0], 0.0), (encoding(12)[1], 3.0)):
+        assert np.all(Mosaic(np.full(SHAPE, code, np.uint16), PATTERN, calibration).signal == np.float32(value))
+
+
+def test_codes_and_scene_units_invert_each_other() -> None:
+    mosaic = Mosaic(codes(), PATTERN, CALIBRATION)
+    assert np.array_equal(mosaic.codes, mosaic.samples)
+    again = Mosaic(mosaic.signal, PATTERN, CALIBRATION)
+    assert np.array_equal(again.codes, mosaic.samples)
+    assert np.array_equal(again.signal, mosaic.signal)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_every_code_survives_scene_units(bits: int) -> None:
+    black, white = encoding(bits)
+    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white)
+    every = np.arange(2**bits, dtype=np.uint16).reshape(-1, 32)
+    assert np.array_equal(Mosaic(Mosaic(every, PATTERN, calibration).signal, PATTERN, calibration).codes, every)
+
+
+def test_quantisation_rounds_to_the_nearest_and_stays_within_the_code_range() -> None:
+    scale = CALIBRATION.scale()[3]
+    values = np.zeros(SHAPE, np.float32)
+    place = next(place for place in np.ndindex(SHAPE) if geometry.letter(PATTERN, *place) == "W")
+    for value, code in ((0.4 * scale, 130), (0.6 * scale, 131), (-500.0, 0), (500.0, 4095), (-3e38, 0), (3e38, 4095), (3.0, 3900)):
+        values[place] = value
+        assert Mosaic(values, PATTERN, CALIBRATION).codes[place] == code
+
+
+def test_quantisation_knows_every_planes_levels_wherever_the_frame_begins() -> None:
+    """Against the definition in double precision, every phase of the pattern; no value lies near the middle of two codes."""
+    calibration = SensorCalibration(gamma=(0.8, 1.0, 1.2), black_level=(900.0, 1000.0, 1100.0, 1200.0), white_level=60000)
+    for origin in np.ndindex(4, 4):
+        pattern = CfaPattern.bayer(4, "GBRG", origin)
+        steps = np.random.default_rng(2).integers(0, 65000, SHAPE) + 0.3
+        values = np.empty(SHAPE)
+        for place in np.ndindex(SHAPE):
+            black = calibration.black_level["RGBW".index(geometry.letter(pattern, *place))]
+            values[place] = (steps[place] - black) / (60000 - black) * 3.0
+        assert np.array_equal(Mosaic(values.astype(np.float32), pattern, calibration).codes, np.floor(steps))
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_floating_point_is_kept_as_float32(kind: Any) -> None:
+    samples = np.linspace(-0.5, 3.5, 13 * 9).reshape(SHAPE).astype(kind)
+    mosaic = Mosaic(samples, PATTERN, CALIBRATION)
+    assert mosaic.samples.dtype == np.float32
+    assert np.array_equal(mosaic.signal, samples.astype(np.float32))
+
+
+@pytest.mark.parametrize("floating", [False, True])
+def test_nothing_that_comes_or_goes_shares_memory_that_can_change(floating: bool) -> None:
+    samples = codes().astype(np.float32) if floating else codes()
+    mosaic = Mosaic(samples, PATTERN, CALIBRATION)
+    before = mosaic.samples.copy()
+    samples[:] = 0
+    assert np.array_equal(mosaic.samples, before)
+    for array in (mosaic.samples, mosaic.signal, mosaic.codes):
+        assert not array.flags.writeable
+        assert array.flags.c_contiguous
+
+
+def test_views_in_any_order_are_read_as_they_look() -> None:
+    wide = codes()
+    mosaic = Mosaic(wide.T[::-1, ::2], PATTERN, CALIBRATION)
+    assert np.array_equal(mosaic.samples, wide.T[::-1, ::2])
+    assert mosaic.samples.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [
+        (np.zeros(9, np.uint16), "shape"),
+        (np.zeros((9, 9, 1), np.uint16), "shape"),
+        (np.zeros((0, 9), np.uint16), "no whole colour block"),
+        (np.zeros((2, 9), np.uint16), "no whole colour block"),
+        (np.zeros(SHAPE, np.uint8), "uint8, expected uint16 codes"),
+        (np.zeros(SHAPE, np.int32), "int32, expected uint16 codes"),
+        (np.zeros(SHAPE, bool), "bool, expected uint16 codes"),
+        (np.zeros(SHAPE, complex), "complex128, expected uint16 codes"),
+        (np.full(SHAPE, 4096, np.uint16), "4096, more than the calibration's 12 bits"),
+        (np.full(SHAPE, np.nan), "117 of 117 samples are not finite"),
+        (np.full(SHAPE, -np.inf, np.float32), "not finite"),
+        ([[1, 2], [3, 4]], "int64"),
+    ],
+)
+def test_other_samples_are_refused(samples: Any, words: str) -> None:
+    pattern = PATTERN if np.shape(samples) != (2, 2) else CfaPattern.bayer(4)
+    with pytest.raises(InputError, match=words):
+        Mosaic(samples, pattern, CALIBRATION)
+
+
+def test_numbers_beyond_float32_are_refused() -> None:
+    with pytest.raises(InputError, match="not finite"), np.errstate(over="ignore"):
+        Mosaic(np.full(SHAPE, 1e39), PATTERN, CALIBRATION)
+
+
+def test_pattern_and_calibration_of_different_sensors_are_refused() -> None:
+    with pytest.raises(InputError, match="different sensors"):
+        Mosaic(codes(), CfaPattern.with_block(("XY",), 4), CALIBRATION)
+
+
+def test_any_number_of_channels() -> None:
+    pattern = CfaPattern.with_block(("RGB", "XWY"), 6, (2, 1))
+    calibration = SensorCalibration("RGBXY", black_level=(10, 20, 30, 40, 50, 60), white_level=1000)
+    mosaic = Mosaic(np.full((12, 12), 500, np.uint16), pattern, calibration)
+    for row, column in np.ndindex(12, 12):
+        black = calibration.black_level["RGBXYW".index(geometry.letter(pattern, row, column))]
+        assert mosaic.signal[row, column] == pytest.approx((500 - black) / (1000 - black) * 5.0, rel=1e-6)
+
+
+def test_metadata_travels_along_and_is_checked() -> None:
+    assert Mosaic(codes(), PATTERN, CALIBRATION, CaptureMetadata(iso=400)).metadata.iso == 400
+    wrongs: list[dict[str, Any]] = [
+        {"orientation": 0},
+        {"orientation": 9},
+        {"iso": 0},
+        {"exposure_time": -1.0},
+        {"f_number": float("nan")},
+    ]
+    for wrong in wrongs:
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            CaptureMetadata(**wrong)

@@ -1,0 +1,209 @@
+"""The pattern against a count of the tile, pixel by pixel."""
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from shared.errors import InputError
+from shared.pattern import BAYER_ORDERS, PERIODS, BlockGrid, CfaPattern
+from tests.reference import geometry
+
+FIVE = ("RGB", "XWY")  # six pixels, five channels, and a hole in the block
+PATTERNS = [
+    CfaPattern.bayer(),
+    CfaPattern.bayer(3, "GBRG", (2, 1)),
+    CfaPattern.bayer(4, "BGGR", (-1, 7)),
+    CfaPattern.bayer(7, "GRBG", (3, 6)),
+    CfaPattern.bayer(16, origin=(9, 14)),
+    CfaPattern.with_block(FIVE, 8, (5, 2)),
+    CfaPattern.with_block(("RGB",), 5, (4, 4)),
+    CfaPattern.with_block(("R", "G", "B"), 5, (1, 3)),
+    CfaPattern(("BWWWG", "WWWWW", "WWWWW", "WWWWW", "GWWWR")),  # the block lies across the tile's edge
+]
+SHAPES = [(17, 18), (17, 31), (40, 27)]
+
+with_patterns = pytest.mark.parametrize(
+    "pattern", PATTERNS, ids=lambda pattern: f"{pattern.channels}{pattern.period}{pattern.origin}"
+)
+
+
+@with_patterns
+def test_filter_map_is_the_tile_repeated_from_its_origin(pattern: CfaPattern) -> None:
+    for first in ((0, 0), (3, 11), (-4, 2)):
+        planes = pattern.filter_map((17, 13), first)
+        assert planes.dtype == np.uint8
+        letters = [[geometry.letter(pattern, row + first[0], column + first[1]) for column in range(13)] for row in range(17)]
+        assert [[pattern.planes[plane] for plane in row] for row in planes.tolist()] == letters
+
+
+@with_patterns
+def test_block_is_the_smallest_rectangle_around_the_colour_sites(pattern: CfaPattern) -> None:
+    assert (*pattern.block_origin, *pattern.block_shape) == geometry.block(pattern)
+    top, left = pattern.block_origin
+    expected = sorted(
+        (row - top, column - left, pattern.channels.index(geometry.letter(pattern, row, column)))
+        for row in range(top, top + pattern.block_shape[0])
+        for column in range(left, left + pattern.block_shape[1])
+        if geometry.letter(pattern, row, column) != "W"
+    )
+    assert list(pattern.sites) == expected
+
+
+@with_patterns
+def test_masks_count_the_panchromatic_pixels(pattern: CfaPattern) -> None:
+    mask = pattern.panchromatic_mask((3 * pattern.period, 2 * pattern.period))
+    assert mask.dtype == np.bool_
+    assert (~mask).sum() == 6 * len(pattern.sites)
+
+
+@with_patterns
+def test_cropping_shifts_the_pattern(pattern: CfaPattern) -> None:
+    whole = pattern.filter_map((40, 40))
+    for top, left in ((0, 0), (1, 5), (19, 2)):
+        assert np.array_equal(pattern.cropped(top, left).filter_map((20, 30)), whole[top : top + 20, left : left + 30])
+        assert pattern.cropped(top, left).letters_from() == pattern.letters_from((top, left))
+
+
+def test_the_letters_make_the_pattern_again() -> None:
+    for pattern in PATTERNS:
+        again = CfaPattern(pattern.letters_from(), channels=pattern.channels)
+        assert np.array_equal(again.filter_map((20, 20)), pattern.filter_map((20, 20)))
+
+
+def test_the_papers_pattern() -> None:
+    pattern = CfaPattern.bayer()
+    assert pattern.tile == ("RGWWWW", "GBWWWW", *["WWWWWW"] * 4)
+    assert pattern.planes == "RGBW"
+    assert pattern.sites == ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2))
+    assert pattern.light_efficiency == pytest.approx(100 / 36)  # 32 pixels that see three times as much, and 4
+    assert CfaPattern.bayer(4).light_efficiency == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("order", BAYER_ORDERS)
+@pytest.mark.parametrize("period", PERIODS)
+def test_every_bayer_pattern_has_its_block_in_the_corner(order: str, period: int) -> None:
+    pattern = CfaPattern.bayer(period, order)
+    assert pattern.channels == "RGB"
+    assert pattern.block_origin == (0, 0)
+    assert "".join(pattern.channels[channel] for _, _, channel in pattern.sites) == order
+
+
+def test_origin_counts_modulo_the_period_and_patterns_are_values() -> None:
+    assert CfaPattern.bayer(6, origin=(-1, 13)) == CfaPattern.bayer(6, origin=(5, 1))
+    assert hash(CfaPattern.bayer(6, origin=(-1, 13))) == hash(CfaPattern.bayer(6, origin=(5, 1)))
+    assert CfaPattern(["RGWW", "GBWW", "WWWW", "WWWW"]).tile == CfaPattern.bayer(4).tile  # type: ignore[arg-type]
+    with pytest.raises(FrozenInstanceError):
+        CfaPattern.bayer().tile = ()  # type: ignore[misc]
+
+
+def test_channels_follow_the_tile_unless_named() -> None:
+    assert CfaPattern.with_block(FIVE, 6).channels == "RGBXY"
+    assert CfaPattern.with_block(("XY",), 6).channels == "XY"
+    assert CfaPattern.with_block(("XY",), 6, channels="YX").channels == "YX"
+    assert CfaPattern.bayer(6, "BGGR").channels == "RGB"
+
+
+@pytest.mark.parametrize(
+    ("tile", "channels", "words"),
+    [
+        (("RG", "BW"), "", "2 rows"),
+        (("W" * 17,) * 17, "", "17 rows"),
+        (("RGWW", "GBWW", "WWWW", "WWW"), "", "has 3 letters"),
+        (("RGWW", "GBWW", "WWWW", "WW1W"), "", "letters A to Z"),
+        (("rgWW", "GBWW", "WWWW", "WWWW"), "", "letters A to Z"),
+        (("RÜWW", "GBWW", "WWWW", "WWWW"), "", "letters A to Z"),
+        (("WWW",) * 3, "", "0 colour channels"),
+        (("GGW", "GGW", "WWW"), "", "1 colour channels"),
+        (("RGB", "WWW", "WWW"), "", "no panchromatic column"),
+        (("RWW", "GWW", "BWW"), "", "no panchromatic row"),
+        (("RGWWWW", "WWWWWW", "WWWWWW", "WWWWRG", "WWWWWW", "WWWWWW"), "", "more than one block"),
+        (("RGWW", "GBWW", "WWWW", "WWWW"), "RG", "do not name"),
+        (("RGWW", "GBWW", "WWWW", "WWWW"), "RGBB", "do not name"),
+        (("RGWW", "GBWW", "WWWW", "WWWW"), "RGX", "do not name"),
+    ],
+)
+def test_impossible_tiles_are_refused(tile: tuple[str, ...], channels: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        CfaPattern(tile, channels=channels)
+
+
+def test_unknown_bayer_order_and_period_are_refused() -> None:
+    with pytest.raises(InputError, match="RGGB"):
+        CfaPattern.bayer(6, "RGBG")
+    for period in (2, 17):
+        with pytest.raises(InputError, match="period"):
+            CfaPattern.bayer(period)
+
+
+@with_patterns
+@pytest.mark.parametrize("shape", SHAPES)
+def test_patches_cover_the_frame_from_the_middle_of_a_block(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    grid = pattern.grid(shape)
+    top, left = geometry.first_patch(pattern)
+    assert grid.patches == geometry.patch_counts(pattern, shape)
+    (above, below), (before, after) = grid.padding
+    assert (above, before) == (-top, -left)
+    assert (above + shape[0] + below, before + shape[1] + after) == (
+        grid.patches[0] * pattern.period,
+        grid.patches[1] * pattern.period,
+    )
+    assert min(above, below, before, after) >= 0
+    assert max(above, below, before, after) < pattern.period
+
+
+@with_patterns
+@pytest.mark.parametrize("shape", SHAPES)
+def test_blocks_are_the_corners_of_the_patches(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    grid = pattern.grid(shape)
+    assert grid.shape == (len(grid.rows), len(grid.columns)) == grid.inside.shape
+    planes = pattern.filter_map(shape)
+    for i, row in enumerate(grid.rows.tolist()):
+        for j, column in enumerate(grid.columns.tolist()):
+            assert (row, column) == geometry.block_corner(pattern, (i, j))
+            assert grid.inside[i, j] == geometry.is_whole(pattern, shape, (i, j))
+            if grid.inside[i, j]:
+                assert all(planes[row + down, column + right] == channel for down, right, channel in pattern.sites)
+    assert (planes < len(pattern.channels)).sum() >= grid.inside.sum() * len(pattern.sites)
+
+
+def test_four_corners_of_a_patch_are_sites_of_four_bayer_blocks() -> None:
+    """Section 3.3: "the four corners of each patch include one site from a Bayer block"."""
+    pattern = CfaPattern.bayer(5, origin=(1, 3))
+    grid = pattern.grid((30, 30))
+    top, left = int(grid.rows[1]) + 1, int(grid.columns[1]) + 1
+    corners = pattern.filter_map((5, 5), (top, left))[[0, 0, 4, 4], [0, 4, 0, 4]]
+    assert "".join(pattern.planes[plane] for plane in corners) == "BGGR"
+
+
+@with_patterns
+@pytest.mark.parametrize("shape", SHAPES)
+def test_outer_blocks_take_their_nearest_whole_one(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    grid = pattern.grid(shape)
+    whole = np.argwhere(grid.inside)
+    values = np.arange(2 * len(whole), dtype=np.float32)
+    rows, columns = (len(set(whole[:, axis].tolist())) for axis in (0, 1))
+    extended = grid.extend(values.reshape(rows, columns, 2))
+    assert extended.shape == (*grid.shape, 2)
+    for i, j in np.ndindex(grid.shape):
+        nearest = int(np.argmin(((whole - (i, j)) ** 2).sum(axis=1)))
+        assert extended[i, j].tolist() == [2 * nearest, 2 * nearest + 1]
+    assert np.array_equal(grid.extend(np.ones((rows, columns), np.float32)), np.ones(grid.shape))
+
+
+def test_the_least_frames_that_hold_a_block() -> None:
+    pattern = CfaPattern.bayer(6, origin=(2, 3))
+    assert pattern.grid((4, 5)).inside.sum() == 1
+    for shape in ((3, 5), (4, 4), (2, 2), (1, 40)):
+        with pytest.raises(InputError, match=f"{shape[1]} x {shape[0]} pixels holds no whole colour block"):
+            pattern.grid(shape)
+
+
+@pytest.mark.parametrize("origin", [(0, 0), (3, 1), (5, 5)])
+def test_two_periods_always_hold_a_block(origin: tuple[int, int]) -> None:
+    for block in (("RG", "GB"), FIVE, ("RGBXY",) * 5):
+        assert CfaPattern.with_block(block, 6, origin).grid((12, 12)).inside.any()
+
+
+def test_a_grid_is_a_value() -> None:
+    assert CfaPattern.bayer().grid((20, 20)) == BlockGrid(6, (0, 0), (2, 2), (20, 20))

@@ -1,0 +1,242 @@
+"""The forward model: what each pixel reads, and noise that has the moments it is said to have.
+
+Bounds on moments are five standard errors of what is estimated: a right model fails one run in a million, and the seed is fixed.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import CaptureMetadata, CfaPattern, NoiseModel, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray
+from shared.calibration import encoding
+from shared.errors import InputError
+from shared.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
+from tests.offline.scenes import every_case, gamma_of, materials
+from tests.reference import geometry
+from tests.reference.sensor import observe
+
+ERRORS = 5  # standard errors
+FLOAT32 = 4e-7  # rounding of two float32 of up to 3 scene units
+SHAPE = (240, 246)
+PATTERN = CfaPattern.bayer(6, origin=(1, 4))
+FIVE = CfaPattern.with_block(("RGB", "XWY"), 6, (2, 3))
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def flat(*channels: float, shape: tuple[int, int] = SHAPE) -> FloatArray:
+    return np.full((*shape, len(channels)), channels, np.float32)
+
+
+def planes_of(pattern: CfaPattern, shape: tuple[int, int] = SHAPE) -> Any:
+    """Letters of all pixels."""
+    return np.array([[geometry.letter(pattern, row, column) for column in range(shape[1])] for row in range(shape[0])])
+
+
+def assert_moments(values: DoubleArray, mean: float, variance: float) -> None:
+    """Mean and variance of many independent samples of a nearly normal distribution."""
+    assert abs(values.mean() - mean) < ERRORS * math.sqrt(variance / values.size)
+    assert abs(values.var() - variance) < ERRORS * variance * math.sqrt(2 / values.size)
+
+
+def test_the_moment_check_sees_a_noise_that_is_ten_per_cent_off() -> None:
+    noise = rng().normal(0, 1.1, 20_000)
+    with pytest.raises(AssertionError):
+        assert_moments(noise, 0, 1)
+    with pytest.raises(AssertionError):
+        assert_moments(noise / 1.1 + 0.1, 0, 1)
+    assert_moments(noise / 1.1, 0, 1)
+
+
+# --- what a pixel reads ---------------------------------------------------------------------------------------------------------
+
+
+@every_case
+def test_a_pixel_reads_one_channel_or_the_weighted_sum(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    scene = materials(shape, len(pattern.channels))
+    calibration = SensorCalibration(pattern.channels, gamma_of(pattern))
+    expected = observe(scene, pattern, gamma_of(pattern)).samples
+    np.testing.assert_allclose(sample(scene.astype(np.float32), pattern, calibration), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.float16])
+def test_samples_are_float32_and_the_scene_is_left_alone(kind: Any) -> None:
+    scene = materials((12, 13), 3).astype(kind)
+    before = scene.copy()
+    samples = sample(scene, PATTERN, SensorCalibration())
+    assert samples.dtype == np.float32
+    samples[:] = 0
+    assert np.array_equal(scene, before)
+
+
+@pytest.mark.parametrize("shape", [(12, 12), (12, 12, 2), (12, 12, 4), (12, 3, 12, 3)])
+def test_a_scene_of_other_channels_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="3 channels"):
+        sample(np.zeros(shape, np.float32), PATTERN, SensorCalibration())
+
+
+def test_a_calibration_of_another_sensor_is_refused() -> None:
+    with pytest.raises(InputError, match="different sensors"):
+        sample(flat(1, 1, 1), PATTERN, SensorCalibration("BGR"))
+
+
+# --- the paper's noise ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.3])
+def test_additive_noise_has_its_sigma_on_every_plane_and_is_not_clipped(sigma: float) -> None:
+    light = {"R": 0.0, "G": 1.0, "B": 0.5, "W": 1.5}
+    mosaic = simulate_additive(flat(0.0, 1.0, 0.5), PATTERN, SensorCalibration(), sigma, rng())
+    letters = planes_of(PATTERN)
+    for letter, value in light.items():
+        assert_moments(mosaic.signal[letters == letter].astype(np.float64), value, sigma**2)
+    assert mosaic.samples.dtype == np.float32
+    assert mosaic.signal[letters == "R"].min() < 0  # not clipped at black
+    assert mosaic.calibration.noise == NoiseModel.gaussian(sigma, 4)
+
+
+def test_additive_noise_of_neighbours_is_independent() -> None:
+    noise = simulate_additive(flat(0.5, 0.5, 0.5), PATTERN, SensorCalibration(), 1.0, rng()).signal - sample(
+        flat(0.5, 0.5, 0.5), PATTERN, SensorCalibration()
+    )
+    for one, other in ((noise[1:], noise[:-1]), (noise[:, 1:], noise[:, :-1])):
+        assert abs(float(np.mean(one * other))) < ERRORS / math.sqrt(one.size)
+
+
+def test_without_noise_the_mosaic_is_the_sample_and_draws_nothing() -> None:
+    scene = materials(SHAPE, 3).astype(np.float32)
+    generator = rng()
+    mosaic = simulate_additive(scene, PATTERN, SensorCalibration(), 0.0, generator)
+    assert np.array_equal(mosaic.signal, sample(scene, PATTERN, SensorCalibration()))
+    assert generator.random() == rng().random()
+
+
+@pytest.mark.parametrize("make", [simulate_additive, simulate_sensor])
+def test_the_generator_alone_decides_the_noise(make: Any) -> None:
+    scene = flat(0.4, 0.3, 0.2)
+
+    def shot(seed: int) -> Any:
+        return make(scene, PATTERN, SensorCalibration(), 0.5, rng(seed)).samples
+
+    assert np.array_equal(shot(1), shot(1))
+    assert not np.array_equal(shot(1), shot(2))
+
+
+@pytest.mark.parametrize("sigma", [1e38, 1e300])
+def test_noise_past_all_numbers_is_refused_as_such(sigma: float) -> None:
+    with pytest.raises(InputError, match="samples are not finite"):
+        simulate_additive(flat(1, 1, 1), PATTERN, SensorCalibration(), sigma, rng())
+
+
+@pytest.mark.parametrize("sigma", [-0.1, math.nan, math.inf])
+def test_an_impossible_sigma_is_refused(sigma: float) -> None:
+    with pytest.raises(InputError, match="sigma is"):
+        simulate_additive(flat(1, 1, 1), PATTERN, SensorCalibration(), sigma, rng())
+
+
+# --- the noise of a sensor ------------------------------------------------------------------------------------------------------
+
+# Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the noise, and is known.
+BLACK, WHITE = encoding(16)
+NOISE = NoiseModel((0.002, 0.001, 0.003, 0.0015), (0.02, 0.03, 0.01, 0.015))
+SENSOR = SensorCalibration(gamma=(0.9, 1.0, 1.1), noise=NOISE, black_level=(BLACK,) * 4, white_level=WHITE)
+ROUNDING = (SENSOR.full_scale / (WHITE - BLACK)) ** 2 / 12
+
+
+@pytest.mark.parametrize("exposure", [0.5, 1.0, 2.0])
+def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(exposure: float) -> None:
+    mosaic = simulate_sensor(flat(0.2, 0.5, 0.4), PATTERN, SENSOR, exposure, rng())
+    letters = planes_of(PATTERN)
+    light = {"R": 0.2, "G": 0.5, "B": 0.4, "W": 0.2 * 0.9 + 0.5 + 0.4 * 1.1}
+    for plane, (letter, value) in enumerate(light.items()):
+        signal = value * exposure
+        measured = mosaic.signal[letters == letter].astype(np.float64)
+        assert_moments(measured, signal, NOISE.sigma(signal, plane) ** 2 + ROUNDING)
+    assert mosaic.samples.dtype == np.uint16
+    assert mosaic.calibration == SENSOR
+
+
+def test_shot_noise_comes_in_whole_electrons() -> None:
+    """Without read noise a sample is a whole number of electrons, each `shot` scene units."""
+    quiet = SensorCalibration(noise=NoiseModel((0.05,) * 4, (0.0,) * 4), black_level=(BLACK,) * 4, white_level=WHITE)
+    electrons = simulate_sensor(flat(0.1, 0.1, 0.1), PATTERN, quiet, 1.0, rng()).signal / 0.05
+    assert np.abs(electrons - np.rint(electrons)).max() < 0.01
+    assert_moments(np.rint(electrons)[planes_of(PATTERN) == "W"].astype(np.float64), 6, 6)  # Poisson: variance = mean
+
+
+def test_read_noise_goes_below_black_and_the_black_level_keeps_it() -> None:
+    mosaic = simulate_sensor(flat(0, 0, 0), PATTERN, SENSOR, 1.0, rng())
+    for plane, letter in enumerate("RGBW"):
+        dark = mosaic.signal[planes_of(PATTERN) == letter].astype(np.float64)
+        assert_moments(dark, 0.0, NOISE.read[plane] ** 2 + ROUNDING)
+
+
+def test_light_is_clipped_at_full_scale_not_above() -> None:
+    letters = planes_of(PATTERN)
+    mosaic = simulate_sensor(flat(2.0, 0.5, 0.5), PATTERN, SENSOR, 2.0, rng())
+    assert mosaic.codes.max() == WHITE
+    assert (mosaic.codes[letters == "R"] == WHITE).all()  # 4.0 of 3.0
+    assert (mosaic.codes[letters == "G"] < WHITE).all()  # 1.0 of 3.0
+
+
+@pytest.mark.parametrize("brightness", [1e6, 1e30, 3e38])
+def test_light_past_all_measure_is_white(brightness: float) -> None:
+    mosaic = simulate_sensor(flat(*[brightness] * 3), PATTERN, SENSOR, 1.0, rng())
+    assert (mosaic.codes == WHITE).all()
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_quantisation_to_bits(bits: int) -> None:
+    """Without noise a code is the nearest to the light, and 16 bits resolve 64 times as finely as 10."""
+    black, white = encoding(bits)
+    quiet = SensorCalibration(noise=NoiseModel((0.0,) * 4, (0.0,) * 4), black_level=(black,) * 4, white_level=white)
+    ramp = np.linspace(0, 0.9, SHAPE[0] * SHAPE[1], dtype=np.float32).reshape(*SHAPE, 1).repeat(3, axis=2)
+    mosaic = simulate_sensor(ramp, PATTERN, quiet, 1.0, rng())
+    error = np.abs(mosaic.signal - sample(ramp, PATTERN, quiet))
+    step = 3.0 / (white - black)
+    assert step * 0.49 < error.max() < step * 0.5 + FLOAT32
+    assert mosaic.codes.max() < 1 << bits
+
+
+def test_a_sensor_without_noise_model_gets_a_typical_one() -> None:
+    mosaic = simulate_sensor(flat(0.4, 0.4, 0.4), PATTERN, SensorCalibration(), 1.0, rng())
+    assert mosaic.calibration.noise == typical_noise(SensorCalibration())
+    assert mosaic.calibration.noise == NoiseModel((TYPICAL_SHOT,) * 4, (TYPICAL_READ,) * 4)
+
+
+@pytest.mark.parametrize("exposure", [0.0, -1.0, math.nan, math.inf])
+def test_an_impossible_exposure_is_refused(exposure: float) -> None:
+    with pytest.raises(InputError, match="exposure is"):
+        simulate_sensor(flat(1, 1, 1), PATTERN, SENSOR, exposure, rng())
+
+
+# --- any sensor -----------------------------------------------------------------------------------------------------------------
+
+
+def test_five_channels() -> None:
+    light = dict(zip("RGBXY", (0.1, 0.2, 0.3, 0.4, 0.5), strict=True))
+    gamma = (0.8, 1.0, 1.2, 0.5, 1.5)
+    noise = NoiseModel((1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3), (0.01, 0.02, 0.03, 0.04, 0.05, 0.06))
+    calibration = SensorCalibration("RGBXY", gamma, noise)
+    light["W"] = math.fsum(weight * value for weight, value in zip(gamma, light.values(), strict=True))
+    letters = planes_of(FIVE)
+    scene = flat(*list(light.values())[:5])
+    additive = simulate_additive(scene, FIVE, calibration, 0.1, rng())
+    sensor = simulate_sensor(scene, FIVE, calibration, 1.0, rng())
+    assert additive.calibration.noise == NoiseModel.gaussian(0.1, 6)
+    for plane, letter in enumerate("RGBXYW"):
+        assert_moments(additive.signal[letters == letter].astype(np.float64), light[letter], 0.01)
+        variance = noise.sigma(light[letter], plane) ** 2 + (calibration.full_scale / (WHITE - BLACK)) ** 2 / 12
+        assert_moments(sensor.signal[letters == letter].astype(np.float64), light[letter], variance)
+
+
+@pytest.mark.parametrize("make", [simulate_additive, simulate_sensor])
+def test_metadata_travels_along(make: Any) -> None:
+    metadata = CaptureMetadata(iso=800)
+    assert make(flat(1, 1, 1), PATTERN, SensorCalibration(), 0.1, rng(), metadata).metadata == metadata
+    assert make(flat(1, 1, 1), PATTERN, SensorCalibration(), 0.1, rng()).metadata == CaptureMetadata()

@@ -1,0 +1,140 @@
+"""The arrows between the packages: tools -> device, offline -> shared, and no other. Read from the source: an import
+inside a function counts too.
+"""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MAY_IMPORT = {
+    "shared": {"shared"},
+    "device": {"device", "shared"},
+    "offline": {"offline", "shared"},
+    "tools": {"tools", "device", "offline", "shared"},
+}
+OURS = {*MAY_IMPORT, "tests"}
+# A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
+CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
+THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
+# Modules (with all below them) that alone may import a package.
+ONLY_IN = {"onnx": ("device.graph", "device.nodes", "tools"), "numba": ("offline.kernels",), "llvmlite": ("offline.kernels",)}
+
+
+def sources() -> Iterator[tuple[str, str]]:
+    """(dotted name, text) of every module of the four packages."""
+    for package in MAY_IMPORT:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            yield ".".join(parts), path.read_text(encoding="utf-8")
+
+
+def imported(module: str, text: str) -> Iterator[str]:
+    """The absolute dotted names of everything that a module imports, wherever it does."""
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case ast.Import(names=names):
+                yield from (name.name for name in names)
+            case ast.ImportFrom(module=source, names=names, level=level):
+                base = module.split(".")[:-level] if level else []
+                base += source.split(".") if source else []
+                yield from (".".join([*base, name.name]) for name in names)
+            case ast.Call(
+                func=ast.Name(id="import_module" | "__import__") | ast.Attribute(attr="import_module"),
+                args=[ast.Constant(value=str(name)), *_],
+            ):
+                yield name
+
+
+def violations(module: str, text: str) -> list[str]:
+    package = module.partition(".")[0]
+    found = []
+    for name in imported(module, text):
+        target = name.partition(".")[0]
+        if target in OURS and target not in MAY_IMPORT[package]:
+            found.append(f"{module} imports {name}: {package} may import only {', '.join(sorted(MAY_IMPORT[package]))}")
+        elif target in ONLY_IN and not any(f"{module}.".startswith(f"{home}.") for home in ONLY_IN[target]):
+            found.append(f"{module} imports {name}: only {', '.join(ONLY_IN[target])} may")
+        elif target not in OURS | set(sys.stdlib_module_names) | set(ONLY_IN) and target not in THIRD_PARTY.get(package, {target}):
+            found.append(f"{module} imports {name}: {package} may use only {', '.join(sorted(THIRD_PARTY[package]))}")
+    return found
+
+
+def test_every_arrow_is_in_the_diagram() -> None:
+    assert [fault for module, text in sources() for fault in violations(module, text)] == []
+
+
+def test_the_walk_sees_the_sources() -> None:
+    modules = {module for module, _ in sources()}
+    assert {"shared.pattern", "shared.dng.__init__", "offline.settings", "tools.__init__"} <= modules
+    assert not any(module.startswith("tests") for module in modules)
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("shared.pattern", "import offline"),
+        ("shared.pattern", "from device.runtime import Preview"),
+        ("shared.dng.file", "from tools import cli"),
+        ("device.capture", "import offline.luminance as light"),
+        ("offline.render", "from device import Preview"),
+        ("offline.render", "def later():\n    from tools.metrics import psnr"),
+        ("tools.cli", "import tests.reference"),
+        ("offline.kernels.solver", "from tests.reference import affinity"),
+        ("shared.pattern", "import scipy.ndimage"),
+        ("device.runtime", "if True:\n    import cv2"),
+        ("device.runtime", "from onnx import helper"),
+        ("device.graphs", "import onnx"),
+        ("offline.affinity", "from numba import njit"),
+        ("tools.bench", "import numba"),
+        ("offline.colour", "from PIL import ImageCms"),
+        ("shared.pattern", "from .. import offline"),
+        ("shared.dng.file", "from ...device import runtime"),
+        ("shared.pattern", "import importlib\nimportlib.import_module('offline.render')"),
+        ("device.runtime", "__import__('scipy')"),
+    ],
+)
+def test_a_planted_import_is_caught(module: str, text: str) -> None:
+    assert len(violations(module, text)) == 1
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("shared.dng.codec", "from ..mosaic import Mosaic\nfrom . import tags\nimport numpy as np\nimport tifffile"),
+        ("device.graph", "import onnx\nfrom onnx import helper\nfrom shared import Mosaic"),
+        ("device.runtime", "import onnxruntime"),
+        ("offline.affinity", "import scipy.sparse\nfrom shared.arrays import FloatArray\nfrom .kernels import solver"),
+        ("offline.kernels.solver", "import numba\nfrom numba import njit"),
+        ("tools.cli", "import rich, rawpy\nimport device.graph, offline, shared\nimport onnx"),
+    ],
+)
+def test_an_allowed_import_passes(module: str, text: str) -> None:
+    assert violations(module, text) == []
+
+
+def test_camera_software_starts_with_only_what_a_camera_has() -> None:
+    """Imports `shared` and `device`, but for the graph builder, where every other installed package is hidden."""
+    modules = [
+        module.removesuffix(".__init__")
+        for module, _ in sources()
+        if module.startswith(("shared.", "device.")) and module not in ONLY_IN["onnx"]
+    ]
+    hidden = {"scipy", "numba", "onnx", "cv2", "PIL", "pywt", "rawpy", "rich", "OpenEXR", "offline", "tools", "tests"}
+    script = f"""
+import importlib, sys
+class Hide:
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top in {hidden!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}: a camera does not have it", name=name)
+sys.meta_path.insert(0, Hide())
+for module in {modules!r}:
+    importlib.import_module(module)
+"""
+    result = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr

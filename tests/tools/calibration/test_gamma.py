@@ -1,0 +1,158 @@
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from shared.sensor import simulate_additive, simulate_sensor
+from tools.builtin_scene import builtin_scene
+from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
+from tools.calibration.gamma import GammaFit, check_determined, combined
+from tools.calibration.samples import PlaceSamples, patch_samples
+from tools.calibration.scene_gamma import fit_scene_gamma
+
+from .bench import BLIND, TRUTH, chart, frame, true_place
+
+GAMMA = np.array(TRUTH.gamma)
+
+
+def places(colours: Any, gamma: Any, sigma: float, count: Any, seed: int, black: float = 0.0) -> PlaceSamples:
+    """Made-up statistics: true channel levels (N, C), panchromatic levels by Eq. 7, Gaussian noise of the means."""
+    rng = np.random.default_rng(seed)
+    colours = np.asarray(colours, float)
+    true = np.concatenate([colours, (colours @ np.asarray(gamma))[:, None] + black], axis=1)
+    number = np.broadcast_to(np.asarray(count, float), true.shape)
+    mean = true + rng.normal(0, sigma, true.shape) / np.sqrt(number)
+    variance = sigma**2 * rng.chisquare(number - 1) / (number - 1)
+    return PlaceSamples(mean, variance, number.copy(), np.zeros(len(true), bool), np.zeros((len(true), 2)))
+
+
+@pytest.mark.parametrize("period", [4, 6, 8])
+def test_gamma_of_the_chart_is_the_truth_whatever_the_file_says(period: int) -> None:
+    regions = true_place().regions()
+    fit = fit_chart_gamma(patch_samples(frame(chart().rgb, period), regions))
+    assert np.abs(fit.gamma - GAMMA).max() < 0.01
+    assert (np.abs(fit.gamma - GAMMA) < 1.6 * fit.half_width).all()
+    assert 0.6 < fit.spread < 1.6
+    assert abs(fit.offset) < 4
+    said = fit_chart_gamma(patch_samples(frame(chart().rgb, period, says=replace(BLIND, gamma=(3.0, 0.2, 1.0))), regions))
+    np.testing.assert_allclose(said.gamma, fit.gamma, rtol=1e-5)
+
+
+def test_least_squares_would_come_out_too_small_and_this_does_not() -> None:
+    rng = np.random.default_rng(0)
+    colours = rng.uniform(0.05, 0.2, (400, 3))
+    estimates, plain, covered = [], [], []
+    for seed in range(60):
+        noisy = places(colours, GAMMA, 0.06, (9, 18, 9, 300), seed)
+        fit = fit_chart_gamma(noisy)
+        estimates.append(fit.gamma)
+        covered.append(np.abs(fit.gamma - GAMMA) <= fit.half_width)
+        plain.append(np.linalg.lstsq(noisy.mean[:, :3], noisy.mean[:, 3], rcond=None)[0])
+    error = np.std(estimates, axis=0) / np.sqrt(60)
+    assert (np.abs(np.mean(estimates, axis=0) - GAMMA) < 4 * error + 0.004).all()
+    assert (np.abs(np.mean(plain, axis=0) - GAMMA).max()) > 0.02  # the tempting wrong way is seen to be wrong
+    assert 0.86 < np.mean(covered) < 0.995
+
+
+def test_any_number_of_channels() -> None:
+    rng = np.random.default_rng(3)
+    for gamma in ([0.7, 1.3], [0.5, 1.0, 0.8, 1.2, 0.6]):
+        count = [50] * len(gamma) + [900]
+        fit = fit_chart_gamma(places(rng.uniform(0.02, 0.2, (40, len(gamma))), gamma, 0.005, count, 1))
+        assert (np.abs(fit.gamma - gamma) < 1.7 * fit.half_width).all()
+        assert fit.worst < 0.03
+
+
+def test_a_reflection_on_one_patch_is_left_out() -> None:
+    regions = true_place().regions()
+    samples = patch_samples(frame(chart().rgb), regions)
+    mean = samples.mean.copy()
+    mean[7, 3] *= 1.2
+    fit = fit_chart_gamma(replace(samples, mean=mean))
+    assert not fit.used[7]
+    assert fit.used.sum() >= 22
+    assert np.abs(fit.gamma - GAMMA).max() < 0.01
+
+
+def test_a_wrong_black_level_shows_as_offset() -> None:
+    wrong = replace(BLIND, black_level=(*BLIND.black_level[:3], BLIND.black_level[3] - 12))
+    fit = fit_chart_gamma(patch_samples(frame(chart().rgb, says=wrong), true_place().regions()))
+    assert fit.offset > 4
+
+
+def test_greys_and_clipped_shots_are_refused_with_a_remedy() -> None:
+    regions = true_place().regions()
+    grey = np.repeat(chart().rgb.mean(axis=2, keepdims=True), 3, axis=2)
+    with pytest.raises(InputError, match=r"(?s)gamma.*shoot a ColorChecker"):
+        check_determined(fit_chart_gamma(patch_samples(frame(grey), regions)))
+    with pytest.raises(InputError, match=r"clipped.*expose less"):
+        fit_chart_gamma(patch_samples(frame(8 * chart().rgb + 0.5), regions))
+
+
+def test_reconciled_levels_obey_equation_7_and_are_nearer_to_the_truth() -> None:
+    colours = np.random.default_rng(5).uniform(0.02, 0.2, (200, 3))
+    noisy = places(colours, GAMMA, 0.05, (9, 18, 9, 300), 2)
+    better = reconciled(noisy, GAMMA)
+    # Exact but for the panchromatic mean's own, far smaller, share of the blame.
+    assert np.abs(better @ GAMMA - noisy.mean[:, 3]).max() < 0.1 * np.abs(noisy.mean[:, :3] @ GAMMA - noisy.mean[:, 3]).max()
+    assert ((better - colours) ** 2).mean() < 0.8 * ((noisy.mean[:, :3] - colours) ** 2).mean()
+
+
+@cache
+def leaves() -> FloatArray:
+    """The built-in scene, drawn once."""
+    return builtin_scene(660, 440).rgb
+
+
+def scene_shot(rgb: FloatArray, sigma: float, seed: int, period: int = 6) -> Mosaic:
+    pattern = CfaPattern.bayer(period)
+    camera = SensorCalibration(gamma=TRUTH.gamma, black_level=(256.0,) * 4, white_level=3839)
+    taken = simulate_additive(rgb.astype(np.float32), pattern, camera, sigma, np.random.default_rng(seed))
+    return Mosaic(taken.codes, pattern, replace(camera, gamma=(1.0, 1.0, 1.0)))
+
+
+def test_gamma_of_a_scene_without_a_chart() -> None:
+    fits = [fit_scene_gamma(scene_shot(leaves(), 0.005, seed)) for seed in range(3)]
+    for fit in fits:
+        assert np.abs(fit.gamma / GAMMA - 1).max() < 0.03
+        assert (np.abs(fit.gamma - GAMMA) < 1.7 * fit.half_width).all()
+
+
+def test_a_grey_scene_is_refused_however_many_blocks_it_has() -> None:
+    grey = np.repeat(leaves().mean(axis=2, keepdims=True), 3, axis=2)
+    with pytest.raises(InputError, match=r"greys, or too few colours.*shoot"):
+        fit_scene_gamma(scene_shot(grey, 0.01, 0))
+    with pytest.raises(InputError, match=r"only .* colour blocks"):
+        fit_scene_gamma(scene_shot(leaves()[:60, :90], 0.01, 0))
+
+
+def test_scene_of_five_channels() -> None:
+    rng = np.random.default_rng(0)
+    small = rng.uniform(0.1, 0.9, (12, 16, 5))
+    scene = np.kron(small, np.ones((40, 40, 1))).astype(np.float32)
+    pattern = CfaPattern.with_block(("VX", "YZ", "UW"), 6)
+    camera = SensorCalibration(pattern.channels, gamma=(0.6, 1.0, 0.8, 1.2, 0.5), black_level=(256.0,) * 6, white_level=4095)
+    taken = simulate_sensor(scene, pattern, camera, 1.0, rng)
+    fit = fit_scene_gamma(Mosaic(taken.codes, pattern, replace(camera, gamma=(1.0,) * 5)))
+    assert (np.abs(fit.gamma - camera.gamma) < 1.9 * fit.half_width).all()
+    assert fit.worst < 0.05
+
+
+def made(gamma: Any, deviation: float) -> GammaFit:
+    one = np.ones(1)
+    return GammaFit(np.array(gamma), np.eye(2) * deviation**2, 50, one, one, one, one > 0, 2.0, 1.0, 0.5)
+
+
+def test_fits_add_up_by_their_information() -> None:
+    both = combined([made([1.0, 2.0], 0.1), made([1.1, 2.0], 0.05)])
+    np.testing.assert_allclose(both.gamma, [1.08, 2.0])
+    np.testing.assert_allclose(np.diag(both.covariance), 0.1**2 * 0.05**2 / (0.1**2 + 0.05**2))
+    quarrel = combined([made([1.0, 2.0], 0.1), made([3.0, 2.0], 0.1)])
+    assert quarrel.half_width.max() > 1.0
+    with pytest.raises(InputError, match="no better than"):
+        check_determined(quarrel)

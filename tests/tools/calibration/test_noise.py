@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from shared import Mosaic
+from shared.errors import InputError
+from tools.calibration.noise import measure_dark, measure_flats, noise_of_places
+from tools.calibration.photon_transfer import fit_photon_transfer
+from tools.calibration.samples import patch_samples
+
+from .bench import BLIND, TRUTH, chart, frame, true_place
+
+SHAPE = (240, 360)
+FULL = sum(TRUTH.gamma)
+FALLING = (1 - 0.3 * np.linspace(0, 1, SHAPE[1]))[None, :, None] * np.ones((SHAPE[0], 1, 3))
+
+
+def darks(count: int, hot: np.ndarray | None = None) -> list[Mosaic]:
+    frames = []
+    for seed in range(count):
+        codes = frame(np.zeros((*SHAPE, 3)), seed=seed).codes.copy()
+        if hot is not None:
+            codes.ravel()[hot] += 25
+        frames.append(Mosaic(codes, frame(np.zeros((12, 12, 3))).pattern, BLIND))
+    return frames
+
+
+def flats(*levels: float) -> list[Mosaic]:
+    return [frame(level * FALLING, seed=100 * number + half) for number, level in enumerate(levels) for half in range(2)]
+
+
+def test_black_level_and_read_noise_of_dark_frames_per_filter() -> None:
+    dark = measure_dark(darks(6))
+    assert TRUTH.noise is not None
+    assert (np.abs(dark.black - TRUTH.black_level) < 5 * dark.black_error + 1e-9).all()
+    read = dark.read * FULL / (4095 - dark.black)
+    np.testing.assert_allclose(read, TRUTH.noise.read, rtol=0.05)
+    assert len(dark.defects) <= 1e-5 * SHAPE[0] * SHAPE[1]
+
+
+def test_planted_hot_pixels_are_found_and_nothing_else() -> None:
+    hot = np.random.default_rng(1).choice(SHAPE[0] * SHAPE[1], 50, replace=False)
+    found = {row * SHAPE[1] + column for row, column in measure_dark(darks(4, hot)).defects}
+    assert set(hot.tolist()) <= found
+    assert len(found) <= 51
+
+
+def test_a_lit_frame_is_no_dark_frame() -> None:
+    with pytest.raises(InputError, match="is not dark"):
+        measure_dark([frame(np.full((*SHAPE, 3), 0.5))])
+
+
+def test_gain_and_read_noise_of_flats_and_darks() -> None:
+    assert TRUTH.noise is not None
+    dark = measure_dark(darks(4))
+    noise, dead, alone = measure_flats(flats(0.05, 0.3, 0.8), dark.read / (4095 - dark.black))
+    model = noise.model(FULL)
+    np.testing.assert_allclose(model.shot, TRUTH.noise.shot, rtol=0.05)
+    np.testing.assert_allclose(model.read, TRUTH.noise.read, rtol=0.05)
+    assert dead == []
+    assert alone == []
+
+
+def test_flats_without_partner_and_dead_pixels() -> None:
+    pair = flats(0.5)
+    for number, dim in enumerate(pair):
+        codes = dim.codes.copy()
+        codes[100, 200] = 260
+        pair[number] = Mosaic(codes, dim.pattern, BLIND)
+    single, clipped = frame(0.2 * FALLING), frame(3 * FALLING)
+    _, dead, alone = measure_flats([*pair, single, clipped], None)
+    assert dead == [(100, 200)]
+    assert sorted(alone) == [2, 3]
+    with pytest.raises(InputError, match="no two have the same exposure"):
+        measure_flats([single, clipped], None)
+
+
+def test_gain_from_the_chart() -> None:
+    assert TRUTH.noise is not None
+    places = patch_samples(frame(chart().rgb), true_place().regions())
+    model = noise_of_places(places, frame(chart().rgb), np.array(TRUTH.noise.read) / FULL).model(FULL)
+    np.testing.assert_allclose(model.shot, TRUTH.noise.shot, rtol=0.15)
+    np.testing.assert_allclose(model.shot[3], TRUTH.noise.shot[3], rtol=0.03)
+
+
+def test_texture_does_not_pass_for_noise() -> None:
+    mean, count = np.linspace(0.01, 0.9, 40), np.full(40, 400.0)
+    variance = 1e-4 * mean + 1e-6
+    variance[::9] *= 20
+    line = fit_photon_transfer(mean, variance, count)
+    assert line.shot == pytest.approx(1e-4, rel=1e-6)
+    assert line.read == pytest.approx(1e-3, rel=1e-6)
+    assert line.shot_error > 0

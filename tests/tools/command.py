@@ -1,0 +1,70 @@
+"""The commands as a user runs them: in this process where what they print is enough, else in one of their own."""
+
+import contextlib
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tools.cli import main
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = (sys.executable, "-c", "from tools.cli import main; main()")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Exit code, standard output and standard error of a command."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def errors(self) -> list[str]:
+        """The lines that say what failed."""
+        return [line for line in self.err.splitlines() if line.startswith("panchroma: ")]
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """Standard output of --json; fails when anything but objects, one a line, is there."""
+        return [json.loads(line) for line in self.out.splitlines()]
+
+
+def run(*arguments: str | Path) -> Outcome:
+    """A command in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main([str(argument) for argument in arguments])
+        except SystemExit as leaving:
+            code = leaving.code
+    assert isinstance(code, int)
+    return Outcome(code, out.getvalue(), err.getvalue())
+
+
+def spawn(*arguments: str | Path, before: tuple[str, ...] = (), env: Mapping[str, str] | None = None) -> Outcome:
+    """A command in a process of its own, after `before`, a program that starts another."""
+    line = [*before, *PROGRAM, *map(str, arguments)]
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120, env=env)
+    return Outcome(done.returncode, done.stdout, done.stderr)
+
+
+def names(folder: Path) -> set[str]:
+    """What a folder holds, hidden files too."""
+    return {path.name for path in folder.iterdir()}
+
+
+def assert_refused(outcome: Outcome, *words: str, name: str, code: int = 1) -> None:
+    """One line that names the file, once, and says `words`; nothing that looks like a program's inside."""
+    assert outcome.code == code, outcome.err
+    (line,) = outcome.errors
+    assert line.startswith(f"panchroma: {name}: "), line
+    assert line.count(Path(name).name) == 1, line
+    assert [word for word in words if word not in line] == [], line
+    assert "Traceback" not in outcome.err
+    assert "fault" not in outcome.err

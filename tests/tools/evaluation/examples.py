@@ -1,0 +1,50 @@
+"""Small scenes and studies."""
+
+from pathlib import Path
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from tools.console import Console
+from tools.evaluation.figures import Figures
+from tools.evaluation.protocol import Protocol
+from tools.evaluation.scene_sets import Reading
+from tools.evaluation.study import Study, collect, tasks, work
+from tools.evaluation.team import Team
+
+
+def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
+    """Soft blobs, an edge in luminance, one in colour."""
+    from scipy.ndimage import gaussian_filter
+
+    rng = np.random.default_rng(seed)
+    rgb = gaussian_filter(rng.random((rows, columns, 3)), (3, 3, 0.3))
+    rgb = 0.2 + 0.5 * (rgb - rgb.min()) / np.ptp(rgb)
+    rgb[:, columns // 2 :] *= 0.5
+    rgb[rows // 2 :, :, 2] *= 0.6
+    scene: FloatArray = rgb.astype(np.float32)
+    return scene
+
+
+def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlmmse"), count: int = 2, **changes: object) -> Study:
+    """Of scenes written to `folder`."""
+    scenes = []
+    for seed in range(count):
+        path = folder / f"scene{seed}.npy"
+        if not path.exists():
+            np.save(path, small_scene(78, 90 + 12 * seed, seed))
+        scenes.append(Reading().info(str(path)))
+    parts: dict[str, object] = {"levels": (0.0, 0.03), "periods": (6,), "protocol": Protocol(), "reading": Reading(), **changes}
+    return Study(tuple(scenes), methods, **parts)  # type: ignore[arg-type]
+
+
+def measured(study: Study, folder: Path) -> Figures:
+    """All results of a study, made in this process."""
+    for task in tasks(study, folder)[0]:
+        assert work(task).failures == ()
+    return Figures(study, collect(study, folder))
+
+
+def alone() -> Team:
+    """This process, and memory enough."""
+    return Team(Console(), 1, 2**40)

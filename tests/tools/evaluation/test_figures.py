@@ -1,0 +1,123 @@
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared.arrays import FloatArray
+from tests.tools.evaluation.examples import measured, study_of
+from tools.evaluation.figures import CHROMINANCE, LUMINANCE, RGB, Figures
+from tools.evaluation.measures import Measures
+from tools.evaluation.study import Study
+from tools.evaluation.tables import encode_csv, encode_json
+from tools.evaluation.verdict import comparisons, headline, losses, plain_text
+
+SET = "linear photographs"
+RNG = np.random.default_rng(0)
+TRUTH = RNG.random((60, 60, 3)).astype(np.float32)
+NOISE = RNG.standard_normal((60, 60, 3)).astype(np.float32)
+GREY = np.repeat(NOISE[..., :1], 3, axis=2)
+
+
+def figures_with(study: Study, errors: dict[tuple[str, float], FloatArray]) -> Figures:
+    """A study whose renderings have the errors given, by method and level."""
+    results = {cell: Measures.of(TRUTH + errors[cell.method, cell.level], TRUTH) for cell in study.cells()}
+    return Figures(study, results)
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    return study_of(tmp_path)
+
+
+def colour(scale: float) -> FloatArray:
+    error: FloatArray = (scale * (NOISE - NOISE.mean(axis=2, keepdims=True))).astype(np.float32)
+    return error
+
+
+def test_winner_margin_and_losses(study: Study) -> None:
+    errors = {
+        ("paper", 0.0): 0.02 * NOISE,
+        ("bilinear", 0.0): 0.01 * NOISE,
+        ("dlmmse", 0.0): 0.04 * NOISE,
+        ("paper", 0.03): 0.02 * NOISE,
+        ("bilinear", 0.03): 0.08 * NOISE,
+        ("dlmmse", 0.03): 0.04 * NOISE,
+    }
+    figures = figures_with(study, errors)
+    assert figures.winner(SET, 0.0, RGB) == "bilinear"
+    assert figures.winner(SET, 0.03, RGB) == "paper"
+    double = 20 * np.log10(2)
+    for level, rival, ahead in ((0.0, "bilinear", -double), (0.03, "dlmmse", double)):
+        margin = figures.margin(SET, level)
+        assert margin is not None
+        assert margin[0] == rival
+        assert margin[1] == pytest.approx(ahead, abs=0.01)
+    assert [figures.wins(SET, level) for level in (0.0, 0.03)] == [(0, 2), (2, 2)]
+    found = figures.losses(SET)
+    assert [(loss.scene, loss.rival) for loss in found] == [("scene0", "bilinear"), ("scene1", "bilinear")]
+    assert found[0].margin == pytest.approx(double, abs=0.01)
+    assert "Worse than the best at no noise" in headline(figures, SET).replace("worse", "Worse")
+    assert "6.0 dB worse than the best rival, bilinear; ahead of every rival on 0 of 2 scenes" in comparisons(figures, SET)[0]
+    assert losses(figures, SET).startswith("scene0, no noise: -6.0 dB (bilinear); scene1")
+
+
+def claims(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[str]:
+    """Findings on the two claims; errors: of paper and dlmmse at the two levels."""
+    flat = {(name, level): each for name, pair in errors.items() for level, each in zip(study.levels, pair, strict=True)}
+    flat |= {("bilinear", level): 0.2 * NOISE for level in study.levels}
+    return [claim.finding for claim in figures_with(study, flat).claims(SET)]
+
+
+def test_claims_are_shown_or_refuted_by_the_figures(study: Study) -> None:
+    # Rival errs in grey: our gain is in luminance; it grows with noise.
+    assert claims(study, paper=(colour(0.02), colour(0.02)), dlmmse=(colour(0.02) + 0.05 * GREY, 0.2 * NOISE)) == ["shown", "shown"]
+    # Our gain is in colour alone; and it shrinks.
+    assert claims(study, paper=(0.02 * GREY, 0.02 * GREY), dlmmse=(colour(0.08) + 0.02 * GREY, colour(0.02) + 0.02 * GREY)) == [
+        "shown in part",
+        "refuted",
+    ]
+    assert claims(study, paper=(0.05 * NOISE, 0.05 * NOISE), dlmmse=(0.02 * NOISE, 0.1 * NOISE)) == ["refuted", "shown"]
+
+
+def test_claims_need_a_noise_free_level_and_the_methods(tmp_path: Path) -> None:
+    noisy = study_of(tmp_path, levels=(0.01, 0.03))
+    errors = {(name, level): 0.05 * NOISE for name in noisy.methods for level in noisy.levels}
+    assert len(figures_with(noisy, errors).claims(SET)) == 1
+    rivals = study_of(tmp_path, methods=("bilinear",))
+    assert figures_with(rivals, {("bilinear", level): NOISE for level in rivals.levels}).claims(SET) == []
+
+
+def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
+    errors = {(name, level): 0.05 * NOISE for name in study.methods for level in study.levels}
+    full = figures_with(study, errors)
+    gone = next(cell for cell in full.results if cell.method == "dlmmse" and cell.level == 0.03)
+    part = Figures(study, {cell: each for cell, each in full.results.items() if cell is not gone})
+    assert full.pooled(SET, 0.03, "dlmmse") is not None
+    assert part.pooled(SET, 0.03, "dlmmse") is None
+    assert part.pooled(SET, 0.0, "dlmmse") is not None
+    assert "-" in next(line for line in plain_text(part).splitlines() if "DLMMSE" in line)
+
+
+def test_tables_hold_every_figure(tmp_path: Path) -> None:
+    figures = measured(study_of(tmp_path, periods=(4, 6)), tmp_path)
+    document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"]))
+    rows = list(csv.DictReader(io.StringIO(encode_csv(figures).decode())))
+    # Two scenes and their pool, two levels, two rivals and ours at two periods.
+    assert len(document["figures"]) == len(rows) == 3 * 2 * 4
+    assert document["failed"] == ["a.txt: no picture"]
+    assert document["protocol"]["levels"] == [0.0, 0.03]
+    own = next(each for each in document["figures"] if (each["scene"], each["method"], each["level"]) == ("scene0", "paper", 0.03))
+    found = figures.of_scene("scene0", 0.03, "paper", own["period"])
+    assert found is not None
+    assert own["rgb_q50"] == pytest.approx(found.quality.median[RGB], abs=1e-4)
+    assert own["luminance_q25"] == pytest.approx(found.quality.luminance[0], abs=1e-4)
+    assert own["chrominance_q75"] == pytest.approx(found.quality.chrominance[2], abs=1e-4)
+    assert 0 < own["ssim"] < 1
+    same = next(row for row in rows if (row["scene"], row["method"], row["level"]) == ("scene0", "paper", "0.03"))
+    assert float(same["rgb_q50"]) == own["rgb_q50"]
+    verdict = document["verdict"][SET]["levels"][1]
+    assert set(verdict["winner"]) == {"rgb", "luminance", "chrominance"}
+    assert (LUMINANCE, CHROMINANCE) == (1, 2)

@@ -1,0 +1,94 @@
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from shared.errors import InputError
+from tools.evaluation.scene_sets import BUILTIN, DEVELOPED, MEASURED, Reading, distinct, expand
+from tools.scenes import load_scene
+
+RNG = np.random.default_rng(0)
+
+
+def write_png16(path: Path, codes: np.ndarray) -> None:
+    path.write_bytes(imagecodecs.png_encode(codes.astype(np.uint16)))
+
+
+def test_pictures_are_told_from_measurements(tmp_path: Path) -> None:
+    codes = RNG.integers(0, 256, (60, 60, 3), dtype=np.uint8)
+    names = {"kodim07.png": "Kodak", "mcm03.png": "McMaster", "holiday.png": DEVELOPED, "holiday.jpg": DEVELOPED}
+    for name in names:
+        Image.fromarray(codes).save(tmp_path / name)
+    tifffile.imwrite(tmp_path / "18.tif", RNG.integers(0, 256, (500, 500, 3), dtype=np.uint8))
+    tifffile.imwrite(tmp_path / "19.tif", RNG.integers(0, 256, (500, 500, 3), dtype=np.uint8))
+    tifffile.imwrite(tmp_path / "17.tif", RNG.integers(0, 65536, (500, 500, 3), dtype=np.uint16))
+    write_png16(tmp_path / "kodim08.png", RNG.integers(0, 65536, (60, 60, 3)))
+    np.save(tmp_path / "light.npy", RNG.random((60, 60, 3)).astype(np.float32))
+    names |= {"18.tif": "McMaster", "19.tif": DEVELOPED, "17.tif": MEASURED, "kodim08.png": MEASURED, "light.npy": MEASURED}
+    for name, group in names.items():
+        assert Reading().info(str(tmp_path / name)).group == group, name
+    assert Reading().info("builtin:90x60").group == BUILTIN
+    assert Reading(linear=True).info(str(tmp_path / "kodim07.png")).group == MEASURED
+
+
+def test_scenes_are_cut_and_small_ones_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "scene.npy", RNG.random((61, 80, 3)).astype(np.float32))
+    assert Reading().truth(str(tmp_path / "scene.npy")).shape == (60, 78, 3)
+    assert Reading(largest=50).info(str(tmp_path / "scene.npy")).rows == 48
+    np.save(tmp_path / "small.npy", RNG.random((41, 80, 3)).astype(np.float32))
+    with pytest.raises(InputError, match="80 x 41 pixels are too few"):
+        Reading().info(str(tmp_path / "small.npy"))
+
+
+def test_each_scene_is_measured_once_under_a_name_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    pixels = RNG.random((48, 48, 3)).astype(np.float32)
+    np.save(tmp_path / "scene.npy", pixels)
+    np.save(tmp_path / "copy.npy", pixels)
+    np.save(tmp_path / "a" / "scene.npy", pixels / 2)
+    sources = [str(tmp_path / name) for name in ("scene.npy", "copy.npy", "a/scene.npy")]
+    scenes, remarks = distinct([Reading().info(source) for source in sources])
+    assert [scene.name for scene in scenes] == ["scene", "scene.npy"]
+    assert len(remarks) == 1
+    assert "copy.npy: has the same pixels" in remarks[0]
+
+
+def test_white_is_estimated_where_a_measurement_does_not_say_it(tmp_path: Path) -> None:
+    rgb = RNG.random((60, 60, 1)) * np.array([0.5, 1.0, 0.25])
+    np.save(tmp_path / "green.npy", rgb.astype(np.float32))
+    assert Reading().info(str(tmp_path / "green.npy")).neutral == pytest.approx((0.5, 1.0, 0.25), rel=0.1)
+    assert Reading().info("builtin:90x60").neutral == (1.0, 1.0, 1.0)
+
+
+def test_folders_stand_for_their_files(tmp_path: Path) -> None:
+    for name in ("b.png", "a.txt", ".hidden"):
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "folder").mkdir()
+    single = str(tmp_path / "b.png")
+    assert expand([single, str(tmp_path), "builtin:60x60", "missing"]) == [
+        single,
+        str(tmp_path / "a.txt"),
+        "builtin:60x60",
+        "missing",
+    ]
+
+
+@pytest.mark.parametrize(("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")])
+def test_gehlers_set_is_recognised(tmp_path: Path, name: str, black: int, camera: str) -> None:
+    codes = RNG.integers(100, 3700, (50, 60, 3))
+    write_png16(tmp_path / f"{name}.png", codes)
+    scene = load_scene(str(tmp_path / f"{name}.png"))
+    expected = np.maximum((codes - black) / (4095 - black), 0)
+    np.testing.assert_allclose(scene.rgb, expected, atol=1e-6)
+    assert any(camera in note and f"black level {black}" in note for note in scene.notes)
+
+
+def test_other_pictures_are_not_taken_for_gehlers(tmp_path: Path) -> None:
+    codes = RNG.integers(0, 4096, (50, 60, 3))
+    for name, pixels in (("IMG_0277", codes * 16), ("IMG_277", codes), ("holiday", codes), ("8D5U5524", codes[..., :1])):
+        write_png16(tmp_path / f"{name}.png", pixels)
+        scene = load_scene(str(tmp_path / f"{name}.png"))
+        np.testing.assert_allclose(scene.rgb[..., 0], pixels[..., 0] / 65535, atol=1e-6)

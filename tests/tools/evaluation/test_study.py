@@ -1,0 +1,133 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from offline import PAPER, render
+from shared import SensorCalibration
+from shared.pattern import CfaPattern
+from shared.sensor import simulate_additive
+from tests.tools.evaluation.examples import measured, small_scene, study_of
+from tools.baselines import bayer_mosaic, demosaic_bilinear
+from tools.evaluation import methods as registry
+from tools.evaluation import study as module
+from tools.evaluation.cache import FOLDER
+from tools.evaluation.protocol import Protocol
+from tools.evaluation.study import collect, tasks, work
+from tools.metrics import patch_psnr, psnr, quality
+
+
+def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:
+    figures = measured(study_of(tmp_path), tmp_path)
+    maps = []
+    for seed in range(2):
+        truth = small_scene(78, 90 + 12 * seed, seed)
+        bayer = demosaic_bilinear(bayer_mosaic(truth, 0.03, np.random.default_rng(0)))
+        mosaic = simulate_additive(truth, CfaPattern.bayer(6), SensorCalibration(), 0.03, np.random.default_rng(0))
+        sparse = render(mosaic, PAPER).rgb
+        for name, picture in (("bilinear", bayer), ("paper", sparse)):
+            found = figures.of_scene(f"scene{seed}", 0.03, name)
+            assert found is not None
+            assert found.quality == quality(picture, truth)
+            assert found.psnr == psnr(picture, truth, 15)
+        maps.append(patch_psnr(sparse, truth))
+    pooled = figures.pooled("linear photographs", 0.03, "paper")
+    assert pooled is not None
+    for plane, name in enumerate(("rgb", "luminance", "chrominance")):
+        expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), (0.25, 0.5, 0.75))
+        np.testing.assert_allclose(getattr(pooled.quality, name), expected, atol=0.01)
+
+
+def test_finished_results_are_not_made_again(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    todo, there = tasks(study, tmp_path)
+    assert (len(todo), there) == (12, 0)
+    for task in todo[:5]:  # and here it is interrupted
+        work(task)
+    todo, there = tasks(study, tmp_path)
+    assert (len(todo), there) == (7, 5)
+    for task in todo:
+        work(task)
+    assert tasks(study, tmp_path) == ([], 12)
+
+
+def test_a_new_method_a_new_level_a_new_period_add_only_themselves(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    measured(study, tmp_path)
+
+    def added(**changes: object) -> list[tuple[str, float, int]]:
+        todo, _ = tasks(replace(study, **changes), tmp_path)  # type: ignore[arg-type]
+        return sorted({(cell.method, cell.level, cell.period) for task in todo for cell in task.cells})
+
+    assert added(methods=(*study.methods, "ea")) == [("ea", 0.0, 0), ("ea", 0.03, 0)]
+    assert added(levels=(0.0, 0.01, 0.03)) == [("bilinear", 0.01, 0), ("dlmmse", 0.01, 0), ("paper", 0.01, 6)]
+    assert added(periods=(4, 6)) == [("paper", 0.0, 4), ("paper", 0.03, 4)]
+    assert added(protocol=Protocol("paper", 1)) == [("bilinear", 0.03, 0), ("dlmmse", 0.03, 0), ("paper", 0.03, 6)]
+    assert len(added(protocol=Protocol("sensor"), levels=(1.0,))) == 3
+    assert added(scenes=study.scenes[::-1]) == []
+
+
+def test_another_picture_under_the_same_name_is_measured_anew(tmp_path: Path) -> None:
+    measured(study_of(tmp_path), tmp_path)
+    np.save(tmp_path / "scene1.npy", small_scene(78, 102, 9))
+    todo, there = tasks(study_of(tmp_path), tmp_path)
+    assert (len(todo), there) == (6, 6)
+
+
+def test_changed_code_is_measured_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = study_of(tmp_path)
+    measured(study, tmp_path)
+    digest = registry._digest
+    monkeypatch.setattr(registry, "_digest", lambda name: "new" if name == "offline" else digest(name))
+    todo, _ = tasks(study, tmp_path)
+    assert {cell.method for task in todo for cell in task.cells} == {"paper"}
+    monkeypatch.setattr(registry, "_digest", lambda name: "new" if name == "tools/metrics.py" else digest(name))
+    assert len(tasks(study, tmp_path)[0]) == 12
+
+
+def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
+    study = study_of(tmp_path)
+    before = measured(study, tmp_path)
+    for index, path in enumerate(sorted((tmp_path / FOLDER).iterdir())[:3]):
+        path.write_bytes([b"", b"junk", path.read_bytes()[:-30]][index])
+    todo, there = tasks(study, tmp_path)
+    assert (len(todo), there) == (3, 9)
+    after = measured(study, tmp_path)
+    assert after.scenes == before.scenes
+
+
+def test_equal_methods_share_their_results(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "best", "bilinear"))
+    same = registry.methods()["best"].identity() == registry.methods()["paper"].identity()
+    todo, _ = tasks(study, tmp_path)
+    assert len(todo) == (8 if same else 12)
+    figures = measured(study, tmp_path)
+    assert figures.of_scene("scene0", 0.03, "best") is not None
+
+
+def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from shared.errors import ConvergenceError
+
+    study = study_of(tmp_path, methods=("bilinear", "dlmmse"))
+    genuine = module.render_cell
+
+    def failing(cell, protocol, reading):  # type: ignore[no-untyped-def]
+        if cell.method == "dlmmse" and cell.scene.name == "scene1":
+            raise ConvergenceError("stopped at 500 iterations")
+        return genuine(cell, protocol, reading)
+
+    monkeypatch.setattr(module, "render_cell", failing)
+    outcomes = [work(task) for task in tasks(study, tmp_path)[0]]
+    lines = [line for outcome in outcomes for _, line in outcome.failures]
+    assert lines[0].endswith("scene1.npy: dlmmse, no noise: stopped at 500 iterations")
+    assert len(lines) == 2
+    assert len(collect(study, tmp_path)) == 6
+
+
+def test_methods_that_share_their_denoising_are_one_task(tmp_path: Path) -> None:
+    names = tuple(name for name, method in registry.methods().items() if method.denoised and method.missing is None)
+    if not names:
+        pytest.skip("the extra `rivals` is not installed")
+    todo, _ = tasks(study_of(tmp_path, methods=(*names, "bilinear")), tmp_path)
+    assert sorted(len(task.cells) for task in todo) == sorted([len(names)] * 4 + [1] * 4)

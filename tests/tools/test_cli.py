@@ -1,0 +1,278 @@
+"""The command line as such: help, exit codes, streams that fail, interrupts, names that are no text."""
+
+import errno
+import io
+import os
+import re
+import signal
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shared.errors import ConvergenceError
+from tests.tools.command import PROGRAM, ROOT, assert_refused, names, run, spawn
+from tools import cli, console, inspect
+from tools.console import Console, one_line
+
+SHOT = "builtin-24x18.dng"
+
+
+@pytest.fixture
+def shots(tmp_path: Path) -> Path:
+    """A folder with one small shot."""
+    folder = tmp_path / "shots"
+    folder.mkdir()
+    assert run("simulate", "builtin:24x18", "-o", folder).code == 0
+    return folder
+
+
+# --- help -----------------------------------------------------------------------------------------------------------------------
+
+
+def test_version() -> None:
+    outcome = run("--version")
+    assert (outcome.code, outcome.out, outcome.err) == (0, f"panchroma {version('panchroma')}\n", "")
+
+
+def test_help_lists_every_verb() -> None:
+    outcome = run("--help")
+    assert outcome.code == 0
+    assert [line.split()[0] for line in outcome.out.splitlines() if re.match("    [a-z]", line)] == list(cli.VERBS)
+
+
+@pytest.mark.parametrize("verb", cli.VERBS)
+def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
+    outcome = run(verb, "--help")
+    assert outcome.code == 0
+    assert f"usage: panchroma {verb}" in outcome.out
+    parser: Any = cli._parser([verb])
+    child = parser._subparsers._group_actions[0].choices[verb]
+    assert all(action.help for action in child._actions), "an option without a word of help"
+    assert child.description
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (),
+        ("develop",),
+        ("render",),
+        ("render", "-o", "."),
+        ("render", "x.dng"),
+        ("render", "x.dng", "-o"),
+        ("render", "x.dng", "-o", ".", "-f", "gif"),
+        ("render", "x.dng", "-o", ".", "--bits", "12"),
+        ("render", "x.dng", "-o", ".", "--preset", "worst"),
+        ("render", "x.dng", "-o", ".", "--sigma", "0"),
+        ("simulate", "builtin:9x9", "-o", ".", "--order", "RGBG"),
+        ("simulate", "builtin:9x9", "-o", ".", "--period", "six"),
+        ("inspect",),
+        ("inspect", "--verfy", "x.dng"),
+        ("demo", "x.dng"),
+    ],
+)
+def test_a_wrong_command_is_usage(arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run(*arguments)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert "usage: panchroma" in outcome.err
+    assert names(tmp_path) == set()
+
+
+@pytest.mark.parametrize("verb", ["simulate", "render"])
+@pytest.mark.parametrize(("folder", "words"), [("missing", "mkdir -p"), ("file", "is not a folder"), ("", "-o is empty")])
+def test_a_wrong_output_folder_is_usage(verb: str, folder: str, words: str, tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("old")
+    outcome = run(verb, "builtin:9x9", "-o", folder)
+    assert outcome.code == 2
+    (line,) = outcome.err.splitlines()
+    assert line.startswith(f"panchroma: {folder}")
+    assert words in line
+    assert names(tmp_path) == {"file"}
+
+
+# --- errors ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_solver_that_does_not_converge_is_one_line(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ConvergenceError("affinity: residual 0.1 after 500 iterations,\nexpected 0.001")
+
+    monkeypatch.setattr("offline.render", fail)
+    assert_refused(run("render", shots / SHOT, "-o", tmp_path), "residual 0.1", "expected 0.001", name=str(shots / SHOT))
+    assert names(tmp_path) == {"shots"}
+
+
+def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> int:
+        raise RuntimeError("odd")
+
+    monkeypatch.setattr(inspect, "run", fail)
+    outcome = run("inspect", "x.dng")
+    assert outcome.code == 1
+    (line,) = outcome.err.splitlines()
+    assert line.startswith("panchroma: a fault of Panchroma, please report it: RuntimeError in cli.py:")  # the last place of ours
+    assert line.endswith(": odd")
+
+
+def test_a_library_that_is_not_installed_is_named(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*_: object) -> None:
+        raise ModuleNotFoundError("No module named 'scipy'", name="scipy.ndimage")
+
+    monkeypatch.setattr("offline.render", missing)
+    words = "the package scipy.ndimage is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
+    assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [("two\nlines", "two lines"), ("a\r\n\tb", "a b"), ("\x1b[31mred\x9b", " [31mred "), ("two  blanks é", "two  blanks é")],
+)
+def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) -> None:
+    assert one_line(text) == line
+
+
+# --- interrupts -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stage", ["luminance", "affinity", "writing"])
+def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    begin = console.LineProgress.stage
+
+    def interrupted(self: console.LineProgress, name: str, steps: int) -> None:
+        begin(self, name, steps)
+        if name == stage:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(console.LineProgress, "stage", interrupted)
+    outcome = run("render", shots / SHOT, "-o", out, "--json")
+    assert outcome.code == 130
+    assert outcome.out == ""
+    assert outcome.errors == ["panchroma: interrupted; every file that was finished is whole, no other was begun"]
+    assert names(out) == set()
+
+
+def test_an_interrupt_while_writing_removes_the_part(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parts: list[str] = []
+
+    def interrupted(_: int) -> None:
+        parts.extend(names(tmp_path) - {"shots"})
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(os, "fsync", interrupted)
+    assert run("render", shots / SHOT, "-o", tmp_path).code == 130
+    assert len(parts) == 1
+    assert names(tmp_path) == {"shots"}
+
+
+def test_an_interrupt_while_the_program_loads_is_no_traceback() -> None:
+    """The imports take longest of all that comes before the first file."""
+    script = (
+        "import builtins, signal, sys; from tools import cli; find = builtins.__import__\n"
+        "def interrupted(name, *rest, **named):\n"
+        "    if name == 'shared.errors': signal.raise_signal(signal.SIGINT)\n"
+        "    return find(name, *rest, **named)\n"
+        "builtins.__import__ = interrupted; cli.main(['inspect', 'x.dng'])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert done.stderr.startswith("panchroma: interrupted")
+    assert len(done.stderr.splitlines()) == 1
+
+
+# --- streams --------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arguments", [("inspect", "{shot}"), ("inspect", "--json", "{shot}"), ("--help",), ("render", "--help")])
+def test_a_reader_that_has_left_is_no_traceback(arguments: tuple[str, ...], shots: Path) -> None:
+    line = [*PROGRAM, *(argument.format(shot=shots / SHOT) for argument in arguments)]
+    reading, writing = os.pipe()
+    os.close(reading)  # before the program begins
+    done = subprocess.run(line, cwd=ROOT, stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert b"Traceback" not in done.stderr
+    assert b"Exception" not in done.stderr
+    assert done.returncode in (128 + signal.SIGPIPE, 0)  # argparse does not mind
+    assert (done.returncode == 0) == (arguments[-1] == "--help")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full")
+def test_a_full_disk_behind_standard_output_is_one_line(shots: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [*PROGRAM, "inspect", shots / SHOT], cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert done.stderr == f"panchroma: standard output: cannot be written ({os.strerror(errno.ENOSPC)})\n"
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_are_no_trouble_and_not_taken_for_files(closed: str, shots: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    outcome = spawn("render", shots / SHOT, "-o", out, before=("sh", "-c", f'exec "$@" {closed}', "sh"))
+    assert outcome.code == 0
+    assert names(out) == {"builtin-24x18.tif"}
+    assert (out / "builtin-24x18.tif").read_bytes()[:4] == b"II*\0"
+    assert run("render", shots / SHOT, "-o", out, "--overwrite").code == 0  # the same bytes as with all streams
+    assert ("writing" in outcome.err) == (closed == ">&-")
+
+
+def test_file_names_that_no_encoding_holds(shots: Path) -> None:
+    (shots / SHOT).rename(shots / "é\udcff.dng")
+    for encoding in ("utf-8:strict", "ascii:strict"):
+        outcome = spawn("inspect", "--verify", str(shots / "é\udcff.dng"), env={**os.environ, "PYTHONIOENCODING": encoding})
+        assert outcome.code == 0, outcome.err
+        assert r"\udcff.dng: whole" in outcome.out
+
+
+def test_people_read_stderr_when_machines_read_stdout(capsys: pytest.CaptureFixture[str]) -> None:
+    for json in (False, True):
+        out = Console(json=json)
+        out.say("a result")
+        out.note("a note")
+        out.record(source="x", ok=True)
+        assert capsys.readouterr() == (
+            ('{"source": "x", "ok": true}\n', "a result\na note\n") if json else ("a result\n", "a note\n")
+        )
+
+
+def test_a_terminal_shows_a_bar_whatever_the_file_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Square brackets are markup to rich, unless it is told otherwise."""
+
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    shown = Console()
+    with shown.progress("[/shot] [bold]x.dng") as progress:
+        progress.stage("luminance", 3)
+        progress.advance()
+        progress.advance(2)
+    shown.close()
+    assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
+
+
+def test_a_log_gets_a_line_per_stage_that_has_ended(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = Console()
+    with shown.progress("x.dng") as progress:
+        progress.stage("luminance", 3)
+        progress.advance(3)
+        progress.stage("writing", 1)
+    failing = shown.progress("y.dng")
+    failing.stage("luminance", 3)
+    failing.__exit__(ValueError, ValueError("odd"), None)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.rsplit(" ", 2)[0] for line in lines] == ["x.dng: luminance", "x.dng: writing"]

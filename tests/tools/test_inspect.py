@@ -1,0 +1,154 @@
+"""`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see test_render."""
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
+from shared.arrays import CodeArray
+from shared.calibration import encoding
+from shared.dng import read_preview
+from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
+from tests.tools.command import run
+
+BLACK, WHITE = encoding(12)
+PLAIN = SensorCalibration(black_level=(BLACK,) * 4, white_level=WHITE)
+
+
+def save(path: Path, shot: Mosaic) -> Path:
+    write_dng(path, shot, preview())
+    return path
+
+
+def frame(panchromatic: int, colour: int = BLACK) -> CodeArray:
+    """12 x 12 samples, period 6: one value at panchromatic sites, another at the 16 colour sites."""
+    codes = np.full((12, 12), panchromatic, np.uint16)
+    codes[np.ix_([0, 1, 6, 7], [0, 1, 6, 7])] = colour
+    return codes
+
+
+def rows(page: str) -> dict[str, str]:
+    """Name -> value of the lines of a page that have a name."""
+    return {line[2:16].strip(): line[16:] for line in page.splitlines()[1:] if line[2:16].strip()}
+
+
+def test_machines_get_every_fact(tmp_path: Path) -> None:
+    shot = mosaic()
+    path = save(tmp_path / "shot.dng", shot)
+    outcome = run("inspect", "--json", path)
+    assert outcome.code == 0
+    (facts,) = outcome.records
+    assert (facts["source"], facts["ok"]) == (str(path), True)
+    assert (facts["width"], facts["height"], facts["bits"]) == (53, 37, 12)
+    assert facts["pattern"]["letters"] == list(shot.pattern.letters_from())
+    assert facts["pattern"]["channels"] == "RGB"
+    assert facts["pattern"]["light_efficiency"] == pytest.approx(100 / 36, abs=1e-3)
+    assert SensorCalibration.from_json(facts["calibration"]) == shot.calibration
+    assert facts["calibration_id"] == shot.calibration.id
+    measured = shot.signal[shot.pattern.panchromatic_mask(shot.shape)]
+    assert facts["mean_luminance"] == pytest.approx(measured.mean(dtype=np.float64))
+    assert facts["saturated"] == pytest.approx((measured >= shot.calibration.full_scale).mean())
+    assert 0 < facts["saturated"] < 1
+    assert facts["preview_bytes"] == len(read_preview(path))
+    assert METADATA.taken is not None
+    assert facts["metadata"]["taken"] == METADATA.taken.isoformat()
+    known = {name: value for name, value in vars(METADATA).items() if name != "taken"}
+    assert {name: facts["metadata"][name] for name in known} == pytest.approx(known)
+
+
+def test_people_get_them_with_their_units(tmp_path: Path) -> None:
+    path = save(tmp_path / "shot.dng", mosaic())
+    outcome = run("inspect", path)
+    assert outcome.code == 0
+    assert outcome.err == ""
+    assert outcome.out.splitlines()[0] == str(path)
+    shown = rows(outcome.out)
+    assert shown["size"] == "53 x 37 pixels, 12 bits; samples match their digest"
+    assert shown["pattern"] == "period 6, 2.78 times the light of a Bayer sensor"
+    assert "R G W W W W" in outcome.out
+    assert shown["levels"] == "black 256 257 258 259, white 3839"
+    assert shown["gamma"] == "0.7 0.91 1.12  (RGB)"
+    assert shown["noise"] == "variance = 0.001 0.002 0.003 0.004 x signal + (0.01 0.005 0.00333333 0.0025)^2, scene units"
+    assert shown["colour"] == "calibrated"
+    assert shown["neutral"] == "0.5 0.6 0.7"
+    assert shown["sensor"] == f"Prüfling 7, calibration {calibration().id}"
+    assert shown["exposure"] == "1/250 s"
+    assert shown["aperture"] == "f/2.8"
+    assert shown["ISO"] == "640"
+    assert shown["focal length"] == "34.56 mm"
+    assert shown["orientation"] == "6 (of TIFF)"
+    assert (shown["make"], shown["lens"], shown["artist"]) == (METADATA.make, METADATA.lens, METADATA.artist)
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "name", "value"),
+    [
+        (PLAIN, "noise", "unknown"),
+        (SensorCalibration(noise=NoiseModel.gaussian(0.01, 4)), "noise", "sigma 0.01 scene units"),
+        (PLAIN, "colour", "no matrix"),
+        (PLAIN, "neutral", "unknown"),
+        (PLAIN, "levels", "black 256, white 3839"),
+        (PLAIN, "gamma", "1  (RGB)"),
+        (PLAIN, "sensor", f"unnamed, calibration {PLAIN.id}"),
+    ],
+)
+def test_what_is_not_known_or_all_alike(tmp_path: Path, calibrated: SensorCalibration, name: str, value: str) -> None:
+    path = save(tmp_path / "shot.dng", Mosaic(frame(2000), CfaPattern.bayer(), calibrated))
+    shown = rows(run("inspect", path).out)
+    assert shown[name] == value
+    assert not {"exposure", "taken", "make", "orientation"} & set(shown)
+
+
+@pytest.mark.parametrize(
+    ("metadata", "name", "value"),
+    [
+        (CaptureMetadata(exposure_time=1.0), "exposure", "1 s"),
+        (CaptureMetadata(exposure_time=0.5), "exposure", "0.5 s"),
+        (CaptureMetadata(exposure_time=1 / 3), "exposure", "1/3 s"),
+        (CaptureMetadata(f_number=1.0), "aperture", "f/1"),
+        (CaptureMetadata(iso=1), "ISO", "1"),
+        (CaptureMetadata(taken=datetime(2014, 3, 9, 7, 5, 1)), "taken", "2014-03-09T07:05:01"),  # noqa: DTZ001  as Exif has it
+        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
+    ],
+)
+def test_capture_data_with_their_units(tmp_path: Path, metadata: CaptureMetadata, name: str, value: str) -> None:
+    path = save(tmp_path / "shot.dng", Mosaic(frame(2000), CfaPattern.bayer(), PLAIN, metadata))
+    assert rows(run("inspect", path).out)[name] == value
+
+
+@pytest.mark.parametrize(
+    ("code", "mean", "saturated"), [(BLACK, 0.0, 0.0), (WHITE - 1, 2.999, 0.0), (WHITE, 3.0, 1.0), (4095, 3.214, 1.0)]
+)
+def test_brightness_is_that_of_panchromatic_samples(tmp_path: Path, code: int, mean: float, saturated: float) -> None:
+    colour = WHITE if code == BLACK else BLACK  # the opposite: colour sites must not count
+    path = save(tmp_path / "shot.dng", Mosaic(frame(code, colour), CfaPattern.bayer(), PLAIN))
+    (facts,) = run("inspect", "--json", path).records
+    assert facts["mean_luminance"] == pytest.approx(mean, abs=1e-3)
+    assert facts["saturated"] == saturated
+
+
+def test_other_channels_than_three(tmp_path: Path) -> None:
+    pattern = CfaPattern.with_block(("RGB", "XWY"), 9, (2, 3))
+    path = save(tmp_path / "shot.dng", mosaic(pattern))
+    shown = rows(run("inspect", path).out)
+    assert shown["pattern"].startswith("period 9, ")
+    assert shown["gamma"] == "0.7 0.91 1.12 1.33 1.54  (RGBXY)"
+
+
+def test_verify_says_no_more_than_needed(tmp_path: Path) -> None:
+    paths = [save(tmp_path / name, mosaic()) for name in ("one.dng", "two.dng")]
+    outcome = run("inspect", "--verify", *paths)
+    assert (outcome.code, outcome.out, outcome.err) == (0, "".join(f"{path}: whole\n" for path in paths), "")
+    records: list[Any] = run("inspect", "--verify", "--json", *paths).records
+    assert records == [{"source": str(path), "ok": True, "width": 53, "height": 37} for path in paths]
+
+
+def test_a_shot_from_simulate_as_json_is_one_line(tmp_path: Path) -> None:
+    run("simulate", "builtin:30x20", "-o", tmp_path, "--sigma", "0.01")
+    out = run("inspect", "--json", tmp_path / "builtin-30x20.dng").out
+    assert out.count("\n") == 1
+    assert json.loads(out)["calibration"]["noise"] == {"shot": [0.0] * 4, "read": [0.01] * 4}

@@ -1,0 +1,83 @@
+"""LibRaw's demosaicing, through a Bayer DNG in memory: what nearly every free raw developer and many viewers use."""
+
+import io
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import FloatArray
+from shared.dng.tags import CFA_CODES, DNG_BACKWARD_VERSION, DNG_VERSION, Compression, Photometric, Tag
+from shared.errors import InputError
+from shared.tiff import Directory, FieldType, encode_tiff
+
+from .bayer import check_mosaic, sites
+from .integers import Levels
+
+ALGORITHMS = ("ahd", "dcb", "dht", "aahd")
+_LEAST = 22  # pixels each way: LibRaw reads nothing smaller
+
+
+def demosaic_libraw(mosaic: FloatArray, algorithm: str, order: str = "RGGB") -> FloatArray:
+    """A picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units.
+
+    algorithm: one of ALGORITHMS. LibRaw gets the samples with a pedestal that it keeps, so that no noise below black or above white
+    is clipped, and returns linear 16-bit camera colours; neither white balance nor colour nor brightness is touched.
+    Raises InputError for an unknown algorithm or order, and for a frame smaller than 22 x 22.
+    """
+    check_mosaic(mosaic)
+    if algorithm not in ALGORITHMS:
+        raise InputError(f"unknown LibRaw algorithm {algorithm!r}; one of {', '.join(ALGORITHMS)}")
+    if min(mosaic.shape) < _LEAST:
+        raise InputError(f"a mosaic of {mosaic.shape[1]} x {mosaic.shape[0]} is too small for LibRaw: {_LEAST} pixels each way")
+    import rawpy
+
+    levels = Levels.around(mosaic)
+    with rawpy.imread(io.BytesIO(encode_bayer_dng(levels.encode(mosaic), order))) as raw:
+        developed: Any = raw.postprocess(
+            demosaic_algorithm=rawpy.DemosaicAlgorithm[algorithm.upper()],
+            output_bps=16,
+            gamma=(1, 1),
+            output_color=rawpy.ColorSpace.raw,
+            user_wb=[1.0, 1.0, 1.0, 1.0],
+            user_black=0,
+            user_sat=65535,
+            adjust_maximum_thr=0.0,
+            no_auto_bright=True,
+            user_flip=0,
+        )
+    if developed.shape != (*mosaic.shape, 3):
+        raise InputError(f"LibRaw made {developed.shape} of a mosaic of {mosaic.shape}")
+    return levels.decode(np.asarray(developed, np.uint16))
+
+
+def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:
+    """An uncompressed DNG of a Bayer mosaic, uint16 (H, W): black 0, white 65535, the camera's colours those of sRGB."""
+    letters = [next(channel for channel, *place in sites(order) if place == [row, column]) for row in (0, 1) for column in (0, 1)]
+    rows, columns = codes.shape
+    fields: dict[int, tuple[FieldType, Any]] = {
+        Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0]),
+        Tag.IMAGE_WIDTH: (FieldType.LONG, [columns]),
+        Tag.IMAGE_LENGTH: (FieldType.LONG, [rows]),
+        Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16]),
+        Tag.COMPRESSION: (FieldType.SHORT, [Compression.NONE]),
+        Tag.PHOTOMETRIC: (FieldType.SHORT, [Photometric.CFA]),
+        Tag.MAKE: (FieldType.ASCII, "Panchroma"),
+        Tag.MODEL: (FieldType.ASCII, "Bayer rival"),
+        Tag.ORIENTATION: (FieldType.SHORT, [1]),
+        Tag.SAMPLES_PER_PIXEL: (FieldType.SHORT, [1]),
+        Tag.ROWS_PER_STRIP: (FieldType.LONG, [rows]),
+        Tag.PLANAR_CONFIG: (FieldType.SHORT, [1]),
+        Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [2, 2]),
+        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES["RGB"[letter]] for letter in letters)),
+        Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
+        Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
+        Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, "Panchroma Bayer rival"),
+        Tag.BLACK_LEVEL: (FieldType.SHORT, [0]),
+        Tag.WHITE_LEVEL: (FieldType.LONG, [65535]),
+        # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and has to know some.
+        Tag.COLOR_MATRIX_1: (FieldType.SRATIONAL, [3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057]),
+        Tag.CALIBRATION_ILLUMINANT_1: (FieldType.SHORT, [21]),
+        Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, [1, 1, 1]),
+    }
+    return encode_tiff(Directory(fields, strips=[codes.astype("<u2").tobytes()]))

@@ -1,0 +1,133 @@
+"""Gamma from the patches of a chart, by regression with errors in all variables.
+
+Both sides of l = sum_i gamma_i c_i (Eq. 7) are measured with noise. Plain least squares takes the c_i for exact and comes out too
+small; the maximum of the likelihood over gamma and the true c_i together is the minimum over gamma alone of
+
+    sum_j (l_j - gamma . c_j)^2 / (var l_j + sum_i gamma_i^2 var c_ij)
+
+(W. A. Fuller, Measurement Error Models, Wiley 1987, section 3.1; physicists call it the effective variance method).
+"""
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from shared.arrays import BoolArray, DoubleArray
+from shared.errors import InputError
+
+from .gamma import INSTEAD, GammaFit
+from .photon_transfer import fit_photon_transfer
+from .samples import PlaceSamples
+
+WORST_CONDITION = 60.0
+_TRUST = 8.0  # samples that the noise line counts for, against a place's own variance
+_REJECT = 4.0  # standard deviations
+_HUBER = 2.5
+_ROUNDS = 4
+_MAD = 1.4826
+
+
+def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
+    """Gamma from the patches of one chart, any number C of channels.
+
+    Raises InputError, saying what to shoot instead, when they cannot determine it: clipped or too few patches, greys only, too few
+    colours.
+    """
+    channels = places.mean.shape[1] - 1
+    level, colours = places.mean[:, -1], places.mean[:, :-1]
+    exposed = ~places.clipped & (places.count.min(axis=1) >= 1) & (level > 0)
+    least = 2 * channels
+    if exposed.sum() < least:
+        clipped = int(places.clipped.sum())
+        why = f"{clipped} of {len(level)} patches are clipped" if clipped else f"only {int(exposed.sum())} patches can be measured"
+        raise InputError(f"gamma: {why}, and {least} good ones are needed: {'expose less, or ' if clipped else ''}{INSTEAD}")
+    variance = mean_variance(places, exposed)
+    used = exposed
+    estimate = _start(colours[used], level[used], variance[used])
+    for _ in range(_ROUNDS):
+        estimate = _solve(colours[used], level[used], variance[used], estimate)
+        score = _score(estimate, colours, level, variance)
+        scale = max(1.0, _MAD * float(np.median(np.abs(score[used]))))
+        kept = exposed & (np.abs(score) <= _REJECT * scale)
+        if kept.sum() < least or (kept == used).all():
+            break
+        used = kept
+    score = _score(estimate, colours, level, variance)
+    freedom = max(int(used.sum()) - channels, 1)
+    spread = float(np.sqrt((score[used] ** 2).sum() / freedom))
+    condition = float(np.linalg.cond(colours[used] / level[used, None]))
+    if condition > WORST_CONDITION:
+        raise InputError(
+            f"gamma: the patches' colours are too much alike (condition {condition:.0f}, at most {WORST_CONDITION:.0f}): "
+            f"greys, or too few colours; {INSTEAD}"
+        )
+    return GammaFit(
+        gamma=estimate,
+        covariance=_covariance(estimate, colours[used], level[used], variance[used]) * max(spread, 1.0) ** 2,
+        freedom=freedom,
+        level=level,
+        predicted=colours @ estimate,
+        score=score,
+        used=used,
+        condition=condition,
+        spread=spread,
+        offset=_offset(estimate, colours[used], level[used], variance[used]) / max(spread, 1.0),
+    )
+
+
+def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
+    """The channels' levels (N, C) that agree exactly with the panchromatic ones, the likeliest given both and gamma."""
+    variance = mean_variance(places, ~places.clipped)
+    disagreement = places.mean[:, -1] - places.mean[:, :-1] @ gamma
+    pull = variance[:, :-1] * gamma / (variance[:, -1] + variance[:, :-1] @ gamma**2)[:, None]
+    levels: DoubleArray = places.mean[:, :-1] + pull * disagreement[:, None]
+    return levels
+
+
+def mean_variance(places: PlaceSamples, exposed: BoolArray) -> DoubleArray:
+    """Variance of each mean, (N, C + 1): the place's own, steadied by the noise line of all places of the plane."""
+    variance = np.zeros_like(places.mean)
+    for plane in range(places.mean.shape[1]):
+        mean, own, count = places.mean[:, plane], places.variance[:, plane], places.count[:, plane]
+        line = fit_photon_transfer(mean[exposed], own[exposed], count[exposed])
+        free = np.maximum(count - 1, 0)
+        steady = (_TRUST * line.variance(mean) + free * own) / (_TRUST + free)
+        variance[:, plane] = np.maximum(steady, 1e-14) / np.maximum(count, 1)
+    return variance
+
+
+def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
+    weight = 1 / np.sqrt(variance.sum(axis=1))
+    start, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
+    positive: DoubleArray = np.maximum(start, 1e-2).astype(np.float64)
+    return positive
+
+
+def _score(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
+    score: DoubleArray = (level - colours @ gamma) / np.sqrt(variance[:, -1] + variance[:, :-1] @ gamma**2)
+    return score
+
+
+def _solve(colours: DoubleArray, level: DoubleArray, variance: DoubleArray, start: DoubleArray) -> DoubleArray:
+    scale = max(1.0, _MAD * float(np.median(np.abs(_score(start, colours, level, variance)))))
+    found = least_squares(
+        _score, start, args=(colours, level, variance), loss="huber", f_scale=_HUBER * scale, x_scale="jac", xtol=1e-12, ftol=1e-12
+    )
+    solution: DoubleArray = found.x
+    return solution
+
+
+def _covariance(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
+    """Inverse information, with the likeliest true channels in place of the noisy ones (whose spread would feign information)."""
+    total = variance[:, -1] + variance[:, :-1] @ gamma**2
+    likely = colours + variance[:, :-1] * gamma * ((level - colours @ gamma) / total)[:, None]
+    information = (likely / total[:, None]).T @ likely
+    covariance: DoubleArray = np.linalg.pinv(information).astype(np.float64)
+    return covariance
+
+
+def _offset(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> float:
+    """An intercept beside gamma, in standard errors."""
+    weight = 1 / np.sqrt(variance[:, -1] + variance[:, :-1] @ gamma**2)
+    design = np.concatenate([colours, np.ones((len(level), 1))], axis=1) * weight[:, None]
+    solution, *_ = np.linalg.lstsq(design, level * weight, rcond=None)
+    return float(solution[-1] / np.sqrt(np.linalg.pinv(design.T @ design)[-1, -1]))

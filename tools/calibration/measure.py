@@ -1,0 +1,260 @@
+"""From shots to a camera: the page of this package."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from shared import Camera, Mosaic, SensorCalibration
+from shared.arrays import BoolArray, ByteArray, DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ, as_rows
+from shared.errors import InputError
+
+from .chart import FoundChart, chart_at, find_chart, overlay
+from .chart_gamma import fit_chart_gamma, reconciled
+from .colour import UNEVEN, ColourFit, fit_colour, white_balanced
+from .delta_e import delta_e_2000
+from .gamma import GammaFit, check_determined, combined
+from .geometry import PATCHES, ChartPlace
+from .noise import DarkResult, NoiseResult, noise_of_places
+from .samples import PlaceSamples, patch_samples
+from .scene_gamma import fit_scene_gamma
+
+Corners = tuple[tuple[float, float], ...]
+
+_OFFSET = 4.0  # standard errors: an offset beyond is no chance
+_SPREAD = 2.5  # residuals over noise: beyond, something other than noise is in them
+_GOOD_GAMMA = 0.02  # half width over gamma
+_GOOD_COLOUR, _BAD_COLOUR = 4.0, 6.0  # mean dE2000: a fair chart in fair light, and no use
+_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
+
+
+@dataclass(frozen=True, eq=False)
+class ShotMeasurement:
+    """What one shot gave. chart and places are None for an ordinary scene; fits: independent gammas of this shot."""
+
+    name: str
+    calibration: SensorCalibration
+    fits: tuple[GammaFit, ...]
+    chart: FoundChart | None = None
+    places: PlaceSamples | None = None
+    picture: ByteArray | None = None
+    mosaic: Mosaic | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """All that was measured.
+
+    camera: None when it was refused, with the reason in `refusal`; warnings: sentences for people. colour_shot: name of the shot
+    that gave the colours; before: (24, 3) L*a*b* of its patches with the matrix known before (sRGB's primaries without one);
+    camera_rgb: (24, C) its patches, evenly lit, 1 = what white reads in the largest channel.
+    """
+
+    camera: Camera | None
+    refusal: str
+    warnings: tuple[str, ...]
+    shots: tuple[ShotMeasurement, ...]
+    gamma: GammaFit | None
+    colour: ColourFit | None
+    colour_shot: str
+    before: DoubleArray | None
+    camera_rgb: DoubleArray | None
+    noise: NoiseResult | None
+    dark: DarkResult | None
+    channels: str
+
+    @property
+    def verdict(self) -> str:
+        """One of "use it", "use it with care", "do not use it"."""
+        if self.camera is None:
+            return "do not use it"
+        if self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR:
+            return "do not use it"
+        return "use it with care" if self.warnings else "use it"
+
+
+def measure_chart(name: str, mosaic: Mosaic, reference: DoubleArray, corners: Corners | None = None) -> ShotMeasurement:
+    """Find the chart (or take it at `corners`), measure its patches, and gamma from it and from the scene around it.
+
+    Raises InputError with the reason when the shot cannot be used.
+    """
+    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
+    places = patch_samples(mosaic, chart.place.regions())
+    fits = [fit_chart_gamma(places)]
+    with suppress(InputError):  # The surroundings are a bonus: a wall behind the chart has no colours.
+        fits.append(fit_scene_gamma(mosaic, _covered(chart.place, mosaic.shape)))
+    return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place), mosaic)
+
+
+def measure_scene(name: str, mosaic: Mosaic) -> ShotMeasurement:
+    """Gamma from a shot without a chart. Raises InputError with the reason when the shot cannot be used."""
+    return ShotMeasurement(name, mosaic.calibration, (fit_scene_gamma(mosaic),))
+
+
+def conclude(
+    base: Mosaic,
+    shots: Sequence[ShotMeasurement],
+    reference: DoubleArray,
+    dark: DarkResult | None = None,
+    noise: NoiseResult | None = None,
+    provenance: dict[str, Any] | None = None,
+    extra_defects: Sequence[tuple[int, int]] = (),
+) -> Outcome:
+    """All measurements as one camera.
+
+    base: any frame of the camera: pattern, levels, sensor, and whatever is not measured. provenance: facts that every part records.
+    """
+    noted = provenance or {}
+    changes: dict[str, Any] = {}
+    measured: dict[str, dict[str, Any]] = {}
+    warnings: list[str] = []
+    refusal, gamma = "", None
+    full_scale = base.calibration.full_scale
+    if shots:
+        gamma = combined([fit for shot in shots for fit in shot.fits])
+        try:
+            check_determined(gamma)
+        except InputError as error:
+            refusal = str(error)
+        full_scale = float(gamma.gamma.sum())
+        changes["gamma"] = tuple(gamma.gamma.tolist())
+        measured["gamma"] = {**noted, **_gamma_facts(gamma, shots)}
+        warnings += _gamma_warnings(gamma, shots)
+    if dark:
+        changes["black_level"] = tuple(dark.black.tolist())
+        measured["black_level"] = {**noted, "frames": dark.frames, "standard_error": _rounded(dark.black_error)}
+    defects = sorted({*(dark.defects if dark else ()), *extra_defects})
+    if dark or extra_defects:
+        changes["defects"] = tuple(defects)
+        measured["defects"] = {**noted, "part_of_pixels": len(defects) / base.samples.size}
+        if len(defects) > 1e-3 * base.samples.size:
+            warnings.append(f"{len(defects)} defective pixels ({100 * len(defects) / base.samples.size:.2f} %) are many")
+    charts = [shot for shot in shots if shot.chart is not None and shot.places is not None]
+    if noise is None and charts:
+        read = dark.read / (base.calibration.white_level - dark.black) if dark else None
+        noise = noise_of_places(PlaceSamples.joined([shot.places for shot in charts if shot.places]), base, read)
+        warnings.append(
+            "noise is measured on the chart's patches, whose texture adds to it: pairs of flat frames (--flat) measure noise alone"
+            + ("" if dark else ", and dark frames (--dark) the read noise")
+        )
+    if noise:
+        changes["noise"] = noise.model(full_scale)
+        measured["noise"] = {
+            **noted,
+            "from": noise.source,
+            "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
+            "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
+        }
+    colour, shot, before, camera_rgb = _colour(charts, gamma, reference)
+    if colour is not None:
+        changes["camera_to_xyz"] = as_rows(colour.matrix)
+        changes["neutral"] = tuple(colour.neutral.tolist())
+        measured["colour"] = {
+            **noted,
+            "shot": shot,
+            "mean_dE2000": round(float(colour.difference.mean()), 3),
+            "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, colour.reference).mean()), 3),
+            "max_dE2000": round(float(colour.difference.max()), 3),
+            "leave_one_out_dE2000": round(float(colour.left_out.mean()), 3),
+            "light_unevenness": round(colour.unevenness, 3),
+        }
+        warnings += _colour_warnings(colour, shot)
+    calibration = replace(base.calibration, **changes)
+    camera = None if refusal else Camera(calibration, base.pattern, measured)
+    return Outcome(
+        camera, refusal, tuple(warnings), tuple(shots), gamma, colour, shot, before, camera_rgb, noise, dark, base.pattern.channels
+    )
+
+
+def _colour(
+    charts: Sequence[ShotMeasurement], gamma: GammaFit | None, reference: DoubleArray
+) -> tuple[ColourFit | None, str, DoubleArray | None, DoubleArray | None]:
+    """The colours by the chart that fits best; its name; L*a*b* before; evenly lit camera RGB of its patches."""
+    if gamma is None:
+        return None, "", None, None
+    candidates = []
+    for shot in charts:
+        if shot.places is None or shot.chart is None or shot.places.clipped.any():
+            continue
+        levels = reconciled(shot.places, gamma.gamma)
+        candidates.append((fit_colour(levels, reference, shot.chart.place.cells), shot, levels))
+    if not candidates:
+        return None, "", None, None
+    colour, shot, levels = min(candidates, key=lambda candidate: float(candidate[0].left_out.mean()))
+    known = shot.calibration.camera_to_xyz
+    before = None
+    if known is not None or levels.shape[1] == 3:
+        before = white_balanced(levels, reference, np.array(known if known is not None else SRGB_TO_XYZ))
+    even = levels / colour.light[:, None]
+    scale = float((reference[18:21, 1] / (even[18:21] / colour.neutral).mean(axis=1)).mean())
+    return colour, shot.name, before, even * scale
+
+
+def _covered(place: ChartPlace, shape: tuple[int, int]) -> BoolArray:
+    """Pixels of the chart, with the card around it."""
+    covered = np.zeros(shape, bool)
+    for region in place.regions(1.4):
+        top, left = max(region.top, 0), max(region.left, 0)
+        mask = region.mask[top - region.top :, left - region.left :]
+        window = covered[top : top + mask.shape[0], left : left + mask.shape[1]]
+        window |= mask[: window.shape[0], : window.shape[1]]
+    return covered
+
+
+def _gamma_facts(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str, Any]:
+    kinds = ["chart" if shot.chart else "scene" for shot in shots]
+    return {
+        "from": " and ".join(_RECIPES[kind] for kind in dict.fromkeys(kinds)),
+        "shots": [shot.name for shot in shots],
+        "half_width_95": _rounded(gamma.half_width),
+        "condition": round(gamma.condition, 2),
+        "residuals_over_noise": round(gamma.spread, 2),
+    }
+
+
+def _gamma_warnings(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
+    warnings = []
+    if gamma.worst > _GOOD_GAMMA:
+        warnings.append(
+            f"gamma is known to {100 * gamma.worst:.1f} % only (95 %): more light, a larger chart or more shots narrow it"
+        )
+    if abs(gamma.offset) > _OFFSET:
+        warnings.append(
+            f"the panchromatic samples have an offset of {gamma.offset:+.1f} standard errors against the colours: "
+            "the black level looks wrong; take dark frames (--dark)"
+        )
+    if gamma.spread > _SPREAD:
+        warnings.append(
+            f"residuals are {gamma.spread:.1f} times what noise explains: "
+            "reflections, a dirty chart, or a sensor that is not linear"
+        )
+    for shot in shots:
+        if shot.places is None:
+            continue
+        clipped = int(shot.places.clipped.sum())
+        if clipped:
+            warnings.append(f"{shot.name}: {clipped} of {PATCHES} patches are clipped and were left out; expose less for colours")
+        left_out = int((~shot.fits[0].used).sum()) - clipped
+        if left_out > 0:
+            warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
+    return warnings
+
+
+def _colour_warnings(colour: ColourFit, shot: str) -> list[str]:
+    warnings = []
+    if colour.unevenness > UNEVEN:
+        warnings.append(
+            f"{shot}: the light on the chart is uneven, {colour.unevenness:.2f} times brighter at one place than at another; "
+            "colours are corrected for it, an evenly lit chart would be better"
+        )
+    mean = float(colour.difference.mean())
+    if mean > _GOOD_COLOUR:
+        warnings.append(f"{shot}: colours fit the reference to a mean dE2000 of {mean:.1f}, worse than {_GOOD_COLOUR:.0f}")
+    return warnings
+
+
+def _rounded(values: DoubleArray) -> list[float]:
+    return [float(f"{value:.3g}") for value in values.tolist()]

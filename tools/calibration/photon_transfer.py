@@ -1,0 +1,60 @@
+"""Photon transfer: variance against mean gives gain and read noise (J. R. Janesick, Photon Transfer, SPIE 2007; EMVA 1288)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from shared.arrays import BoolArray, DoubleArray
+
+_ROUNDS = 12
+_HIGH = 4.0  # standard deviations above the line: texture, not noise
+
+
+@dataclass(frozen=True)
+class PhotonTransfer:
+    """variance = shot * mean + read**2 of one plane, in parts of full scale; with standard errors of both."""
+
+    shot: float
+    read: float
+    shot_error: float
+    read_error: float
+
+    def variance(self, mean: DoubleArray) -> DoubleArray:
+        """Of a single sample at these means."""
+        predicted: DoubleArray = self.shot * np.maximum(mean, 0) + self.read**2
+        return predicted
+
+
+def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
+    """The line through (mean, variance) of places of one plane, neither figure negative.
+
+    mean, variance, count: (N,), parts of full scale; a variance of n samples is known to 2 variance^2 / (n - 1), its weight.
+    read: read noise known from dark frames; otherwise it is the line's intercept.
+    Places far above the line have texture and are left out.
+    """
+    good = (count > 1) & np.isfinite(variance)
+    mean, variance, count = mean[good], variance[good], count[good]
+    design = np.stack([np.maximum(mean, 0), np.ones(mean.size)], axis=1)
+    kept: BoolArray = np.ones(mean.size, bool)
+    offset = 0.0 if read is None else read**2
+    columns = design if read is None else design[:, :1]
+    predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
+    coefficients = np.zeros(columns.shape[1])
+    for _ in range(_ROUNDS):
+        weight = np.sqrt((count - 1) / 2) / np.maximum(predicted, 1e-15)
+        coefficients, _ = nnls(columns[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
+        predicted = np.maximum(columns @ coefficients + offset, 1e-15)
+        score = (variance / predicted - 1) * np.sqrt((count - 1) / 2)
+        spread = max(1.0, 1.4826 * float(np.median(np.abs(score))))
+        kept = score <= _HIGH * spread
+        if kept.sum() < 2:
+            kept = np.ones(mean.size, bool)
+    weight = np.sqrt((count - 1) / 2) / predicted
+    scaled = columns[kept] * weight[kept, None]
+    errors = np.sqrt(np.diag(np.linalg.pinv(scaled.T @ scaled)))
+    shot = float(coefficients[0])
+    if read is not None:
+        return PhotonTransfer(shot, read, float(errors[0]), 0.0)
+    intercept = float(np.sqrt(coefficients[1]))
+    return PhotonTransfer(shot, intercept, float(errors[0]), float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))))

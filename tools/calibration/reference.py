@@ -1,0 +1,98 @@
+"""Reference colours of a chart: the built-in ColorChecker, or CGATS files (.ti3, .cie) as Argyll CMS reads and writes them."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.errors import InputError
+
+from ..charts import COLOR_CHECKER_LAB
+from .delta_e import xyz
+from .geometry import COLUMNS, PATCHES
+
+_PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
+
+
+def color_checker_xyz() -> DoubleArray:
+    """XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
+    return xyz(np.array(COLOR_CHECKER_LAB))
+
+
+def read_reference(path: Path) -> DoubleArray:
+    """XYZ (24, 3), D50 with white = 1, in reading order, from a CGATS file with XYZ (0..100) or L*a*b* of 24 patches.
+
+    Patches are named by column and row (A1 dark skin, A4 white, F4 black, as in Argyll's ColorChecker.cie) or by number in reading
+    order; without either they come in reading order. Raises InputError that names the file and what is missing.
+    """
+    try:
+        text = path.read_text("latin-1")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    fields, rows = _table(text, path)
+    names = next((name for name in ("XYZ_X", "LAB_L") if name in fields), None)
+    if names is None:
+        raise InputError(f"{path}: has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B")
+    columns = ["XYZ_X", "XYZ_Y", "XYZ_Z"] if names == "XYZ_X" else ["LAB_L", "LAB_A", "LAB_B"]
+    if len(rows) != PATCHES or any(column not in fields for column in columns):
+        raise InputError(f"{path}: {len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
+    try:
+        values = np.array([[float(row[fields.index(column)]) for column in columns] for row in rows])
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    label = next((name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields), None)
+    order = [_index(row[fields.index(label)], number) if label else number for number, row in enumerate(rows)]
+    if sorted(order) != list(range(PATCHES)):
+        raise InputError(f"{path}: {label} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once")
+    ordered = np.empty_like(values)
+    ordered[order] = values
+    return ordered / 100 if names == "XYZ_X" else xyz(ordered)
+
+
+def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
+    """A .ti3 of camera RGB (24, 3), 1 = white, beside reference XYZ (24, 3): what Argyll's colprof makes a profile from."""
+    lines = [
+        "CTI3",
+        "",
+        'DESCRIPTOR "Panchroma chart measurement"',
+        'ORIGINATOR "Panchroma"',
+        'DEVICE_CLASS "INPUT"',
+        'COLOR_REP "XYZ_RGB"',
+        "",
+        "NUMBER_OF_FIELDS 7",
+        "BEGIN_DATA_FORMAT",
+        "SAMPLE_ID XYZ_X XYZ_Y XYZ_Z RGB_R RGB_G RGB_B",
+        "END_DATA_FORMAT",
+        "",
+        f"NUMBER_OF_SETS {PATCHES}",
+        "BEGIN_DATA",
+    ]
+    for index, values in enumerate(100 * np.concatenate([reference, camera], axis=1)):
+        name = f"{'ABCDEF'[index % COLUMNS]}{index // COLUMNS + 1}"
+        lines.append(" ".join([name, *(f"{value:.6f}" for value in values)]))
+    return "\n".join([*lines, "END_DATA", ""])
+
+
+def _table(text: str, path: Path) -> tuple[list[str], list[list[str]]]:
+    """Field names and rows of the first table."""
+    layout = re.search(r"BEGIN_DATA_FORMAT\s+(.*?)\s+END_DATA_FORMAT", text, re.DOTALL)
+    data = re.search(r"BEGIN_DATA\s+(.*?)\s+END_DATA\b(?!_)", text, re.DOTALL)
+    if not layout or not data:
+        raise InputError(f"{path}: is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)")
+    fields = layout[1].split()
+    try:
+        words = shlex.split(data[1])
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    if len(words) % len(fields):
+        raise InputError(f"{path}: {len(words)} values do not fill rows of {len(fields)} fields")
+    return fields, [words[start : start + len(fields)] for start in range(0, len(words), len(fields))]
+
+
+def _index(name: str, number: int) -> int:
+    """Reading-order index of a patch's name; -1 for none."""
+    if place := _PLACE.fullmatch(name):
+        return (int(place[2]) - 1) * COLUMNS + "ABCDEF".index(place[1].upper())
+    return int(name) - 1 if name.isdigit() else -1

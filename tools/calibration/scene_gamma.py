@@ -1,0 +1,173 @@
+"""Gamma from an ordinary scene: every colour block beside the panchromatic samples around it.
+
+A single block is noisy, so its own colour must not choose how it counts: least squares would take noise for colour and come out
+too small. The colours of the eight neighbour blocks, which share none of its noise, stand in as *instruments* z (O. Reiersøl, 1945;
+W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.4):
+
+    sum_j w_j z_j (l_j - gamma . c_j) = 0
+
+holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block are read off its neighbours.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import convolve
+
+from shared import Mosaic
+from shared.arrays import BoolArray, DoubleArray
+from shared.errors import InputError
+
+from .gamma import INSTEAD, GammaFit
+from .samples import CLIPPED, levels_of
+
+_REACH = 2  # pixels around a block: the ring of panchromatic samples
+_DARK = 0.0015  # of full scale: darker places say nothing, and an error of the black level is large there
+_NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], float)
+_LEAST_NEIGHBOURS = 6
+_SMOOTH = 2.0  # roughness of a smooth place, over that of the smoothest tenth at its level
+_LEVELS, _TEXTURES = 10, 8  # classes of blocks that share a variance
+_HUBER = 4.0  # standard deviations; closer, and the skew of texture is taken for colour
+_ROUNDS = 12
+_FLOOR = 0.004  # of gamma: what texture leaves behind on photographs, however many blocks there are
+LEAST_BLOCKS = 300
+LEAST_STRENGTH = 12.0  # of the instruments in the weakest direction, in standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Per block on its grid: panchromatic level at the centre, channels there, variance about a plane, whether it can be used."""
+
+    level: DoubleArray
+    colours: DoubleArray
+    texture: DoubleArray
+    usable: BoolArray
+
+
+def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaFit:
+    """Gamma from the smooth places of a shot, any number of channels.
+
+    excluded: (H, W), pixels whose blocks are left out (a chart that is measured by itself).
+    Raises InputError, saying what to shoot instead, when there are too few blocks, or too little colour.
+    """
+    blocks = _measured(mosaic, excluded)
+    level, colours, instruments, classes = _chosen(blocks)
+    channels = colours.shape[1]
+    if len(level) < LEAST_BLOCKS:
+        raise InputError(
+            f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
+        )
+    gamma, *_ = np.linalg.lstsq(colours, level, rcond=None)
+    deviation = weight = np.ones(len(level))
+    for _ in range(_ROUNDS):
+        residual = level - colours @ gamma
+        deviation = _deviation(residual, classes)
+        weight = np.minimum(1, _HUBER * deviation / np.maximum(np.abs(residual), 1e-12)) / deviation**2
+        weighted = instruments * weight[:, None]
+        gamma = np.linalg.lstsq(weighted.T @ colours, weighted.T @ level, rcond=None)[0]
+    _check_strength(instruments, colours, deviation)
+    residual = level - colours @ gamma
+    weighted = instruments * weight[:, None]
+    inverse = np.linalg.inv(weighted.T @ colours)
+    moments = weighted * residual[:, None]
+    covariance = inverse @ (moments.T @ moments) @ inverse.T + np.diag((_FLOOR * gamma) ** 2)
+    return GammaFit(
+        gamma=gamma.astype(np.float64),
+        covariance=covariance,
+        freedom=len(level) - channels,
+        level=level,
+        predicted=colours @ gamma,
+        score=residual / deviation,
+        used=np.abs(residual) <= _HUBER * deviation,
+        condition=float(np.linalg.cond(instruments / instruments.sum(axis=1, keepdims=True))),
+        spread=1.0,
+        offset=0.0,
+    )
+
+
+def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
+    """Every whole block with a ring around it."""
+    pattern, levels = mosaic.pattern, levels_of(mosaic).astype(np.float64)
+    grid, (high, wide) = pattern.grid(mosaic.shape), pattern.block_shape
+    reach = min(_REACH, pattern.period - max(high, wide))
+    rows, columns = (
+        origins[(origins >= reach) & (origins + size + reach <= length)]
+        for origins, size, length in zip((grid.rows, grid.columns), (high, wide), mosaic.shape, strict=True)
+    )
+    site = {(row, column): channel for row, column, channel in pattern.sites}
+    around = [(row, column) for row in range(-reach, high + reach) for column in range(-reach, wide + reach)]
+    ring = [place for place in around if place not in site]
+    middle = np.array([(high - 1) / 2, (wide - 1) / 2])
+
+    def at(row: int, column: int) -> DoubleArray:
+        return levels[np.ix_(rows + row, columns + column)]
+
+    white = np.stack([at(*place) for place in ring], axis=-1) if rows.size and columns.size else np.zeros((0, 0, len(ring)))
+    design = np.concatenate([np.ones((len(ring), 1)), np.array(ring) - middle], axis=1)
+    plane = white @ np.linalg.pinv(design).T
+    texture = ((white - plane @ design.T) ** 2).sum(axis=-1) / (len(ring) - 3)
+    level = plane[..., 0]
+    colours, shading = np.zeros((*level.shape, len(pattern.channels))), np.zeros((*level.shape, len(pattern.channels)))
+    brightest = white.max(axis=-1, initial=0)
+    for (row, column), channel in site.items():
+        slope = plane[..., 1:] @ (np.array([row, column]) - middle)
+        sample = at(row, column)
+        colours[..., channel] += sample
+        shading[..., channel] += np.clip(1 + slope / np.maximum(level, 1e-6), 0.5, 2)  # Light falls off alike in all planes.
+        brightest = np.maximum(brightest, sample)
+    usable = brightest < CLIPPED
+    if excluded is not None:
+        usable &= ~excluded[np.ix_(rows, columns)]
+    return _Blocks(level, colours / shading, texture, usable)
+
+
+def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
+    """Level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places."""
+    usable = blocks.usable.astype(np.float64)
+    number = convolve(usable, _NEIGHBOURS, mode="constant")
+
+    def around(values: DoubleArray) -> DoubleArray:
+        total: DoubleArray = convolve(values * usable, _NEIGHBOURS, mode="constant")
+        return total / np.maximum(number, 1)
+
+    level = around(blocks.level)
+    roughness = around(blocks.texture) + np.maximum(around(blocks.level**2) - level**2, 0) / 10
+    instruments = np.stack([around(plane) for plane in np.moveaxis(blocks.colours, -1, 0)], axis=-1)
+    good = blocks.usable & (number >= _LEAST_NEIGHBOURS) & (level > _DARK)
+    level, roughness = level[good], roughness[good]
+    classes = np.full(level.size, -1)
+    for bright, at_level in enumerate(np.array_split(np.argsort(level), _LEVELS)):
+        if not at_level.size:
+            continue
+        by_roughness = at_level[np.argsort(roughness[at_level])]
+        smooth = by_roughness[roughness[by_roughness] <= _SMOOTH * np.quantile(roughness[at_level], 0.1)]
+        for rough, alike in enumerate(np.array_split(smooth, _TEXTURES)):
+            classes[alike] = bright * _TEXTURES + rough
+    chosen = classes >= 0
+    return blocks.level[good][chosen], blocks.colours[good][chosen], instruments[good][chosen], classes[chosen]
+
+
+def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:
+    """Standard deviation of each residual: the robust one of its class."""
+    deviation = np.ones(residual.size)
+    overall = 1.4826 * float(np.median(np.abs(residual)))
+    for index in np.unique(classes):
+        alike = classes == index
+        deviation[alike] = 1.4826 * np.median(np.abs(residual[alike]))
+    return np.maximum(deviation, max(0.05 * overall, 1e-9))
+
+
+def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: DoubleArray) -> None:
+    """Refuse when the neighbours' chromaticities do not foretell a block's own: then there is noise and no colour."""
+    total = instruments.sum(axis=1, keepdims=True)
+    grey = np.average(instruments / total, axis=0, weights=total[:, 0])
+    expected, found = (values - total * grey for values in (instruments, colours))
+    weighted = expected / deviation[:, None] ** 2
+    # Chromaticities lie in a plane, so one direction of the C is empty by construction.
+    directions = np.linalg.eigh(weighted.T @ expected)[1][:, 1:].T
+    strengths = [float(d @ weighted.T @ found @ d / np.sqrt(d @ weighted.T @ expected @ d)) for d in directions]
+    if min(strengths) < LEAST_STRENGTH:
+        raise InputError(
+            f"gamma: the scene's colours stand out of the noise by {max(min(strengths), 0):.1f} where they differ least, and "
+            f"{LEAST_STRENGTH:.0f} are needed: greys, or too few colours; {INSTEAD}"
+        )

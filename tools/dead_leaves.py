@@ -1,0 +1,175 @@
+"""Dead leaves: a picture of occluding shapes, with the statistics of natural scenes.
+
+Leaves of all sizes fall at random and hide what lies below (G. Matheron's model; A. B. Lee, D. Mumford and J. Huang, "Occlusion
+Models for Natural Images", IJCV 2001: radii distributed as r^-3 give the scale invariance that photographs have). Each leaf is of
+one material, so its chromaticity is constant, while shading, veins and cast shadows vary its luminance: what the paper assumes
+of the world, with every kind of edge that breaks it at the outlines.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.colorimetry import decode_srgb
+
+LeafArray = NDArray[np.int32]  # indices of leaves
+
+SAMPLES = 3  # per pixel and axis: outlines are antialiased with nine
+LARGEST, SMALLEST = 0.13, 0.0035  # radii, of the frame's scale
+LEAST = 1.5  # pixels: the smallest radius where SMALLEST is less
+# Leaves per place and octave of radius, from the largest. Equal figures are r^-3 exactly; letting the smallest thin out leaves some
+# calm surfaces between them, as in a photograph.
+COVER = (1.7, 1.1, 0.7, 0.4, 0.25, 0.16, 0.11)
+FILL = 0.66  # of a leaf's bounding disc that it covers, on average
+TIPPED = 0.7  # the part of leaves that are pointed and veined; the others are ellipses
+GROUND = (0.030, 0.026, 0.022)  # reflectance where no leaf lies
+SHADOW, SHADOW_STEPS = 0.84, 3  # what a step of shadow leaves of the light
+STRIP = 192  # rows of pixels drawn at once, to bound memory
+
+# Earth, foliage, bark, blossom, slate, sky: encoded sRGB, and how common it is.
+_MATERIALS = (
+    (0xC48A3C, 3.0), (0x9E542A, 3.0), (0x6E3E28, 3.0), (0x78743C, 3.0),
+    (0x4A5C34, 3.0), (0x96965C, 2.0), (0xD0B278, 2.5), (0xAC3228, 1.2),
+    (0xDE9632, 1.3), (0x566470, 1.5), (0x3A465C, 1.0), (0x784658, 1.0),
+    (0xE2CEAA, 1.3), (0x3C2C26, 2.0), (0x648C82, 0.8), (0xBA6E6E, 0.8),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Leaves:
+    """Leaves from the lowest to the topmost; arrays (n,). Positions and radii in pixels; reflectance float32 (n, 3)."""
+
+    x: DoubleArray
+    y: DoubleArray
+    radius: DoubleArray
+    angle: DoubleArray
+    breadth: DoubleArray  # across, of the radius
+    tipped: BoolArray
+    reflectance: FloatArray
+
+
+def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatArray:
+    """A frame of dead leaves: reflectance times shading, float32 (height, width, 3), linear RGB, about 0.003 to 0.95.
+
+    scale: pixels that stand for 1 in LARGEST and SMALLEST. The same arguments give the same picture.
+    """
+    leaves = scatter(width, height, scale, seed)
+    picture: FloatArray = np.empty((height, width, 3), np.float32)
+    step = max(1, round(0.0025 * scale * SAMPLES))
+    for top in range(0, height, STRIP):
+        bottom = min(top + STRIP, height)
+        picture[top:bottom] = _paint(leaves, top, bottom, width, step)
+    return picture
+
+
+def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
+    """Leaves that cover a frame, octave by octave of radius so that the count follows r^-3 within each."""
+    largest = max(LARGEST * scale, 2 * LEAST)
+    smallest = max(SMALLEST * scale, LEAST)
+    octaves = int(np.ceil(np.log2(largest / smallest)))
+    found: list[DoubleArray] = []
+    for octave in range(octaves):
+        high = largest * 0.5**octave
+        low = max(high / 2, smallest)
+        cover = COVER[min(octave, len(COVER) - 1)] * np.log2(high / low)
+        mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)  # of the radius, when its density falls as r^-3
+        count = int(np.ceil(cover * (width + 2 * high) * (height + 2 * high) / (np.pi * mean_square * FILL)))
+        draw = np.random.default_rng((seed, octave)).random((3, count))
+        radius = (high**-2 + draw[0] * (low**-2 - high**-2)) ** -0.5
+        found.append(np.stack([draw[1] * (width + 2 * high) - high, draw[2] * (height + 2 * high) - high, radius]))
+    draws = np.random.default_rng((seed, octaves, 0))
+    x, y, radius = draws.permutation(np.concatenate(found, axis=1), axis=1)
+    tipped = draws.random(x.size) < TIPPED
+    return Leaves(
+        x=x,
+        y=y,
+        radius=radius,
+        angle=draws.random(x.size) * 2 * np.pi,
+        breadth=np.where(tipped, 0.8, 1.0) * draws.uniform(0.5, 1.0, x.size),
+        tipped=tipped,
+        reflectance=_reflectances(x / scale, y / scale, draws),
+    )
+
+
+def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
+    """One material per leaf; neighbours tend to the same ones, as under one tree."""
+    codes = np.array([code for code, _ in _MATERIALS])
+    colours = decode_srgb(np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1) / 255)
+    likely = np.tile(np.log([weight for _, weight in _MATERIALS]), (x.size, 1))
+    for phase, across, down in draws.random((3, 3, len(_MATERIALS))):
+        likely += 1.1 * np.sin(2 * np.pi * (phase + np.outer(x, 9 * across - 4.5) + np.outer(y, 9 * down - 4.5)))
+    chosen = np.argmax(likely + draws.gumbel(size=likely.shape), axis=1)
+    varied = colours[chosen] * np.exp(draws.normal(0, 0.22, (x.size, 1)) + draws.normal(0, 0.09, (x.size, 3)))
+    reflectance: FloatArray = np.clip(varied, 0.012, 0.8).astype(np.float32)
+    return reflectance
+
+
+def _paint(leaves: Leaves, top: int, bottom: int, width: int, step: int) -> FloatArray:
+    """Rows top..bottom of the picture, (bottom - top, width, 3)."""
+    above = min(top * SAMPLES, SHADOW_STEPS * step)  # rows from which shadows fall into this strip
+    upmost = _topmost(leaves, top * SAMPLES - above, bottom * SAMPLES, width * SAMPLES)
+    index = upmost[above:]
+    light = _shading(leaves, index, top)
+    for distance in range(step, SHADOW_STEPS * step + 1, step):  # the light comes from the upper left
+        right = min(round(0.75 * distance), index.shape[1] - 1)
+        rows = np.maximum(np.arange(above - distance, above - distance + len(index)), 0)
+        caster = upmost[rows, : index.shape[1] - right]
+        light[:, right:] *= np.where(caster > index[:, right:], np.float32(SHADOW), np.float32(1))
+    reflectance = np.concatenate([leaves.reflectance, np.array([GROUND], np.float32)])  # index -1 is the ground
+    mean = np.zeros((bottom - top, width, 3), np.float32)
+    for row in range(SAMPLES):
+        for column in range(SAMPLES):
+            mean += reflectance[index[row::SAMPLES, column::SAMPLES]] * light[row::SAMPLES, column::SAMPLES, None]
+    return mean / np.float32(SAMPLES**2)
+
+
+def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
+    """Index of the topmost leaf at each sample of rows first..last, -1 where none lies."""
+    topmost = np.full((last - first, columns), -1, np.int32)
+    centre_x, centre_y = leaves.x * SAMPLES - 0.5, leaves.y * SAMPLES - 0.5
+    radius = leaves.radius * SAMPLES
+    up, down = _span(centre_y, radius, first, last)
+    left, right = _span(centre_x, radius, 0, columns)
+    cosine, sine = np.cos(leaves.angle) / radius, np.sin(leaves.angle) / radius
+    for leaf in np.flatnonzero((up < down) & (left < right)).tolist():
+        # Differences in double precision, from the frame's corner: a strip must not see other outlines than the whole.
+        rows = (np.arange(up[leaf], down[leaf]) - centre_y[leaf]).astype(np.float32)[:, None]
+        across = (np.arange(left[leaf], right[leaf]) - centre_x[leaf]).astype(np.float32)[None, :]
+        c, s = np.float32(cosine[leaf]), np.float32(sine[leaf])
+        along = across * c + rows * s
+        aside = (rows * c - across * s) * np.float32(1 / leaves.breadth[leaf])
+        outline = np.abs(aside) if leaves.tipped[leaf] else aside * aside
+        outline += along * along
+        region = topmost[up[leaf] - first : down[leaf] - first, left[leaf] : right[leaf]]
+        region[outline < 1] = leaf  # leaves come from the lowest to the topmost
+    return topmost
+
+
+def _span(centre: DoubleArray, radius: DoubleArray, first: int, last: int) -> tuple[IndexArray, IndexArray]:
+    """First sample of each leaf along an axis and the one after its last, within first..last."""
+    return np.ceil(centre - radius).clip(first, last).astype(np.intp), np.floor(centre + radius + 1).clip(first, last).astype(
+        np.intp
+    )
+
+
+def _shading(leaves: Leaves, index: LeafArray, top: int) -> FloatArray:
+    """What each sample of a leaf returns of the light, about 0.4 to 1.4: curvature, midrib and veins; 1 on the ground."""
+
+    def per_sample(values: DoubleArray) -> FloatArray:
+        return np.append(values, 0).astype(np.float32)[index]
+
+    down = ((np.arange(index.shape[0]) + top * SAMPLES + 0.5) / SAMPLES).astype(np.float32)[:, None]
+    right = ((np.arange(index.shape[1]) + 0.5) / SAMPLES).astype(np.float32)[None, :]
+    inverse = per_sample(1 / leaves.radius)
+    right, down = (right - per_sample(leaves.x)) * inverse, (down - per_sample(leaves.y)) * inverse
+    cosine, sine = per_sample(np.cos(leaves.angle)), per_sample(np.sin(leaves.angle))
+    along = right * cosine + down * sine
+    aside = (down * cosine - right * sine) * per_sample(1 / leaves.breadth)
+    away = np.abs(aside)
+    veins = 0.06 * np.sin(18 * (along + 0.6 * away)) + np.float32(0.18) * (away < 0.08 - 0.06 * np.abs(along))
+    curvature = 1 - 0.28 * (0.6 * right + 0.8 * down) - 0.18 * (along * along + aside * aside)
+    light: FloatArray = (curvature * (1 + veins * np.append(leaves.tipped, False)[index])).astype(np.float32, copy=False)
+    light[index < 0] = 1
+    return light

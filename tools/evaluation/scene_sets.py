@@ -1,0 +1,164 @@
+"""The scenes of an evaluation: which files, what they are, and which of them may be pooled."""
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.errors import InputError
+
+from ..camera_colour import estimate_neutral
+from ..metrics import BORDER, PATCH
+from ..scene import Scene
+from ..scenes import load_scene
+from .protocol import CROP, cut
+
+# Sets in the order of the report. What a developer program has made (interpolated, sharpened, quantised to 8 bits) is no
+# measurement of light: linearised, but never pooled with what sensors measured.
+MEASURED = "linear photographs"
+DEVELOPED = "developed pictures"
+BUILTIN = "built-in scene"
+_KNOWN: tuple[tuple[str, Callable[[str], bool]], ...] = (
+    ("Kodak", lambda stem: re.fullmatch(r"kodim\d\d", stem) is not None),
+    ("McMaster", lambda stem: re.fullmatch(r"(mcm|mcmaster)[-_]?\d\d?", stem) is not None),
+)
+SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
+_MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
+_LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
+
+
+@dataclass(frozen=True)
+class SceneInfo:
+    """A scene that can be read. digest: of its pixels, cut as they are used; name: unique, for tables; group: one of SETS;
+    neutral: what white reads, None = unknown.
+    """
+
+    source: str
+    name: str
+    group: str
+    digest: str
+    rows: int
+    columns: int
+    neutral: tuple[float, ...] | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def megapixels(self) -> float:
+        """Of the part that is used."""
+        return self.rows * self.columns / 1e6
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How sources are read. linear: the pictures' numbers are light, whatever the files say; largest: of a side, pixels."""
+
+    linear: bool = False
+    largest: int | None = None
+
+    def scene(self, source: str) -> Scene:
+        """The scene, cut. Raises InputError, without the source's name, when it cannot be read or is too small."""
+        scene, rgb = _loaded(source, self)
+        return Scene(rgb, scene.name, scene.camera_to_xyz, scene.neutral, scene.metadata, scene.notes)
+
+    def truth(self, source: str) -> FloatArray:
+        """The scene's light, cut: float32 (H, W, 3), read-only."""
+        return _loaded(source, self)[1]
+
+    def info(self, source: str) -> SceneInfo:
+        """What is known of it; errors as in `scene`."""
+        scene, rgb = _loaded(source, self)
+        rows, columns = rgb.shape[:2]
+        group = MEASURED if self.linear else _group(source, scene)
+        return SceneInfo(source, scene.name, group, digest(rgb), rows, columns, _neutral(scene, group), scene.notes)
+
+
+@lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
+def _loaded(source: str, reading: Reading) -> tuple[Scene, FloatArray]:
+    scene = load_scene(source, linear=reading.linear)
+    rgb = cut(scene.rgb, reading.largest)
+    if min(rgb.shape[:2]) < _LEAST:
+        rows, columns = scene.shape
+        raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
+    rgb.flags.writeable = False
+    return scene, rgb
+
+
+def digest(rgb: FloatArray) -> str:
+    """Of shape and pixels."""
+    total = hashlib.sha256(repr(rgb.shape).encode())
+    total.update(np.ascontiguousarray(rgb, "<f4").data)
+    return total.hexdigest()[:32]
+
+
+def expand(sources: list[str]) -> list[str]:
+    """The sources, with each folder replaced by the files in it (not hidden ones, not those of folders within it)."""
+    found: list[str] = []
+    for source in sources:
+        path = Path(source)
+        if not source.startswith("builtin:") and path.is_dir():
+            found += sorted(str(each) for each in path.iterdir() if each.is_file() and not each.name.startswith("."))
+        else:
+            found.append(source)
+    return list(dict.fromkeys(found))
+
+
+def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
+    """The scenes, each once and under a name of its own; and what to tell of those left out."""
+    kept: dict[str, SceneInfo] = {}
+    remarks = []
+    names: set[str] = set()
+    for scene in scenes:
+        if scene.digest in kept:
+            remarks.append(f"{scene.source}: has the same pixels as {kept[scene.digest].source} and is measured once")
+            continue
+        name = scene.name if scene.name not in names else Path(scene.source).name
+        number = 2
+        while name in names:
+            name, number = f"{scene.name} ({number})", number + 1
+        names.add(name)
+        kept[scene.digest] = SceneInfo(**{**scene.__dict__, "name": name})
+    return list(kept.values()), remarks
+
+
+def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
+    """What white reads. Linear pictures that do not say it pass for balanced, and seldom are: there it is estimated."""
+    if group == MEASURED and (scene.neutral is None or len(set(scene.neutral)) == 1):
+        return estimate_neutral(scene.rgb) or scene.neutral
+    return scene.neutral
+
+
+def _group(source: str, scene: Scene) -> str:
+    if source.startswith("builtin:"):
+        return BUILTIN
+    if not _is_developed(Path(source)):
+        return MEASURED
+    stem = Path(source).stem.lower()
+    for name, matches in _KNOWN:
+        if matches(stem):
+            return name
+    numbered = stem.isdecimal() and 1 <= int(stem) <= _MCMASTER_COUNT
+    return "McMaster" if numbered and scene.shape == (_MCMASTER_SIDE, _MCMASTER_SIDE) else DEVELOPED
+
+
+def _is_developed(path: Path) -> bool:
+    """Whether a readable file is a picture of 8 bits."""
+    with path.open("rb") as file:
+        start = file.read(32)
+    if start.startswith(b"\x89PNG"):
+        return start[24] <= 8
+    if start.startswith((b"\xff\xd8\xff", b"RIFF")):
+        return True
+    if path.suffix.lower() in (".tif", ".tiff"):
+        import tifffile
+
+        with tifffile.TiffFile(path) as file_:
+            first = file_.pages[0]
+            return getattr(first, "bitspersample", 16) <= 8
+    if path.suffix.lower() == ".npy":
+        return bool(np.load(path, mmap_mode="r", allow_pickle=False).dtype == np.uint8)
+    return False

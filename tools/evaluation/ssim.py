@@ -1,0 +1,42 @@
+"""Structural similarity: Z. Wang et al., "Image quality assessment", IEEE Transactions on Image Processing 13(4), 2004."""
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+
+_RADIUS, _SIGMA = 5, 1.5  # an 11 x 11 Gaussian window
+_C1, _C2 = 0.01**2, 0.03**2  # K1, K2 at a dynamic range of 1
+
+
+def ssim(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
+    """Mean SSIM index over all windows that lie wholly within the picture less `border` pixels at each side, and over the channels.
+
+    rendered, truth: (H, W, C), scene units, range 1. Raises InputError when the shapes differ or no window fits.
+    """
+    if rendered.shape != truth.shape or rendered.ndim != 3:
+        raise InputError(f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected (rows, columns, channels) alike")
+    rows, columns = (size - 2 * border for size in rendered.shape[:2])
+    if min(rows, columns) < 2 * _RADIUS + 1:
+        raise InputError(f"no {2 * _RADIUS + 1} x {2 * _RADIUS + 1} window fits into a picture less a border of {border} pixels")
+    inner = (slice(border, border + rows), slice(border, border + columns))
+    return float(np.mean([_index(rendered[(*inner, c)], truth[(*inner, c)]) for c in range(rendered.shape[2])]))
+
+
+def _index(x: FloatArray, y: FloatArray) -> float:
+    a, b = x.astype(np.float64), y.astype(np.float64)
+    mean_a, mean_b = _blur(a), _blur(b)
+    variance_a, variance_b = _blur(a * a) - mean_a**2, _blur(b * b) - mean_b**2
+    covariance = _blur(a * b) - mean_a * mean_b
+    likeness = (2 * mean_a * mean_b + _C1) * (2 * covariance + _C2)  # Eq. 13
+    return float((likeness / ((mean_a**2 + mean_b**2 + _C1) * (variance_a + variance_b + _C2))).mean())
+
+
+def _blur(values: DoubleArray) -> DoubleArray:
+    from scipy.ndimage import correlate1d
+
+    steps = np.arange(-_RADIUS, _RADIUS + 1)
+    kernel = np.exp(-(steps**2) / (2 * _SIGMA**2))
+    for axis in (0, 1):
+        values = correlate1d(values, kernel / kernel.sum(), axis)
+    return values[_RADIUS:-_RADIUS, _RADIUS:-_RADIUS]

@@ -1,0 +1,95 @@
+"""The figures for machines: JSON with all that is known, CSV with a row per figure."""
+
+import csv
+import io
+import json
+from typing import Any
+
+from ..metrics import BORDER, PATCH, QUANTILES
+from .figures import Figure, Figures
+from .measures import PLANES
+from .methods import methods
+from .protocol import CROP
+
+_COLUMNS = ("group", "scene", "level", "method", "period")
+_POOLED = "all scenes"
+
+
+def rows(figures: Figures) -> list[dict[str, Any]]:
+    """A flat object per figure: pools first (scene null), then scenes; quantiles in dB as PLANE_q25, PLANE_q50, PLANE_q75."""
+    return [_row(figure) for figure in (*figures.pools, *figures.scenes)]
+
+
+def encode_csv(figures: Figures) -> bytes:
+    """UTF-8, a header line, dot as decimal sign; figures to 4 decimals."""
+    text = io.StringIO()
+    found = rows(figures)
+    writer = csv.DictWriter(text, list(found[0]) if found else list(_COLUMNS), lineterminator="\n")
+    writer.writeheader()
+    for row in found:
+        writer.writerow({**row, "scene": row["scene"] or _POOLED})
+    return text.getvalue().encode()
+
+
+def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
+    """One object: how it was measured, scenes, methods, figures, verdict. No value is NaN or infinite."""
+    study = figures.study
+    document = {
+        "program": program,
+        "protocol": {
+            "kind": study.protocol.kind,
+            "seed": study.protocol.seed,
+            "level": "sigma, scene units" if study.protocol.kind == "paper" else "exposure",
+            "levels": study.levels,
+            "period": study.period,
+            "periods": study.periods,
+            "patch": PATCH,
+            "border": BORDER,
+            "quantiles": QUANTILES,
+            "scenes_cut_to_multiples_of": CROP,
+        },
+        "scenes": [
+            {"source": s.source, "name": s.name, "group": s.group, "rows": s.rows, "columns": s.columns, "notes": s.notes}
+            for s in study.scenes
+        ],
+        "methods": {name: {"title": methods()[name].title, "ours": methods()[name].ours} for name in study.methods},
+        "verdict": {group: _verdict(figures, group) for group in figures.groups},
+        "figures": rows(figures),
+        "failed": failures,
+    }
+    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _verdict(figures: Figures, group: str) -> dict[str, Any]:
+    levels = []
+    for level in figures.study.levels:
+        margin = figures.margin(group, level)
+        won, of = figures.wins(group, level)
+        levels.append(
+            {
+                "level": level,
+                "winner": {plane: figures.winner(group, level, index) for index, plane in enumerate(PLANES)},
+                "best_rival": margin and margin[0],
+                "margin_rgb": margin and round(margin[1], 4),
+                "scenes_won": won,
+                "scenes": of,
+            }
+        )
+    return {
+        "ours": figures.ours,
+        "levels": levels,
+        "claims": [{"claim": c.text, "finding": c.finding, "why": c.why} for c in figures.claims(group)],
+        "losses": [
+            {"scene": loss.scene, "level": loss.level, "rival": loss.rival, "margin_rgb": round(loss.margin, 4)}
+            for loss in figures.losses(group)
+        ],
+    }
+
+
+def _row(figure: Figure) -> dict[str, Any]:
+    row: dict[str, Any] = {name: getattr(figure, name) for name in _COLUMNS}
+    row["period"] = figure.period or None
+    for plane in PLANES:
+        for quantile, value in zip(QUANTILES, getattr(figure.quality, plane), strict=True):
+            row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)
+    return {**row, "psnr": round(figure.psnr, 4), "ssim": round(figure.ssim, 6), "scenes": figure.scenes}

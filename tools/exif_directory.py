@@ -1,0 +1,47 @@
+"""Capture data as TIFF and Exif want them, for the pictures that we write."""
+
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+
+from shared import CaptureMetadata
+from shared.dng import metadata_directory
+from shared.dng.exif import resolution_fields
+from shared.dng.tags import MAKER, Tag
+from shared.tiff import Directory, FieldType
+
+# Exif 2.3, tables 4 and 15: what it requires beside the capture data.
+_COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y, _YCBCR_POSITIONING = 40961, 37121, 40960, 40962, 40963, 531
+_SRGB, _UNCALIBRATED = 1, 65535
+
+
+def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
+    """Of a picture in sRGB, or in another space."""
+    directory = metadata_directory(metadata)
+    directory.fields.update(resolution_fields())
+    directory.fields[Tag.SOFTWARE] = FieldType.ASCII, software()
+    directory.children[Tag.EXIF_IFD].fields |= {
+        _COLOR_SPACE: (FieldType.SHORT, [_SRGB if srgb else _UNCALIBRATED]),
+        _FLASHPIX: (FieldType.UNDEFINED, b"0100"),
+    }
+    return directory
+
+
+def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: bool) -> Directory:
+    """The same, with what Exif requires of JPEG alone; shape: (rows, columns, ...)."""
+    directory = picture_directory(metadata, srgb=srgb)
+    directory.fields[_YCBCR_POSITIONING] = FieldType.SHORT, [1]
+    directory.children[Tag.EXIF_IFD].fields |= {
+        _COMPONENTS: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
+        _PIXEL_X: (FieldType.LONG, [shape[1]]),
+        _PIXEL_Y: (FieldType.LONG, [shape[0]]),
+    }
+    return directory
+
+
+@cache
+def software() -> str:
+    """Our name and version."""
+    try:
+        return f"{MAKER} {version('panchroma')}"
+    except PackageNotFoundError:  # a checkout that is not installed
+        return MAKER

@@ -1,0 +1,122 @@
+"""ICC profiles of pictures that come in: what their numbers are in linear light, and as colours.
+
+Only what pictures use in practice: RGB profiles of curves and a matrix, and grey profiles of one curve (ICC.1:2022, sections
+8.3.3, 8.4.2, 10.6, 10.18, 10.31).
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, decode_srgb
+
+Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
+
+_HEADER, _SIGNATURE = 128, slice(36, 40)
+_PARAMETERS = (1, 3, 4, 5, 7)  # of each type of parametric curve
+_LINEAR = 2e-3  # how far a curve may stray from the identity and still be called linear
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How a picture's numbers mean light: one curve per channel, and linear RGB -> XYZ (D50 white)."""
+
+    curves: tuple[Curve, ...]
+    to_xyz: Matrix
+    name: str
+
+    @property
+    def linear(self) -> bool:
+        """Whether the numbers are light already."""
+        ramp = np.linspace(0, 1, 256)
+        return all(float(np.abs(curve(ramp) - ramp).max()) < _LINEAR for curve in self.curves)
+
+
+def power_curve(gamma: float) -> Curve:
+    """Encoded values to the power of gamma."""
+    return lambda encoded: encoded**gamma
+
+
+SRGB = Encoding((decode_srgb,) * 3, SRGB_TO_XYZ, "sRGB")
+LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
+
+
+def read_profile(profile: bytes) -> Encoding | None:
+    """The encoding that an ICC profile describes; None when it is damaged or of another kind (tables, CMYK, Lab)."""
+    try:
+        return _parse(profile)
+    except (struct.error, ValueError, KeyError, IndexError, ZeroDivisionError):
+        return None
+
+
+def _parse(profile: bytes) -> Encoding:
+    if profile[_SIGNATURE] != b"acsp":
+        raise ValueError("not a profile")
+    (count,) = struct.unpack_from(">I", profile, _HEADER)
+    entries = struct.iter_unpack(">4sII", profile[_HEADER + 4 : _HEADER + 4 + 12 * min(count, 256)])
+    tags = {name: profile[start : start + size] for name, start, size in entries}
+    if profile[16:20] == b"GRAY":
+        return Encoding((_curve(tags[b"kTRC"]),) * 3, SRGB_TO_XYZ, _description(tags))
+    if profile[16:20] != b"RGB " or profile[20:24] != b"XYZ " or b"A2B0" in tags:
+        raise ValueError("not a profile of curves and a matrix")
+    matrix = np.stack([_xyz(tags[name]) for name in (b"rXYZ", b"gXYZ", b"bXYZ")], axis=1)
+    # Colorants add up to D50 but for rounding; the last digits are put right so that white stays exactly neutral.
+    white = matrix.sum(axis=1)
+    if np.abs(white - D50).max() > 0.01 or np.linalg.matrix_rank(matrix) < 3:
+        raise ValueError("the colorants do not add up to D50")
+    curves = tuple(_curve(tags[name]) for name in (b"rTRC", b"gTRC", b"bTRC"))
+    return Encoding(curves, as_rows((D50 / white)[:, None] * matrix), _description(tags))
+
+
+def _xyz(data: bytes) -> DoubleArray:
+    return np.array(struct.unpack_from(">3i", data, 8)) / 65536
+
+
+def _curve(data: bytes) -> Curve:
+    match data[:4]:
+        case b"curv":
+            (count,) = struct.unpack_from(">I", data, 8)
+            if count == 0:
+                return power_curve(1.0)
+            values = np.frombuffer(data, ">u2", count, 12)
+            if count == 1:
+                return power_curve(_plausible(values[0] / 256))
+            knots, table = np.linspace(0, 1, count), values / 65535
+            return lambda encoded: np.interp(encoded, knots, table)
+        case b"para":
+            (kind,) = struct.unpack_from(">H", data, 8)
+            return _parametric(*(np.array(struct.unpack_from(f">{_PARAMETERS[kind]}i", data, 12)) / 65536).tolist())
+    raise ValueError("not a curve")
+
+
+def _parametric(
+    gamma: float, a: float = 1.0, b: float = 0.0, c: float | None = None, d: float | None = None, e: float = 0.0, f: float = 0.0
+) -> Curve:
+    """ICC.1:2022, table 68: (a x + b)^gamma + e from d on, c x + f below; types 1 and 2 are written into that form."""
+    _plausible(gamma)
+    if d is None:  # types 0 to 2: nothing but a constant below -b / a, which is their third parameter where there is one
+        e = f = c or 0.0
+        c, d = 0.0, -b / a
+    slope, knee = c or 0.0, d
+    return lambda x: np.where(x >= knee, np.maximum(a * x + b, 0) ** gamma + e, slope * x + f)
+
+
+def _plausible(gamma: float) -> float:
+    if not 0.1 < gamma < 10:
+        raise ValueError("not the exponent of a picture")
+    return float(gamma)
+
+
+def _description(tags: dict[bytes, bytes]) -> str:
+    """The profile's name for people: v2 ASCII, or the first of v4's Unicode strings."""
+    data = tags.get(b"desc", b"")
+    if data[:4] == b"desc":
+        (size,) = struct.unpack_from(">I", data, 8)
+        return data[12 : 12 + size].split(b"\0")[0].decode("ascii", "replace")
+    if data[:4] == b"mluc":
+        size, start = struct.unpack_from(">II", data, 20)
+        return data[start : start + size].decode("utf-16-be", "replace")
+    return "unnamed"

@@ -1,0 +1,107 @@
+"""How far a rendering is from the truth: PSNR over small patches, as in the paper's section 4, of luminance and chrominance too."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+
+PATCH = 10  # pixels
+BORDER = 15  # pixels left out at each side: the paper's margin against what happens at the frame's edge
+QUANTILES = (0.25, 0.50, 0.75)
+CAP = 200.0  # dB: what equal pixels score. Infinity is no number in JSON, and float32 rounding alone scores about 150
+
+
+class PatchPsnr(NamedTuple):
+    """PSNR of every overlapping patch, dB, float64 (rows, columns) each; a patch's place is that of its first pixel."""
+
+    rgb: DoubleArray
+    luminance: DoubleArray
+    chrominance: DoubleArray
+
+
+@dataclass(frozen=True)
+class Quality:
+    """25 %, 50 % and 75 % quantiles of the patches' PSNR, dB."""
+
+    rgb: tuple[float, float, float]
+    luminance: tuple[float, float, float]
+    chrominance: tuple[float, float, float]
+
+    @property
+    def median(self) -> tuple[float, float, float]:
+        """Medians of RGB, luminance, chrominance: the figures that tables quote."""
+        return self.rgb[1], self.luminance[1], self.chrominance[1]
+
+
+def quality(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> Quality:
+    """Quantiles of `patch_psnr`, same arguments and errors."""
+    return Quality(*(_quantiles(plane) for plane in patch_psnr(rendered, truth, patch, border)))
+
+
+def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> PatchPsnr:
+    """PSNR, 10 log10(1 / MSE), of all patch x patch squares at least `border` pixels inside the frame.
+
+    rendered, truth: (H, W, 3), linear, scene units, neither scaled nor clipped; 1.0 is the peak. Luminance is the mean of the three
+    channels; chrominance is RGB minus luminance; MSE is the mean over all pixels and channels concerned. At most CAP.
+
+    Raises InputError when the shapes differ, a value is not finite, or no patch fits.
+    """
+    error = _error(rendered, truth)
+    rows, columns = error.shape[0] - 2 * border, error.shape[1] - 2 * border
+    if min(rows, columns) < patch:
+        raise InputError(
+            f"a picture of {error.shape[1]} x {error.shape[0]} pixels has no {patch} x {patch} patch inside a border of {border}; "
+            f"at least {patch + 2 * border} pixels each way are needed"
+        )
+    error = error[border : border + rows, border : border + columns]
+    luminance = error.mean(axis=2)
+    chrominance = error - luminance[..., None]
+    squares = ((error**2).mean(axis=2), luminance**2, (chrominance**2).mean(axis=2))
+    return PatchPsnr(*(_decibels(_box_mean(square, patch)) for square in squares))
+
+
+def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
+    """PSNR of the whole picture but for `border` pixels at each side, dB, at most CAP; arguments and errors as in `patch_psnr`."""
+    error = _error(rendered, truth)
+    inner = error[border : error.shape[0] - border, border : error.shape[1] - border]
+    if inner.size == 0:
+        raise InputError(f"a picture of {error.shape[1]} x {error.shape[0]} pixels lies wholly within a border of {border}")
+    return float(_decibels(np.square(inner).mean()))
+
+
+def _error(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
+    if rendered.shape != truth.shape or rendered.ndim != 3 or rendered.shape[2] != 3:
+        raise InputError(
+            f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected two pictures (rows, columns, 3) alike"
+        )
+    error: DoubleArray = rendered.astype(np.float64) - truth
+    if not np.isfinite(error).all():
+        raise InputError("a value is not finite (NaN or infinite): there is no PSNR")
+    return error
+
+
+def _box_mean(values: DoubleArray, size: int) -> DoubleArray:
+    """Mean over every size x size square, (H - size + 1, W - size + 1).
+
+    By adding shifted copies, not by differences of running sums: those leave 1e-12 behind in a patch without error.
+    """
+    for axis in (0, 1):
+        length = values.shape[axis] - size + 1
+        total = np.zeros_like(values.take(range(length), axis))
+        for shift in range(size):
+            total += values[shift : shift + length] if axis == 0 else values[:, shift : shift + length]
+        values = total
+    return values / size**2
+
+
+def _decibels(mean_square: DoubleArray | np.float64) -> DoubleArray:
+    decibels: DoubleArray = -10 * np.log10(np.maximum(mean_square, 10 ** (-CAP / 10)))
+    return decibels
+
+
+def _quantiles(values: DoubleArray) -> tuple[float, float, float]:
+    low, middle, high = np.quantile(values, QUANTILES).tolist()
+    return low, middle, high

@@ -1,0 +1,77 @@
+"""The scene: the light that falls on a simulated sensor."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from shared import CaptureMetadata
+from shared.arrays import FloatArray
+from shared.errors import InputError
+
+MAX_PIXELS = 2**27  # 134 million: more than any camera has, and 1.6 GB as float32 RGB
+MAX_EXPANSION = 300  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
+SMALL = 256 * 2**20  # decoded bytes that harm nobody, however well they are compressed
+DARKEST = -1e-3  # of the brightest value: what rounding and resampling leave below zero; more is not light
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Light as a camera with a full set of colours per pixel would record it; checked once, here.
+
+    rgb: float32 (H, W, 3), linear camera RGB in scene units: 1.0 = the white level of the source. Never below 0, may
+        exceed 1. Read-only. Values that rounding left below zero become 0.
+    name: what outputs are called after.
+    camera_to_xyz: 3 x 3, rgb -> CIE XYZ (D50 white) for the light of the shot, neutral -> white; None = unknown.
+    neutral: what a white surface reads in each channel under the light of the shot, at most 1; None = unknown.
+    notes: what a user should be told of how the source was understood.
+
+    Raises InputError when rgb has another shape, is empty, is not finite, or holds negative light.
+    """
+
+    rgb: FloatArray
+    name: str
+    camera_to_xyz: tuple[tuple[float, ...], ...] | None = None
+    neutral: tuple[float, ...] | None = None
+    metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        rgb = np.ascontiguousarray(self.rgb, np.float32)
+        if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.size == 0:
+            raise InputError(f"a scene is an array (rows, columns, 3); this one has shape {np.shape(self.rgb)}")
+        lowest, highest = float(rgb.min()), float(rgb.max())
+        if not (np.isfinite(lowest) and np.isfinite(highest)):  # min and max hand on every NaN
+            bad = int((~np.isfinite(rgb)).sum())
+            raise InputError(f"{bad} of {rgb.size} values are not finite (NaN or infinite); replace them before simulating")
+        if lowest < min(0.0, DARKEST * highest):
+            raise InputError(
+                f"the lowest value is {lowest:.4g}: light is not negative. Subtract the black level correctly, "
+                "or clip the picture at 0 if it has been sharpened"
+            )
+        if lowest < 0:
+            rgb = np.maximum(rgb, 0)
+        rgb = rgb.view()
+        rgb.flags.writeable = False
+        object.__setattr__(self, "rgb", rgb)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.rgb.shape[0], self.rgb.shape[1]
+
+
+def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0) -> None:
+    """Refuse (InputError) a picture by its declared size, before anything is decoded: empty, too large, or a decompression bomb.
+
+    pixel_bytes, file_bytes: decoded bytes of a pixel, and the length of the file; 0 = do not compare them.
+    """
+    if width < 1 or height < 1:
+        raise InputError(f"the picture is {width} x {height} pixels: it is empty")
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{width} x {height} pixels are more than the {MAX_PIXELS // 10**6} million that fit; cut or reduce it")
+    decoded = width * height * pixel_bytes
+    if decoded > max(SMALL, MAX_EXPANSION * file_bytes) and file_bytes:
+        raise InputError(
+            f"{file_bytes} bytes claim to hold {width} x {height} pixels ({decoded // 2**20} MB): "
+            "the file is damaged, or made to fill the memory"
+        )

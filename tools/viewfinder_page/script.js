@@ -1,0 +1,64 @@
+"use strict";
+
+const POLL = 500; // milliseconds
+const page = document.body;
+const [state, size, picture, flash, rate, latency, dropped, shutter, message] =
+  ["state", "size", "picture", "flash", "rate", "latency", "dropped", "shutter", "message"].map((id) => document.getElementById(id));
+
+function say(text, failed = false) {
+  message.textContent = text;
+  message.classList.toggle("failed", failed);
+}
+
+function become(name, text) {
+  page.dataset.state = name;
+  state.textContent = text;
+}
+
+function show(status) {
+  rate.textContent = status.fps.toFixed(1);
+  latency.textContent = `${Math.round(status.latency_ms)} ms`;
+  dropped.textContent = status.dropped;
+  size.textContent = `${status.width} × ${status.height}`;
+  shutter.disabled = !status.can_save || !status.frames;
+  if (!status.can_save) say("to save shots, start with -o DIR");
+  // Only a picture that has come counts as live.
+  if (status.fps > 0 && picture.naturalWidth > 0) become("live", "live");
+  else if (status.frames) become("silent", "the camera is silent");
+  else become("waiting", "waiting for the first frame");
+}
+
+async function poll() {
+  try {
+    const answer = await fetch("/status", { cache: "no-store", signal: AbortSignal.timeout(4 * POLL) });
+    if (!answer.ok) throw new Error(answer.statusText);
+    // A stream does not come back by itself.
+    if (page.dataset.state === "lost") picture.src = `/stream.mjpg?${Date.now()}`;
+    show(await answer.json());
+  } catch {
+    shutter.disabled = true;
+    become("lost", "no connection to the camera");
+  }
+  setTimeout(poll, POLL);
+}
+
+async function capture() {
+  shutter.disabled = true;
+  shutter.classList.add("busy");
+  flash.classList.remove("on");
+  void flash.offsetWidth; // restarts the animation
+  flash.classList.add("on");
+  try {
+    const answer = await fetch("/capture", { method: "POST" });
+    const shot = await answer.json();
+    say(answer.ok ? `✓ ${shot.file} · ${Math.round(shot.preview_ms + shot.write_ms)} ms` : shot.error, !answer.ok);
+  } catch {
+    say("not saved: no connection to the camera", true);
+  }
+  shutter.classList.remove("busy");
+  shutter.disabled = false;
+}
+
+shutter.addEventListener("click", capture);
+picture.addEventListener("error", () => setTimeout(() => { picture.src = `/stream.mjpg?${Date.now()}`; }, 2 * POLL));
+poll();

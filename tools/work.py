@@ -1,0 +1,110 @@
+"""Many files, one after the other: where each result goes, and what happens when one fails."""
+
+import os
+import shlex
+from collections.abc import Callable, Container, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from shared.errors import InputError, OutputError, PanchromaError
+
+from .console import Console, StandardOutputError, fault
+
+FAILED = 1
+
+
+@dataclass(frozen=True)
+class Job:
+    """One source and the files to be made of it."""
+
+    source: str
+    outputs: tuple[Path, ...]
+
+
+def output_folder(folder: str) -> Path:
+    """The folder of `-o`; raises OutputError when it is none, or nothing can be written there."""
+    path = Path(folder)
+    if not folder:
+        raise OutputError("-o is empty: name the folder for the results")
+    if _identity(path) is None:
+        raise OutputError(f"{folder}: the output folder does not exist; create it first: mkdir -p {shlex.quote(folder)}")
+    if not path.is_dir():
+        raise OutputError(f"{folder}: is not a folder; -o names the folder for the results")
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise OutputError(f"{folder}: no permission to write in this folder; choose another")
+    return path
+
+
+def plan(sources: Sequence[str], names: Callable[[str], Sequence[str]], folder: Path) -> list[Job]:
+    """A job per source, outputs in `folder` under the names that `names(source)` gives."""
+    return [Job(source, tuple(folder / name for name in names(source))) for source in sources]
+
+
+def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console: Console, *, overwrite: bool = False) -> int:
+    """Do each job that may be done; one line for each that fails, the rest go on. Returns the exit code, 0 or 1.
+
+    work: does one job, returns facts about it for machines.
+    """
+    failed = False
+    planned: dict[str, str] = {}
+    jobs = list(jobs)
+    inputs = {_identity(job.source) for job in jobs} - {None}
+    for job in jobs:
+        try:
+            _check(job, inputs, planned, overwrite)
+            facts = work(job)
+        except PanchromaError as error:
+            failed = True
+            _fail(job, str(error), console)
+        except MemoryError:
+            failed = True
+            _fail(job, "not enough memory for a picture of this size", console)
+        except StandardOutputError:
+            raise
+        except Exception as error:
+            # So that one odd file does not cost a night's batch; `fault` says that it is ours to mend.
+            failed = True
+            _fail(job, fault(error), console)
+        else:
+            console.record(source=job.source, ok=True, **facts)
+    return FAILED if failed else 0
+
+
+def _fail(job: Job, message: str, console: Console) -> None:
+    if not any(message.startswith(f"{name}:") for name in (job.source, *job.outputs)):
+        message = f"{job.source}: {message}"
+    console.error(message)
+    console.record(source=job.source, ok=False, error=message)
+
+
+def _check(job: Job, inputs: Container[tuple[int, int] | None], planned: dict[str, str], overwrite: bool) -> None:
+    """Refuse what would lose a file: an input, a result of this run, or (without `overwrite`) one that is there."""
+    for output in job.outputs:
+        # Names that differ in case alone are one file on many disks.
+        name = os.path.normcase(output).casefold()
+        if name in planned:
+            if planned[name] == job.source:
+                raise InputError(f"{job.source}: is given twice")
+            raise InputError(
+                f"{job.source}: the result would have the same name as that of {planned[name]}; use another output folder"
+            )
+        planned[name] = job.source
+        identity = _identity(output)
+        if identity is None:
+            continue
+        if identity in inputs:
+            raise OutputError(f"{output}: is an input; use another output folder")
+        if output.is_dir():
+            raise OutputError(f"{output}: is a folder; remove it, or use another output folder")
+        if not overwrite:
+            raise OutputError(f"{output}: exists already; use --overwrite to replace it")
+
+
+def _identity(path: str | Path) -> tuple[int, int] | None:
+    """What tells a file from all others, whatever links lead to it; None when there is none of this name."""
+    try:
+        status = Path(path).stat()
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
