@@ -50,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         try:
             parsed = _parser(arguments).parse_args(arguments)
             console = Console(json=getattr(parsed, "json", False))
+            if getattr(parsed, "threads", None) is not None:
+                _use_threads(parsed.threads)
             code: int = _module(parsed.verb).run(parsed, console)
         finally:
             console.close()
@@ -103,6 +105,16 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             child.description = module.__doc__
             module.add_arguments(child)
     return parser
+
+
+def _use_threads(count: int) -> None:
+    """Of the renderer: as many, or as there are processors."""
+    from offline.kernels.compile import available_threads, use_threads
+    from shared.errors import InputError
+
+    if count < 1:
+        raise InputError(f"-j is {count}, expected 1 or more")
+    use_threads(min(count, available_threads()))
 
 
 def _module(verb: str) -> ModuleType:
