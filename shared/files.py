@@ -3,7 +3,7 @@
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -13,21 +13,27 @@ from .errors import OutputError
 _LONGEST_PART = 100  # bytes: with what is added, a name that every file system takes
 
 
-def write_durably(path: Path | str, *parts: bytes | bytearray | memoryview, overwrite: bool = False) -> None:
+def write_durably(
+    path: Path | str,
+    *parts: bytes | bytearray | memoryview,
+    overwrite: bool = False,
+    sealed: Callable[[Path], None] | None = None,
+) -> None:
     """Write `parts` one after the other as the new content of `path`, as `durable_file` does."""
-    with durable_file(path, overwrite=overwrite) as file:
+    with durable_file(path, overwrite=overwrite, sealed=sealed) as file:
         for piece in parts:
             file.write(piece)
 
 
 @contextmanager
-def durable_file(path: Path | str, *, overwrite: bool = False) -> Iterator[BinaryIO]:
+def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Callable[[Path], None] | None = None) -> Iterator[BinaryIO]:
     """A file to write the new content of `path` to, in a `with` block; it becomes `path` when the block ends well.
 
     A temporary file `.NAME.XXXXXXXX.part` (of a long name, its beginning) beside it is written, fsynced and moved into place,
     then the folder is fsynced: at any moment `path` is absent, old or new, never a part. Raises OutputError, with the temporary
     file removed, when the file exists (and `overwrite` is not set), when the folder is missing or read-only, or when the disk is
     full; the temporary file is removed too when anything else is raised in the block.
+    sealed: called with the temporary file when all of it is on the disk and it is about to become `path`; what it raises stops it.
     """
     path = Path(path)
     name = os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore")
@@ -40,6 +46,8 @@ def durable_file(path: Path | str, *, overwrite: bool = False) -> Iterator[Binar
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
+            if sealed is not None:
+                sealed(part)
             _move(part, path, overwrite)
         except BaseException:
             part.unlink(missing_ok=True)

@@ -76,7 +76,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
 
     from .figures import comparison, overview
 
-    with console.progress("demo") as progress, telling_compilation(console, progress):
+    with console.progress("demo") as progress, telling_compilation(console.note, progress):
         rendering = render(mosaic, PAPER, progress)
     bayer = demosaic_bilinear(bayer_mosaic(scene.rgb, sigma, np.random.default_rng(_SEED)))
     pictures = {"truth": scene.rgb, "Bayer, bilinear": bayer, "Panchroma": rendering.rgb}

@@ -6,6 +6,7 @@ the sensor, so that one can be subtracted from another; the orientation is noted
 go into every format that has one.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -105,11 +106,11 @@ def write_picture(
     metadata: CaptureMetadata,
     exposure: float = 0.0,
     overwrite: bool = False,
+    sealed: Callable[[Path], None] | None = None,
 ) -> None:
     """Encode as `encode_picture` does, and write it whole or not at all; raises also what `write_durably` raises."""
-    write_durably(
-        path, encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure), overwrite=overwrite
-    )
+    data = encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure)
+    write_durably(path, data, overwrite=overwrite, sealed=sealed)
 
 
 def encode_picture(

@@ -1,31 +1,32 @@
-"""Render shots at full quality.
+"""Render shots at full quality: one, or all that are in folders, by as many processes as the machine bears.
 
 With --bits 32 --space camera the result is float32 in scene units, unclipped: it can be subtracted from a truth of `simulate`.
-Everything else is for looking at: white-balanced, with an ICC profile and the capture data.
+Everything else is for looking at: white-balanced, with an ICC profile and the capture data. DIR/.panchroma-journal.jsonl notes what
+was made of what: with --resume a run that was cut off goes on, and a folder that has changed is brought up to date.
 """
 
 import argparse
-import time
-from pathlib import Path
-from typing import Any
+import secrets
+from collections.abc import Sequence
 
-from shared import Mosaic, read_camera, read_dng
-from shared.arrays import strips
-from shared.errors import InputError
+from shared import read_camera
+from shared.errors import InputError, PanchromaError
 
+from .batch.run import Hands, passes, render_shots
+from .batch.sources import Shard, Shot, expand
+from .batch.task import Order
 from .console import Console
 from .memory import allowed_memory
-from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output
-from .rendering import check_memory, render_to, telling_compilation
-from .work import Job, output_folder, plan, run_jobs
+from .picture_writer import POSSIBLE, PictureKind, check_gain
+from .work import FAILED, fail, identity, output_folder, refuse_existing, refuse_loss
 
 _PRESETS = ("best", "paper")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Of `panchroma render`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma")
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for STEM.EXT")
+    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma, or a folder with any below it")
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for STEM.EXT; subfolders as they are")
     parser.add_argument("-f", "--format", choices=tuple(POSSIBLE), default="tif", help="dng: linear, for a raw developer to finish")
     parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="per sample (default: the format's)")
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
@@ -33,69 +34,64 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="gain of a display picture")
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
-    parser.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads (default, and most: one per core)")
-    parser.add_argument("--max-memory", metavar="SIZE", help="for example 4G (default: most of what is free)")
-    parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
-    parser.add_argument("--dry-run", action="store_true", help="only say what would be done")
-    parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
+    run_ = parser.add_argument_group("the run")
+    run_.add_argument("--resume", action="store_true", help="keep results that are current, make anew those of ours that are not")
+    run_.add_argument("--overwrite", action="store_true", help="replace results that exist, whosever they are")
+    run_.add_argument("--shard", metavar="I/N", help="only part I of N, 1 to N: for job arrays")
+    run_.add_argument(
+        "--workers", type=int, metavar="N", help="processes (default: of many shots as many as cores and memory bear)"
+    )
+    run_.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads of each (default: all cores are used)")
+    run_.add_argument("--max-memory", metavar="SIZE", help="of all processes, for example 4G (default: most of what is free)")
+    run_.add_argument("--dry-run", action="store_true", help="only say what would be done")
+    run_.add_argument("--json", action="store_true", help="one object per shot on stdout")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Returns the exit code."""
+    order = _order(arguments)
+    allowed_memory(arguments.max_memory)
+    if arguments.workers is not None and arguments.workers < 1:
+        raise InputError(f"--workers is {arguments.workers}, expected 1 or more")
+    shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
+    found, failures = expand(arguments.shots, order.folder, order.kind.suffix)
+    shots = _possible(found, failures, order, console)
+    mine = [shot for shot in shots if shard.has(order.name(shot.output))]
+    hands = Hands.of(order, mine, 1 if arguments.dry_run else arguments.workers, arguments.threads, arguments.max_memory)
+    well = render_shots(mine, passes(order, hands, console, len(mine)), console)
+    return 0 if well and len(shots) == len(found) and not failures else FAILED
+
+
+def _order(arguments: argparse.Namespace) -> Order:
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space)
     check_gain(kind, arguments.exposure)
-    allowed_memory(arguments.max_memory)  # the free memory is looked up for each shot
-    folder = output_folder(arguments.output)
-    camera = read_camera(arguments.camera) if arguments.camera else None
-
-    def names(source: str) -> list[str]:
-        return [Path(source).stem + kind.suffix]
-
-    def read(source: str) -> Mosaic:
-        mosaic = read_dng(source)
-        if camera is not None:
-            mosaic = camera.calibrated(mosaic)
-        check_output(kind, mosaic.calibration, mosaic.shape)
-        check_light(mosaic)
-        return mosaic
-
-    def work(job: Job) -> dict[str, Any]:
-        (output,) = job.outputs
-        if arguments.dry_run:
-            read(job.source)
-            console.say(f"{job.source} -> {output}")
-            return {"output": str(output), "dry_run": True}
-        from offline import BEST, PAPER
-
-        start = time.monotonic()
-        limit = allowed_memory(arguments.max_memory)
-        settings = PAPER if arguments.preset == "paper" else BEST
-        with console.progress(job.source) as progress, telling_compilation(console, progress):
-            progress.stage("reading", 1)
-            mosaic = read(job.source)
-            if mosaic.calibration.noise is None:
-                console.note(f"{job.source}: the noise is unknown and taken for none; calibrate the camera for better colour")
-            check_memory(mosaic, kind, settings, limit)
-            render_to(output, mosaic, kind, settings, progress, exposure=arguments.exposure, overwrite=arguments.overwrite)
-        seconds = time.monotonic() - start
-        rows, columns = mosaic.shape
-        console.say(f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, {seconds:.1f} s")
-        return {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3)}
-
-    return run_jobs(plan(arguments.shots, names, folder), work, console, overwrite=arguments.overwrite)
+    return Order(
+        folder=output_folder(arguments.output),
+        kind=kind,
+        preset=arguments.preset,
+        exposure=arguments.exposure,
+        camera=read_camera(arguments.camera) if arguments.camera else None,
+        run=secrets.token_hex(8),
+        resume=arguments.resume,
+        overwrite=arguments.overwrite,
+        dry_run=arguments.dry_run,
+    )
 
 
-def check_light(mosaic: Mosaic) -> None:
-    """Raise InputError for a frame that holds no picture: all black, or all saturated."""
-    panchromatic, (height, width) = len(mosaic.pattern.channels), mosaic.shape
-    lowest, highest = [], []
-    for rows in strips(height):
-        planes = mosaic.pattern.filter_map((rows.stop - rows.start, width), (rows.start, 0))
-        measured = mosaic.signal[rows][planes == panchromatic]
-        if measured.size:
-            lowest.append(measured.min())
-            highest.append(measured.max())
-    if highest and max(highest) <= 0:
-        raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
-    if lowest and min(lowest) >= mosaic.calibration.full_scale:
-        raise InputError("every panchromatic sample is saturated: there is no picture in it; expose less")
+def _possible(found: Sequence[Shot], failures: Sequence[tuple[str, str]], order: Order, console: Console) -> list[Shot]:
+    """Those that lose nothing and stand in nobody's way, of a whole run before any shard of it; a line for each other."""
+    for source, what in failures:
+        fail(source, (), what, console)
+    inputs = {identity(shot.source) for shot in found} - {None}
+    planned: dict[str, str] = {}
+    possible = []
+    for shot in found:
+        try:
+            refuse_loss(shot.source, (shot.output,), inputs, planned)
+            if not (order.overwrite or order.resume):
+                refuse_existing((shot.output,))
+        except PanchromaError as error:
+            fail(shot.source, (shot.output,), str(error), console)
+        else:
+            possible.append(shot)
+    return possible

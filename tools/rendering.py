@@ -1,6 +1,6 @@
 """One mosaic -> one picture file, within a limit of memory: TIFF in bands, straight to the disk, other formats as a whole."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shared import Mosaic
-from shared.arrays import FloatArray
+from shared.arrays import FloatArray, strips
 from shared.errors import InputError
 
 from .band_writer import FORMAT, write_picture_bands
-from .console import Console, StageProgress
+from .console import StageProgress
 from .memory import told
 from .picture_writer import PictureKind, write_picture
 
@@ -63,21 +63,32 @@ def render_to(
     *,
     exposure: float,
     overwrite: bool,
+    sealed: Callable[[Path], None] | None = None,
 ) -> None:
-    """Render a mosaic and write the picture, whole or not at all."""
+    """Render a mosaic and write the picture, whole or not at all. sealed: as of `durable_file`."""
     from offline import render_bands
 
     bands = render_bands(mosaic, settings, progress)
     calibration, metadata = mosaic.calibration, mosaic.metadata
     if kind.format == FORMAT:
         write_picture_bands(
-            output, bands, mosaic.shape, kind, calibration=calibration, metadata=metadata, exposure=exposure, overwrite=overwrite
+            output,
+            bands,
+            mosaic.shape,
+            kind,
+            calibration=calibration,
+            metadata=metadata,
+            exposure=exposure,
+            overwrite=overwrite,
+            sealed=sealed,
         )
         return
     rgb = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32)
     _fill(rgb, bands)
     progress.stage("writing", 1)
-    write_picture(output, rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure, overwrite=overwrite)
+    write_picture(
+        output, rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure, overwrite=overwrite, sealed=sealed
+    )
 
 
 def _fill(rgb: FloatArray, bands: Iterator[FloatArray]) -> None:
@@ -87,8 +98,24 @@ def _fill(rgb: FloatArray, bands: Iterator[FloatArray]) -> None:
         top += len(band)
 
 
+def check_light(mosaic: Mosaic) -> None:
+    """Raise InputError for a frame that holds no picture: all black, or all saturated."""
+    panchromatic, (height, width) = len(mosaic.pattern.channels), mosaic.shape
+    lowest, highest = [], []
+    for rows in strips(height):
+        planes = mosaic.pattern.filter_map((rows.stop - rows.start, width), (rows.start, 0))
+        measured = mosaic.signal[rows][planes == panchromatic]
+        if measured.size:
+            lowest.append(measured.min())
+            highest.append(measured.max())
+    if highest and max(highest) <= 0:
+        raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
+    if lowest and min(lowest) >= mosaic.calibration.full_scale:
+        raise InputError("every panchromatic sample is saturated: there is no picture in it; expose less")
+
+
 @contextmanager
-def telling_compilation(console: Console, progress: StageProgress) -> Iterator[None]:
+def telling_compilation(note: Callable[[str], None], progress: StageProgress) -> Iterator[None]:
     """Say once that the renderer is being compiled, and show which part of it, where it is: on the first run on a machine."""
     from offline.kernels.compile import compilation
 
@@ -96,7 +123,7 @@ def telling_compilation(console: Console, progress: StageProgress) -> Iterator[N
 
     def begins(kernel: str) -> None:
         if not told_once:
-            console.note("compiling the renderer for this processor; it takes some seconds, once")
+            note("compiling the renderer for this processor; it takes some seconds, once")
         told_once.append(kernel)
         progress.remark(f"compiling {kernel}")
 

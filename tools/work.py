@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ def output_folder(folder: str) -> Path:
     path = Path(folder)
     if not folder:
         raise OutputError("-o is empty: name the folder for the results")
-    if _identity(path) is None:
+    if identity(path) is None:
         raise OutputError(f"{folder}: the output folder does not exist; create it first: mkdir -p {shlex.quote(folder)}")
     if not path.is_dir():
         raise OutputError(f"{folder}: is not a folder; -o names the folder for the results")
@@ -49,59 +49,70 @@ def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console
     failed = False
     planned: dict[str, str] = {}
     jobs = list(jobs)
-    inputs = {_identity(job.source) for job in jobs} - {None}
+    inputs = {identity(job.source) for job in jobs} - {None}
     for job in jobs:
         try:
-            _check(job, inputs, planned, overwrite)
+            refuse_loss(job.source, job.outputs, inputs, planned)
+            if not overwrite:
+                refuse_existing(job.outputs)
             facts = work(job)
         except PanchromaError as error:
             failed = True
-            _fail(job, str(error), console)
+            fail(job.source, job.outputs, str(error), console)
         except MemoryError:
             failed = True
-            _fail(job, "not enough memory for a picture of this size", console)
+            fail(job.source, job.outputs, "not enough memory for a picture of this size", console)
         except StandardOutputError:
             raise
         except Exception as error:
             # So that one odd file does not cost a night's batch; `fault` says that it is ours to mend.
             failed = True
-            _fail(job, fault(error), console)
+            fail(job.source, job.outputs, fault(error), console)
         else:
             console.record(source=job.source, ok=True, **facts)
     return FAILED if failed else 0
 
 
-def _fail(job: Job, message: str, console: Console) -> None:
-    if not any(message.startswith(f"{name}:") for name in (job.source, *job.outputs)):
-        message = f"{job.source}: {message}"
+def fail(source: str, outputs: Iterable[Path], message: str, console: Console) -> None:
+    """Say that a source came to nothing: a line that names it or an output, unless it does so already, and a record."""
+    if not any(message.startswith(f"{name}:") for name in (source, *outputs)):
+        message = f"{source}: {message}"
     console.error(message)
-    console.record(source=job.source, ok=False, error=message)
+    console.record(source=source, ok=False, error=message)
 
 
-def _check(job: Job, inputs: Container[tuple[int, int] | None], planned: dict[str, str], overwrite: bool) -> None:
-    """Refuse what would lose a file: an input, a result of this run, or (without `overwrite`) one that is there."""
-    for output in job.outputs:
+def refuse_loss(
+    source: str, outputs: Iterable[Path], inputs: Container[tuple[int, int] | None], planned: MutableMapping[str, str]
+) -> None:
+    """Raise unless these outputs replace no input and no result of the same run.
+
+    inputs: `identity` of each; planned: output -> source of what has been planned so far, which this adds to.
+    """
+    for output in outputs:
         # Names that differ in case alone are one file on many disks.
         name = os.path.normcase(output).casefold()
         if name in planned:
-            if planned[name] == job.source:
-                raise InputError(f"{job.source}: is given twice")
-            raise InputError(
-                f"{job.source}: the result would have the same name as that of {planned[name]}; use another output folder"
-            )
-        planned[name] = job.source
-        identity = _identity(output)
-        if identity is None:
+            if planned[name] == source:
+                raise InputError(f"{source}: is given twice")
+            raise InputError(f"{source}: the result would have the same name as that of {planned[name]}; use another output folder")
+        planned[name] = source
+        found = identity(output)
+        if found is None:
             continue
-        if identity in inputs:
+        if found in inputs:
             raise OutputError(f"{output}: is an input; use another output folder")
         if output.is_dir():
             raise OutputError(f"{output}: is a folder; remove it, or use another output folder")
-        if not overwrite:
+
+
+def refuse_existing(outputs: Iterable[Path]) -> None:
+    """Raise OutputError when one of them exists."""
+    for output in outputs:
+        if identity(output) is not None:
             raise OutputError(f"{output}: exists already; use --overwrite to replace it")
 
 
-def _identity(path: str | Path) -> tuple[int, int] | None:
+def identity(path: str | Path) -> tuple[int, int] | None:
     """What tells a file from all others, whatever links lead to it; None when there is none of this name."""
     try:
         status = Path(path).stat()

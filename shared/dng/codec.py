@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arrays import ByteArray
 from ..calibration import BITS, SensorCalibration
-from ..errors import InputError
+from ..errors import ForeignFileError, InputError
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
 from ..tiff import Fields, FieldType, encode_tiff
@@ -56,7 +56,7 @@ def decode_dng(data: bytes, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     with opened(data) as dng:
         record = dng.stored(Tag.DNG_PRIVATE_DATA)
         if not is_record(record):
-            raise InputError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+            raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
         pattern, calibration = decode_record(record)
         _check_cfa(dng, pattern)
         samples = dng.samples(max_pixels)
