@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tools.batch.journal import NAME as JOURNAL
 from tools.cli import main
 
 ROOT = Path(__file__).parents[2]
@@ -57,6 +58,11 @@ def spawn(*arguments: str | Path, before: tuple[str, ...] = (), env: Mapping[str
 def names(folder: Path) -> set[str]:
     """What a folder holds, hidden files too."""
     return {path.name for path in folder.iterdir()}
+
+
+def results(folder: Path) -> set[str]:
+    """The same without the journal that `render` keeps."""
+    return names(folder) - {JOURNAL}
 
 
 def assert_refused(outcome: Outcome, *words: str, name: str, code: int = 1) -> None:

@@ -22,7 +22,7 @@ from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_
 from shared.arrays import CodeArray, FloatArray
 from shared.calibration import encoding
 from shared.sensor import simulate_additive
-from tests.tools.command import PROGRAM, ROOT, Outcome, assert_refused, names, run
+from tests.tools.command import PROGRAM, ROOT, Outcome, assert_refused, names, results, run
 from tools.builtin_scene import builtin_scene
 from tools.metrics import psnr
 from tools.picture_writer import POSSIBLE
@@ -105,7 +105,7 @@ def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: 
     outcome = run("render", shot, "-o", out, "-f", name, "--space", space, "--bits", str(bits))
     assert outcome.code == 0, outcome.err
     path = out / f"shot.{name}"
-    assert names(out) == {path.name}
+    assert results(out) == {path.name}
     assert outcome.out.startswith(f"{path}: 17 x 13, {bits} bits, {space}, ")
     upright = (13, 17) if space == "camera" else (17, 13)
     match name:
@@ -192,9 +192,10 @@ def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path
     old = save(tmp_path / "old.dng")
     outcome = run("render", shot, tmp_path / "text.dng", old, "-o", out, "--dry-run", "--json")
     assert outcome.code == 1
-    assert [(record["ok"], record.get("dry_run")) for record in outcome.records] == [(True, True), (False, None), (False, None)]
+    found = {Path(record["source"]).name: (record["ok"], record.get("dry_run")) for record in outcome.records}
+    assert found == {shot.name: (True, True), "text.dng": (False, None), "old.dng": (False, None)}
     assert f"{shot} -> {out / f'{STEM}.tif'}" in outcome.err
-    assert names(out) == {"old.tif"}
+    assert results(out) == {"old.tif"}
 
 
 def test_records_for_machines(out: Path, shot: Path) -> None:
@@ -245,7 +246,7 @@ def test_pictures_that_no_file_holds_are_usage(out: Path, shot: Path, options: t
     (line,) = outcome.err.splitlines()
     assert line.startswith("panchroma: ")
     assert words in line
-    assert names(out) == set()
+    assert results(out) == set()
 
 
 def flipped(data: bytes, place: int) -> bytes:
@@ -282,14 +283,15 @@ def test_a_bad_shot_costs_one_line_and_the_rest_goes_on(
     outcome = run(*verb, *([out] if "-o" in verb else []), bad, shot, "--json")
     assert_refused(outcome, words, name=str(bad))
     assert [record["ok"] for record in outcome.records] == [False, True]
-    assert names(out) == ({f"{STEM}.tif"} if "-o" in verb else set())
+    assert results(out) == ({f"{STEM}.tif"} if "-o" in verb else set())
     assert (bad.read_bytes(), shot.read_bytes()) == before
 
 
 def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
     for verb in (["render", "-o", str(out)], ["inspect"]):
         assert_refused(run(*verb, tmp_path / "x.dng"), "there is no such file", name=str(tmp_path / "x.dng"))
-        assert_refused(run(*verb, tmp_path), "is a folder; give the DNG file itself", name=str(tmp_path))
+        said = "no .dng file is in this folder" if verb[0] == "render" else "is a folder; give the DNG file itself"
+        assert_refused(run(*verb, tmp_path), said, name=str(tmp_path))
         assert_refused(run(*verb, "/dev/null"), "is a pipe or a device", name="/dev/null")
         assert_refused(run(*verb, "x" * 300), "cannot be read", name="x" * 300)
 
@@ -316,7 +318,7 @@ def saturated(codes: CodeArray) -> None:
 )
 def test_a_frame_without_a_picture_is_refused(out: Path, tmp_path: Path, codes: Any, words: str) -> None:
     assert_refused(run("render", save(tmp_path / "shot.dng", codes), "-o", out), words, name=str(tmp_path / "shot.dng"))
-    assert names(out) == set()
+    assert results(out) == set()
 
 
 def test_a_frame_with_one_pixel_of_light_is_a_picture(out: Path, tmp_path: Path) -> None:
@@ -351,7 +353,7 @@ def test_results_that_exist_are_kept(out: Path, tmp_path: Path, shot: Path) -> N
     outcome = run("render", shot, other, "-o", out)
     assert_refused(outcome, "exists already; use --overwrite to replace it", name=str(out / f"{STEM}.tif"))
     assert (out / f"{STEM}.tif").read_text() == "old"
-    assert names(out) == {f"{STEM}.tif", "other.tif"}
+    assert results(out) == {f"{STEM}.tif", "other.tif"}
     assert run("render", shot, other, "-o", out, "--overwrite").code == 0
     assert (out / f"{STEM}.tif").read_bytes()[:4] == b"II*\0"
 
@@ -387,7 +389,7 @@ def test_a_full_disk_costs_one_line_and_keeps_what_was_there(
     outcome = run("render", *shots, "-o", out, "-f", name, "--overwrite")
     assert_refused(outcome, "the disk is full; free some space or choose another folder", name=str(out / f"one.{name}"))
     assert (out / f"one.{name}").read_text() == "old"
-    assert names(out) == {f"one.{name}", f"two.{name}"}
+    assert results(out) == {f"one.{name}", f"two.{name}"}
 
 
 def test_a_limit_of_the_system_on_file_sizes(out: Path, tmp_path: Path) -> None:
@@ -400,7 +402,7 @@ def test_a_limit_of_the_system_on_file_sizes(out: Path, tmp_path: Path) -> None:
         [*PROGRAM, "render", shot, "-o", out], cwd=ROOT, capture_output=True, text=True, check=False, preexec_fn=limit
     )
     assert_refused(Outcome(done.returncode, done.stdout, done.stderr), "choose another folder", name=str(out / "shot.tif"))
-    assert names(out) == set()
+    assert results(out) == set()
 
 
 def test_a_shot_survives_being_looked_at(shot: Path, out: Path) -> None:
