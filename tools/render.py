@@ -55,11 +55,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--workers is {arguments.workers}, expected 1 or more")
     shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
     found, failures = expand(arguments.shots, order.folder, order.kind.suffix)
-    shots = _possible(found, failures, order, console)
-    mine = [shot for shot in shots if shard.has(order.name(shot.output))]
-    hands = Hands.of(order, mine, 1 if arguments.dry_run else arguments.workers, arguments.threads, arguments.max_memory)
-    well = render_shots(mine, passes(order, hands, console, len(mine)), console)
-    return 0 if well and len(shots) == len(found) and not failures else FAILED
+    for source, what in failures:
+        fail(source, (), what, console)
+    shots, all_possible = _possible(found, shard, order, console)
+    hands = Hands.of(order, shots, 1 if arguments.dry_run else arguments.workers, arguments.threads, arguments.max_memory)
+    all_made = render_shots(shots, passes(order, hands, console, len(shots)), console)
+    return 0 if all_made and all_possible and not failures else FAILED
 
 
 def _order(arguments: argparse.Namespace) -> Order:
@@ -78,20 +79,24 @@ def _order(arguments: argparse.Namespace) -> Order:
     )
 
 
-def _possible(found: Sequence[Shot], failures: Sequence[tuple[str, str]], order: Order, console: Console) -> list[Shot]:
-    """Those that lose nothing and stand in nobody's way, of a whole run before any shard of it; a line for each other."""
-    for source, what in failures:
-        fail(source, (), what, console)
+def _possible(found: Sequence[Shot], shard: Shard, order: Order, console: Console) -> tuple[list[Shot], bool]:
+    """The shots of the shard whose pictures lose nothing and stand in nobody's way; a line for each other; whether there is none.
+
+    Of two shots that want one name the first gets it, whichever shards they are in.
+    """
     inputs = {identity(shot.source) for shot in found} - {None}
     planned: dict[str, str] = {}
-    possible = []
+    possible, all_well = [], True
     for shot in found:
         try:
             refuse_loss(shot.source, (shot.output,), inputs, planned)
+            if not shard.has(order.name(shot.output)):
+                continue
             if not (order.overwrite or order.resume):
                 refuse_existing((shot.output,))
         except PanchromaError as error:
+            all_well = False
             fail(shot.source, (shot.output,), str(error), console)
         else:
             possible.append(shot)
-    return possible
+    return possible, all_well

@@ -120,6 +120,8 @@ def _make(order: Order, share: Share, shot: Shot, note: Note, progress: StagePro
     output = shot.output
     if not order.folder.is_dir():
         raise OutputError(f"{order.folder}: the output folder is not there; every machine at work has to see it under this name")
+    if _state(shot.source) is None:
+        order.read(shot.source)  # says what is wrong with it, before a folder is made for its picture
     if order.dry_run:
         if _standing(order, shot, digest(shot.source)).current is None:
             order.read(shot.source)

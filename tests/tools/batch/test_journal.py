@@ -67,9 +67,8 @@ def test_a_key_tells_every_part_and_a_digest_every_byte(tmp_path: Path) -> None:
 
 def test_one_maker_at_a_time(tmp_path: Path) -> None:
     output = tmp_path / ("x" * 250)
-    with making(output, wait=False) as first:
-        with making(output, wait=False) as second, making(tmp_path / "other", wait=False) as other:
-            assert (first, second, other) == (True, False, True)
+    with making(output, wait=False) as first, making(output, wait=False) as second, making(tmp_path / "b", wait=False) as other:
+        assert (first, second, other) == (True, False, True)
     assert list(tmp_path.iterdir()) == []
     with making(output, wait=False) as again:
         assert again
