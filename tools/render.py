@@ -43,6 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     run_.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads of each (default: all cores are used)")
     run_.add_argument("--max-memory", metavar="SIZE", help="of all processes, for example 4G (default: most of what is free)")
+    run_.add_argument("--scheduler", metavar="ADDRESS", help="render on the workers of this dask scheduler, tcp://HOST:PORT")
+    run_.add_argument("--scheduler-file", metavar="FILE", help="the same, of the scheduler that wrote this file")
     run_.add_argument("--dry-run", action="store_true", help="only say what would be done")
     run_.add_argument("--json", action="store_true", help="one object per shot on stdout")
 
@@ -53,13 +55,24 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     allowed_memory(arguments.max_memory)
     if arguments.workers is not None and arguments.workers < 1:
         raise InputError(f"--workers is {arguments.workers}, expected 1 or more")
+    if arguments.workers is not None and (arguments.scheduler or arguments.scheduler_file):
+        raise InputError("--workers goes without a scheduler, which has workers of its own")
+    if arguments.scheduler and arguments.scheduler_file:
+        raise InputError("--scheduler or --scheduler-file: one of them")
     shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
     found, failures = expand(arguments.shots, order.folder, order.kind.suffix)
     for source, what in failures:
         fail(source, (), what, console)
     shots, all_possible = _possible(found, shard, order, console)
-    hands = Hands.of(order, shots, 1 if arguments.dry_run else arguments.workers, arguments.threads, arguments.max_memory)
-    all_made = render_shots(shots, passes(order, hands, console, len(shots)), console)
+    if (arguments.scheduler or arguments.scheduler_file) and not arguments.dry_run:
+        from .batch import cluster
+
+        with cluster.connected(arguments.scheduler, arguments.scheduler_file) as client:
+            through = cluster.passes(order, client, arguments.threads, arguments.max_memory, console.note)
+            all_made = render_shots(shots, through, console)
+    else:
+        hands = Hands.of(order, shots, 1 if arguments.dry_run else arguments.workers, arguments.threads, arguments.max_memory)
+        all_made = render_shots(shots, passes(order, hands, console, len(shots)), console)
     return 0 if all_made and all_possible and not failures else FAILED
 
 
