@@ -1,0 +1,176 @@
+"""What a batch costs beside its shots, measured: python -m tests.benchmarks.batch [parts|sharing|cluster|plan]...
+
+parts    1,000 small shots in one command with one process, against the sum of their parts: the library's read_dng, render and
+         write of each of the same shots, in this process, kernels warm.
+sharing  8 commands on one folder of 100 shots: how often each file was made, and whether every original is untouched.
+workers  shots of 1 MP in a second by 1 and 2 processes of one thread each.
+cluster  the same by 1 and 2 workers of a dask scheduler, of one thread each.
+plan     seconds, bytes in and bytes out of a megapixel, for one thread, and what they make of a million shots of 24 MP.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from offline import BEST
+from offline.kernels.compile import use_threads
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from shared.calibration import encoding
+from shared.sensor import simulate_additive
+from tests.tools.batch.examples import contents
+from tests.tools.batch.test_cluster import cluster
+from tests.tools.command import PROGRAM, ROOT
+from tools.batch.journal import NAME
+from tools.builtin_scene import builtin_scene
+from tools.console import StageProgress
+from tools.picture_writer import PictureKind
+from tools.rendering import render_to
+
+SMALL, COUNT = (240, 160), 1000
+MEGAPIXEL = (1200, 800)
+MILLION, LARGE = 1_000_000, 24.0  # shots, megapixels of each
+
+
+def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
+    """Shots of the built-in scene, each with noise of its own."""
+    folder.mkdir()
+    scene, pattern = builtin_scene(*size), CfaPattern.bayer()
+    black, white = encoding(12)
+    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white)
+    preview = np.zeros((8, 8, 3), np.uint8)
+    for seed in range(count):
+        taken = simulate_additive(scene.rgb, pattern, calibration, 0.01, np.random.default_rng(seed))
+        write_dng(folder / f"{seed:04}.dng", Mosaic(taken.codes, pattern, taken.calibration, CaptureMetadata()), preview)
+
+
+def command(*arguments: str | Path) -> "subprocess.Popen[str]":
+    """`panchroma render`, begun."""
+    line = [*PROGRAM, "render", *map(str, arguments), "--json"]
+    return subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+
+
+def seconds(*arguments: str | Path) -> float:
+    """Of one command, from its start to its end."""
+    start = time.perf_counter()
+    process = command(*arguments)
+    said, _ = process.communicate()
+    if process.returncode or not all(json.loads(line)["ok"] for line in said.splitlines()):
+        sys.exit(f"failed: {' '.join(map(str, arguments))}")
+    return time.perf_counter() - start
+
+
+def fresh(top: Path, name: str) -> Path:
+    folder = top / name
+    folder.mkdir()
+    return folder
+
+
+def parts(top: Path) -> None:
+    """One command against the library's three calls for each shot."""
+    save_shots(top / "small", COUNT, SMALL)
+    shots, out = sorted((top / "small").iterdir()), fresh(top, "parts")
+    kind, settings = PictureKind.of("tif"), BEST
+    use_threads(1)
+    render_to(out / "first.tif", read_dng(shots[0]), kind, settings, StageProgress(), exposure=0, overwrite=False)
+    start = time.perf_counter()
+    for shot in shots:
+        render_to(out / f"{shot.stem}.tif", read_dng(shot), kind, settings, StageProgress(), exposure=0, overwrite=False)
+    alone = time.perf_counter() - start
+    whole = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
+    print(
+        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: sum of the parts {alone:.1f} s, one command {whole:.1f} s, {alone / whole:.1%}"
+    )
+    again = seconds(top / "small", "-o", top / "whole", "--workers", "1", "-j", "1", "--resume")
+    print(f"the same with --resume, all current: {again:.1f} s")
+
+
+def sharing(top: Path) -> None:
+    """Eight commands, one folder."""
+    save_shots(top / "shared", 100, SMALL)
+    before, out = contents(top / "shared"), fresh(top, "together")
+    running = [command(top / "shared", "-o", out, "--resume", "--workers", "1", "-j", "1") for _ in range(8)]
+    records = [json.loads(line) for process in running for line in process.communicate()[0].splitlines()]
+    made = Counter(record["output"] for record in records if not record.get("current"))
+    lines = (out / NAME).read_text().splitlines()
+    print(
+        f"8 commands x 100 shots: exit codes {[process.returncode for process in running]}; {len(made)} files, each made "
+        f"{sorted(set(made.values()))} times, {len(lines)} lines in the journal; {len(list(out.iterdir())) - 101} files left over; "
+        f"originals {'untouched' if contents(top / 'shared') == before else 'CHANGED'}"
+    )
+
+
+def workers(top: Path) -> None:
+    """Processes of this machine."""
+    _throughput(top, "processes", lambda count, out: seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1"))
+
+
+def on_cluster(top: Path) -> None:
+    """Workers of a scheduler."""
+
+    def by(count: int, out: Path) -> float:
+        with cluster(out, count) as (file, _):
+            target = fresh(out, "pictures")
+            _warm(top, target, "--scheduler-file", file, count=count)
+            return seconds(top / "large", "-o", target, "--scheduler-file", file, "-j", "1")
+
+    _throughput(top, "dask workers", by)
+
+
+def _warm(top: Path, out: Path, *options: str | Path, count: int) -> None:
+    """So that every worker has loaded what it needs: they are there before the work in any cluster."""
+    if not (top / "warm").exists():
+        save_shots(top / "warm", 8, SMALL)
+    seconds(top / "warm", "-o", fresh(out.parent, f"warm{count}"), *options, "-j", "1")
+
+
+def _throughput(top: Path, who: str, by: Callable[[int, Path], float], count: int = 24) -> None:
+    if not (top / "large").exists():
+        save_shots(top / "large", count, MEGAPIXEL)
+    megapixels = count * MEGAPIXEL[0] * MEGAPIXEL[1] / 1e6
+    taken = {number: by(number, fresh(top, f"{who[0]}{number}")) for number in (1, 2)}
+    rates = ", ".join(f"{number}: {taken[number]:.1f} s, {megapixels / taken[number]:.2f} MP/s" for number in taken)
+    print(f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, {who} of one thread: {rates}; {taken[1] / taken[2]:.2f} x")
+
+
+def plan(top: Path) -> None:
+    """A million shots, on paper, from one of 24 MP."""
+    save_shots(top / "full", 1, (6000, 4000))
+    out = fresh(top, "planned")
+    process = command(top / "full", "-o", out, "-j", "1", "--workers", "1")
+    record = json.loads(process.communicate()[0])
+    each, size_in = float(record["seconds"]), (top / "full" / "0000.dng").stat().st_size
+    size_out = Path(record["output"]).stat().st_size
+    hours, cores = MILLION * each / 3600, 64
+    print(
+        f"a shot of {LARGE:g} MP, one thread: {each:.1f} s, {size_in / 1e6:.0f} MB in, {size_out / 1e6:.0f} MB out\n"
+        f"a million: {hours:,.0f} core hours, {MILLION * size_in / 1e12:.0f} TB in, {MILLION * size_out / 1e12:.0f} TB out; "
+        f"10 machines of {cores} cores: {hours / 10 / cores:,.1f} hours at "
+        f"{MILLION * (size_in + size_out) / (hours / 10 / cores * 3600) / 1e9:.1f} GB/s of storage in all"
+    )
+
+
+MEASURED = {"parts": parts, "sharing": sharing, "workers": workers, "cluster": on_cluster, "plan": plan}
+
+
+def main() -> None:
+    """Print the figures that are asked for, or all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("figures", nargs="*", metavar="FIGURE", help=f"of {', '.join(MEASURED)}")
+    asked = parser.parse_args().figures or list(MEASURED)
+    if unknown := set(asked) - set(MEASURED):
+        parser.error(f"unknown: {', '.join(sorted(unknown))}")
+    for name in asked:
+        with tempfile.TemporaryDirectory() as folder:
+            MEASURED[name](Path(folder))
+
+
+if __name__ == "__main__":
+    main()
