@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import Camera, SensorCalibration
+from shared import Camera, SensorCalibration, read_dng
 from shared.calibration import NoiseModel, encoding
 from tests.tools.batch.examples import contents, save_shot
 from tests.tools.command import Outcome, assert_refused, results, run
-from tools.batch import task
 from tools.batch.journal import NAME
 
 
@@ -188,14 +187,12 @@ def test_two_folders_with_the_same_names_are_refused_before_anything_is_lost(sho
 
 
 def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    read = task.read_dng
-
     def late(path: str) -> object:
-        mosaic = read(path)
+        mosaic = read_dng(path)
         os.utime(path, ns=(1, 1))
         return mosaic
 
-    monkeypatch.setattr(task, "read_dng", late)
+    monkeypatch.setattr("tools.batch.task.read_dng", late)
     assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
     assert results(out) == set()
 

@@ -1,0 +1,80 @@
+"""The pictures that `offline.version.ALGORITHM` stands for, as it was when they were made: python -m tests.golden.render
+
+Run it after the number has gone up (or before the first release, when the same number may come to mean something better), and say
+in the change what has become different.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import llvmlite
+import llvmlite.binding
+import numba
+import numpy as np
+
+from offline import BEST, PAPER, render
+from offline.version import ALGORITHM
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.calibration import encoding
+from shared.colour import ColourTransform
+from shared.sensor import simulate_additive
+from tools.builtin_scene import builtin_scene
+
+PRESETS = {"paper": PAPER, "best": BEST}
+_FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in ("json", "npz"))
+
+
+@dataclass(frozen=True)
+class Golden:
+    """algorithm: the number that these are of; made_by: compiler and processor that made them; pictures: preset -> scene units and
+    display, float32 (2, H, W, 3); digests: preset -> SHA-256 of the bytes of these.
+    """
+
+    algorithm: int
+    made_by: str
+    pictures: dict[str, FloatArray]
+    digests: dict[str, str]
+
+
+def now() -> Golden:
+    """What this source makes on this machine."""
+    pictures = {name: _picture(name) for name in PRESETS}
+    digests = {name: hashlib.sha256(picture.tobytes()).hexdigest() for name, picture in pictures.items()}
+    return Golden(ALGORITHM, _compiler(), pictures, digests)
+
+
+def saved() -> Golden:
+    """What was kept."""
+    with np.load(_PICTURES) as file:
+        return Golden(**json.loads(_FACTS.read_text()), pictures={name: file[name] for name in PRESETS})
+
+
+def _picture(preset: str) -> FloatArray:
+    """Of a noisy shot of the built-in scene, 36 x 28, K = 6."""
+    black, white = encoding(12)
+    calibration = SensorCalibration(gamma=(0.9, 1.1, 0.8), black_level=(black,) * 4, white_level=white)
+    taken = simulate_additive(builtin_scene(36, 28).rgb, CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0))
+    rgb = render(Mosaic(taken.codes, taken.pattern, taken.calibration), PRESETS[preset]).rgb
+    return np.stack([rgb, ColourTransform.to_space(calibration, "srgb").apply(rgb)])
+
+
+def _compiler() -> str:
+    """All that bytes may depend on: sums of floats round differently where a processor has other instructions."""
+    features = hashlib.sha256(llvmlite.binding.get_host_cpu_features().flatten().encode()).hexdigest()[:8]
+    return f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, {llvmlite.binding.get_host_cpu_name()} {features}"
+
+
+def main() -> None:
+    """Write both files."""
+    made = now()
+    facts = {"algorithm": made.algorithm, "made_by": made.made_by, "digests": made.digests}
+    _FACTS.write_text(json.dumps(facts, indent=1) + "\n")
+    np.savez_compressed(_PICTURES, **made.pictures)  # type: ignore[arg-type]
+    print(f"algorithm {made.algorithm}, {made.made_by}: {', '.join(made.pictures)}")
+
+
+if __name__ == "__main__":
+    main()
