@@ -198,4 +198,7 @@ def _rich_progress() -> "RichProgress":
         rich.progress.BarColumn(),
         rich.progress.TimeElapsedColumn(),
     )
-    return rich.progress.Progress(*columns, console=rich.console.Console(stderr=True), transient=True)
+    # rich prints above the bar what goes to stdout meanwhile, to stderr: only where both are one terminal is that right.
+    return rich.progress.Progress(
+        *columns, console=rich.console.Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
+    )

@@ -265,6 +265,26 @@ def test_a_terminal_shows_a_bar_whatever_the_file_is_called(monkeypatch: pytest.
     assert "[/shot] [bold]x.dng: luminance" in terminal.getvalue()
 
 
+def test_results_do_not_go_where_the_bar_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bar on the terminal, records into a file: both at the same time, each to its place."""
+
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal, file = Terminal(), io.StringIO()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(sys, "stdout", file)
+    monkeypatch.setenv("TERM", "xterm")
+    shown = Console(json=True)
+    with shown.progress("render") as progress:
+        progress.stage("shots", 2)
+        shown.record(source="a.dng", ok=True)
+    shown.close()
+    assert file.getvalue() == '{"source": "a.dng", "ok": true}\n'
+    assert "a.dng" not in terminal.getvalue()
+
+
 def test_a_log_gets_a_line_per_stage_that_has_ended(capsys: pytest.CaptureFixture[str]) -> None:
     shown = Console()
     with shown.progress("x.dng") as progress:
