@@ -6,6 +6,7 @@ come: an interrupted run goes on where it stopped, and another method or noise l
 
 import argparse
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from shared.errors import InputError, OutputError
@@ -55,6 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--crop", type=int, metavar="PIXELS", help="only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
     run_.add_argument("-j", "--jobs", type=int, metavar="N", help="processes (default: one per core, as memory allows)")
+    run_.add_argument("--scheduler", metavar="ADDRESS", help="measure on the workers of this dask scheduler, tcp://HOST:PORT")
+    run_.add_argument("--scheduler-file", metavar="FILE", help="the same, of the scheduler that wrote this file")
     run_.add_argument("--max-memory", metavar="SIZE", help="for all processes, for example 4G (default: most of what is free)")
     run_.add_argument("--report", action=argparse.BooleanOptionalAction, default=True, help="make the page, or only the figures")
     run_.add_argument("--overwrite", action="store_true", help="replace the page and the tables of an earlier run")
@@ -76,12 +79,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 raise OutputError(f"{path}: exists already; use --overwrite to replace it; the results behind it are kept")
     team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
-    todo, there = tasks(study, folder)
+    todo, there = tasks(study, folder.absolute() if _elsewhere(arguments) else folder)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if there:
         console.note(f"{there} results are kept from an earlier run")
-    failures += team.measure(todo)
+    failures += _measure(arguments, team, todo)
     figures = Figures(study, collect(study, folder))
     if not figures.scenes:
         raise InputError("nothing could be measured; the lines above say why")
@@ -121,13 +124,34 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     if arguments.crop is not None and arguments.crop < 1:
         raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
     reading = Reading(arguments.linear, arguments.crop)
-    scenes, failures = team.read(expand(arguments.scenes), reading)
+    sources = expand(arguments.scenes)
+    if _elsewhere(arguments):
+        from .batch.cluster import everywhere
+
+        sources = [everywhere(source) for source in sources]
+    scenes, failures = team.read(sources, reading)
     scenes, remarks = distinct(scenes)
     for remark in remarks:
         console.note(remark)
     if not scenes:
         raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
     return Study(tuple(scenes), tuple(each.name for each in methods), tuple(levels), tuple(periods), protocol, reading), failures
+
+
+def _elsewhere(arguments: argparse.Namespace) -> bool:
+    """Whether others measure, to whom names are to be told in full."""
+    if arguments.scheduler and arguments.scheduler_file:
+        raise InputError("--scheduler or --scheduler-file: one of them")
+    return bool(arguments.scheduler or arguments.scheduler_file)
+
+
+def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
+    if not (_elsewhere(arguments) and todo):
+        return team.measure(todo)
+    from .batch.cluster import connected
+
+    with connected(arguments.scheduler, arguments.scheduler_file) as client:
+        return replace(team, client=client).measure(todo)
 
 
 def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:

@@ -12,15 +12,19 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from shared.errors import InputError
+from shared.errors import InputError, PanchromaError
 
 from ..console import StageProgress, fault
+from ..evaluation import workers
 from ..memory import allowed_memory
 from .run import Pass, said_once
 from .sources import Shot
 from .task import Note, Order, Outcome, Share, attempt
+
+P = TypeVar("P")
+R = TypeVar("R")
 
 _SECONDS = 20  # to answer, for a scheduler
 _AHEAD = 1000  # shots that the scheduler knows of: it may be given a million
@@ -57,54 +61,75 @@ def passes(order: Order, client: Any, threads: int | None, memory: str | None, n
     return [partial(_through, client, partial(_work, everywhere, threads, memory, last), once) for last in (False, True)]
 
 
-def _through(
-    client: Any, work: Callable[[Shot], tuple[Outcome, list[str]]], note: Note, shots: Sequence[Shot]
-) -> Iterator[tuple[Shot, Outcome | None]]:
-    from distributed import as_completed
+def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tuple[P, R | BaseException]]:
+    """Do `work` on each piece, wherever there is a worker; (piece, result or what was raised), in the order in which they end.
 
-    waiting = iter(shots)
-    at_work: dict[Any, Shot] = {}
+    InputError stands for a piece that ended as many workers as the scheduler grants it, and for a scheduler that is gone.
+    """
+    from distributed import KilledWorker, as_completed
+
+    waiting = iter(pieces)
+    at_work: dict[Any, P] = {}
 
     def submit(count: int) -> list[Any]:
-        begun = {client.submit(work, _everywhere(shot), pure=False): shot for shot in islice(waiting, count)}
+        begun = {client.submit(work, piece, pure=False): piece for piece in islice(waiting, count)}
         at_work.update(begun)
         return list(begun)
 
     ended = as_completed(submit(_AHEAD))
     try:
         for future in ended:
-            shot = at_work.pop(future)
+            piece = at_work.pop(future)
             for following in submit(1):
                 ended.add(following)
-            outcome, notes = _result(future)
-            for text in notes:
-                note(text)
-            if outcome is not None and outcome.state == "made" and not shot.output.exists():
-                outcome = Outcome(
-                    "failed", f"{shot.output}: was made where this machine does not see it; -o must be a shared folder"
-                )
-            yield shot, outcome
+            if future.status == "finished":
+                yield piece, future.result()
+                continue
+            error = future.exception() if future.status == "error" else None
+            if error is None:
+                error = InputError("the scheduler is gone; start it again, and run the command again: what is finished is kept")
+            elif isinstance(error, KilledWorker):
+                error = InputError("the workers that had it died, most likely for want of memory: give them more, or fewer threads")
+            yield piece, error
     finally:
         if at_work:
             client.cancel(list(at_work))
 
 
-def _result(future: Any) -> tuple[Outcome | None, list[str]]:
-    """What a worker has said; None for a shot that has ended as many workers as the scheduler grants it."""
-    from distributed import KilledWorker
+def run_quietly(client: Any, work: Callable[[P], R], pieces: Sequence[P], count: int) -> Iterator[tuple[P, R | BaseException]]:
+    """`run` as `evaluation.workers.run` does it; one piece at a time in each worker, however many there are (not `count`)."""
+    return run(client, partial(_alone, work), pieces)
 
-    if future.status == "finished":
-        outcome, notes = future.result()
-        return outcome, notes
-    if future.status != "error":
-        return Outcome("failed", "the scheduler is gone; start it again, and go on with --resume"), []
-    error = future.exception()
-    return (None if isinstance(error, KilledWorker) else Outcome("failed", fault(error))), []
+
+def _alone(work: Callable[[P], R], piece: P) -> "R | PanchromaError | MemoryError":
+    with _ALONE:
+        return workers.attempt(work, piece)
+
+
+def _through(
+    client: Any, work: Callable[[Shot], tuple[Outcome, list[str]]], note: Note, shots: Sequence[Shot]
+) -> Iterator[tuple[Shot, Outcome]]:
+    given = {_everywhere(shot): shot for shot in shots}
+    for there, result in run(client, work, list(given)):
+        shot = given[there]
+        if isinstance(result, BaseException):
+            yield shot, Outcome("failed", str(result) if isinstance(result, InputError) else fault(result))
+            continue
+        outcome, notes = result
+        for text in notes:
+            note(text)
+        if outcome.state == "made" and not shot.output.exists():
+            outcome = Outcome("failed", f"{shot.output}: was made where this machine does not see it; -o must be a shared folder")
+        yield shot, outcome
+
+
+def everywhere(source: str) -> str:
+    """The name of a file wherever a process runs; what is no file, such as a built-in scene, as it is."""
+    return os.path.abspath(source) if os.path.exists(source) else source  # noqa: PTH100, PTH110 (Path takes no impossible names)
 
 
 def _everywhere(shot: Shot) -> Shot:
-    """With names that do not depend on where a process runs."""
-    return Shot(os.path.abspath(shot.source), shot.output.absolute(), shot.found)  # noqa: PTH100 (Path takes no impossible names)
+    return Shot(everywhere(shot.source), shot.output.absolute(), shot.found)
 
 
 def _work(order: Order, threads: int | None, memory: str | None, last: bool, shot: Shot) -> tuple[Outcome, list[str]]:

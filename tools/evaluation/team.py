@@ -1,9 +1,9 @@
 """Workers and the person who waits for them: progress, failures, the limit of memory."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
 
@@ -21,11 +21,12 @@ _TENTHS = 10  # steps of a bar per unit of work
 
 @dataclass(frozen=True)
 class Team:
-    """At most `jobs` processes, which together use `memory` bytes."""
+    """At most `jobs` processes, which together use `memory` bytes; the workers of a dask `client`, if given, measure."""
 
     console: Console
     jobs: int
     memory: int
+    client: Any = None
 
     def read(self, sources: Sequence[str], reading: Reading) -> tuple[list[SceneInfo], list[str]]:
         """The scenes that can be read, in the order given; and a line for each that cannot, which the person has seen."""
@@ -49,8 +50,13 @@ class Team:
         failures = []
         pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
         count = max(1, processes(self.jobs, self.memory, pixels))
-        for task, outcome in self._follow("measuring", work, todo, lambda task: task.seconds, count):
-            if isinstance(outcome, PanchromaError | MemoryError):
+        by: Callable[..., Any] = run
+        if self.client is not None:
+            from ..batch.cluster import run_quietly
+
+            by = partial(run_quietly, self.client)
+        for task, outcome in self._follow("measuring", work, todo, lambda task: task.seconds, count, by):
+            if isinstance(outcome, BaseException):
                 raise InputError(f"{task.title}: {outcome}") from outcome
             for _, line in outcome.failures:
                 self.console.error(line)
@@ -69,7 +75,13 @@ class Team:
         return [results[index] for index in range(len(pieces))]
 
     def _follow(
-        self, title: str, each: Callable[[T], R], pieces: Sequence[T], length: Callable[[T], float], count: int
+        self,
+        title: str,
+        each: Callable[[T], R],
+        pieces: Sequence[T],
+        length: Callable[[T], float],
+        count: int,
+        by: Callable[[Callable[[T], R], Sequence[T], int], Iterable[tuple[T, R | PanchromaError | MemoryError]]] = run,
     ) -> "list[tuple[T, R | PanchromaError | MemoryError]]":
         if not pieces:
             return []
@@ -77,7 +89,7 @@ class Team:
         countdown = Countdown(sum(map(length, pieces)), len(pieces))
         with self.console.progress("evaluate") as progress:
             progress.stage(title, round(_TENTHS * sum(map(length, pieces))))
-            for piece, result in run(each, pieces, count):
+            for piece, result in by(each, pieces, count):
                 countdown.finished(length(piece))
                 progress.advance(round(_TENTHS * length(piece)))
                 progress.remark(str(countdown))

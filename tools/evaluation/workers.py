@@ -41,14 +41,14 @@ def run(
     """
     if count <= 1 or len(pieces) <= 1:
         for piece in pieces:
-            yield piece, _attempt(work, piece)
+            yield piece, attempt(work, piece)
         return
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     pool = ProcessPoolExecutor(min(count, len(pieces)), multiprocessing.get_context("spawn"), _begin)
     ended = False
     try:
-        futures = {pool.submit(_attempt, work, piece): piece for piece in pieces}
+        futures = {pool.submit(attempt, work, piece): piece for piece in pieces}
         for future in as_completed(futures):
             yield futures[future], future.result()
         ended = True
@@ -69,7 +69,7 @@ def run(
                 os.environ[name] = value
 
 
-def _attempt(work: Callable[[T], R], piece: T) -> R | PanchromaError | MemoryError:
+def attempt(work: Callable[[T], R], piece: T) -> R | PanchromaError | MemoryError:
     """Errors of ours are results: what is wrong with one piece stops no other."""
     try:
         return work(piece)
