@@ -10,6 +10,8 @@ from typing import BinaryIO
 
 from .errors import OutputError
 
+Sealed = Callable[[Path], Callable[[], object]]
+
 _LONGEST_PART = 100  # bytes: with what is added, a name that every file system takes
 
 
@@ -17,7 +19,7 @@ def write_durably(
     path: Path | str,
     *parts: bytes | bytearray | memoryview,
     overwrite: bool = False,
-    sealed: Callable[[Path], None] | None = None,
+    sealed: Sealed | None = None,
 ) -> None:
     """Write `parts` one after the other as the new content of `path`, as `durable_file` does."""
     with durable_file(path, overwrite=overwrite, sealed=sealed) as file:
@@ -26,14 +28,15 @@ def write_durably(
 
 
 @contextmanager
-def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Callable[[Path], None] | None = None) -> Iterator[BinaryIO]:
+def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Sealed | None = None) -> Iterator[BinaryIO]:
     """A file to write the new content of `path` to, in a `with` block; it becomes `path` when the block ends well.
 
     A temporary file `.NAME.XXXXXXXX.part` (of a long name, its beginning) beside it is written, fsynced and moved into place,
     then the folder is fsynced: at any moment `path` is absent, old or new, never a part. Raises OutputError, with the temporary
     file removed, when the file exists (and `overwrite` is not set), when the folder is missing or read-only, or when the disk is
     full; the temporary file is removed too when anything else is raised in the block.
-    sealed: called with the temporary file when all of it is on the disk and it is about to become `path`; what it raises stops it.
+    sealed: called with the temporary file when all of it is written; what it returns is called when it is on the disk too and about
+    to become `path`. What they raise stops it.
     """
     path = Path(path)
     name = os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore")
@@ -45,9 +48,10 @@ def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Callable[
             with part.open("xb") as file:
                 yield file
                 file.flush()
+                settled = sealed(part) if sealed is not None else None
                 os.fsync(file.fileno())
-            if sealed is not None:
-                sealed(part)
+            if settled is not None:
+                settled()
             _move(part, path, overwrite)
         except BaseException:
             part.unlink(missing_ok=True)

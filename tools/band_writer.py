@@ -1,7 +1,7 @@
 """A picture that never is in memory as a whole -> a TIFF file: bands of a rendering, as they come, straight to the disk."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,7 +14,7 @@ from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colour import ColourTransform, checked_picture
 from shared.errors import InputError
-from shared.files import durable_file
+from shared.files import Sealed, durable_file
 
 from .encoders import write_tiff_picture
 from .exif_directory import picture_directory
@@ -35,7 +35,7 @@ def write_picture_bands(
     metadata: CaptureMetadata,
     exposure: float = 0.0,
     overwrite: bool = False,
-    sealed: Callable[[Path], None] | None = None,
+    sealed: Sealed | None = None,
 ) -> None:
     """The same file as of `picture_writer.write_picture` with the picture that the bands (rows, W, C) make up; whole or not at all.
 

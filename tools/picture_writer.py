@@ -6,7 +6,6 @@ the sensor, so that one can be subtracted from another; the orientation is noted
 go into every format that has one.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from shared.colorimetry import D65_XY
 from shared.colour import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import encode_picture_dng
 from shared.errors import InputError
-from shared.files import write_durably
+from shared.files import Sealed, write_durably
 from shared.tiff import encode_tiff
 
 from .encoders import LONGEST_JPEG_SIDE, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
@@ -106,7 +105,7 @@ def write_picture(
     metadata: CaptureMetadata,
     exposure: float = 0.0,
     overwrite: bool = False,
-    sealed: Callable[[Path], None] | None = None,
+    sealed: Sealed | None = None,
 ) -> None:
     """Encode as `encode_picture` does, and write it whole or not at all; raises also what `write_durably` raises."""
     data = encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure)

@@ -10,6 +10,7 @@ import numpy as np
 from shared import Mosaic
 from shared.arrays import FloatArray, strips
 from shared.errors import InputError
+from shared.files import Sealed
 
 from .band_writer import FORMAT, write_picture_bands
 from .console import StageProgress
@@ -63,7 +64,7 @@ def render_to(
     *,
     exposure: float,
     overwrite: bool,
-    sealed: Callable[[Path], None] | None = None,
+    sealed: Sealed | None = None,
 ) -> None:
     """Render a mosaic and write the picture, whole or not at all. sealed: as of `durable_file`."""
     from offline import render_bands

@@ -34,7 +34,7 @@ from tools.console import StageProgress
 from tools.picture_writer import PictureKind
 from tools.rendering import render_to
 
-SMALL, COUNT = (240, 160), 1000
+SMALL, COUNT = (420, 280), 1000
 MEGAPIXEL = (1200, 800)
 MILLION, LARGE = 1_000_000, 24.0  # shots, megapixels of each
 

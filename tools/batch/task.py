@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from itertools import count
@@ -188,8 +189,9 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
         if standing.changed:
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 
-        def sealed(part: Path) -> None:
-            _journal(order.folder).append(Entry(order.name(output), digest(part) or "", standing.key, order.run, source))
+        def sealed(part: Path) -> Callable[[], None]:
+            entry = Entry(order.name(output), digest(part) or "", standing.key, order.run, source)
+            return _NOTING.submit(_journal(order.folder).append, entry).result
 
         replace = standing.replace
         render_to(output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=replace, sealed=sealed)
@@ -197,6 +199,10 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
     rows, columns = mosaic.shape
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
     return Outcome("made", line, {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3)})
+
+
+# Journal and picture go to the disk at the same time: for small pictures that is most of what a file costs.
+_NOTING = ThreadPoolExecutor(1)
 
 
 @lru_cache(maxsize=1)  # so that a process reads a long journal once
