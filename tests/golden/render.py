@@ -63,8 +63,10 @@ def _picture(preset: str) -> FloatArray:
 
 def _compiler() -> str:
     """All that bytes may depend on: sums of floats round differently where a processor has other instructions."""
-    features = hashlib.sha256(llvmlite.binding.get_host_cpu_features().flatten().encode()).hexdigest()[:8]
-    return f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, {llvmlite.binding.get_host_cpu_name()} {features}"
+    features = numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten()
+    processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    digest = hashlib.sha256(features.encode()).hexdigest()[:8]
+    return f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, {processor} {digest}"
 
 
 def main() -> None:
