@@ -34,7 +34,7 @@ from tools.console import StageProgress
 from tools.picture_writer import PictureKind
 from tools.rendering import render_to
 
-SMALL, COUNT = (420, 280), 1000
+SMALL, COUNT = (300, 200), 1000
 MEGAPIXEL = (1200, 800)
 MILLION, LARGE = 1_000_000, 24.0  # shots, megapixels of each
 
@@ -57,14 +57,16 @@ def command(*arguments: str | Path) -> "subprocess.Popen[str]":
     return subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
 
-def seconds(*arguments: str | Path) -> float:
-    """Of one command, from its start to its end."""
-    start = time.perf_counter()
+def seconds(*arguments: str | Path) -> tuple[float, float]:
+    """Of one command, from its start to its end: by the clock, and of processors (without those of a scheduler's workers)."""
+    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = command(*arguments)
     said, _ = process.communicate()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if process.returncode or not all(json.loads(line)["ok"] for line in said.splitlines()):
         sys.exit(f"failed: {' '.join(map(str, arguments))}")
-    return time.perf_counter() - start
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - start, used
 
 
 def fresh(top: Path, name: str) -> Path:
@@ -80,15 +82,16 @@ def parts(top: Path) -> None:
     kind, settings = PictureKind.of("tif"), BEST
     use_threads(1)
     render_to(out / "first.tif", read_dng(shots[0]), kind, settings, StageProgress(), exposure=0, overwrite=False)
-    start = time.perf_counter()
+    start, used = time.perf_counter(), time.process_time()
     for shot in shots:
         render_to(out / f"{shot.stem}.tif", read_dng(shot), kind, settings, StageProgress(), exposure=0, overwrite=False)
-    alone = time.perf_counter() - start
-    whole = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
+    alone, used = time.perf_counter() - start, time.process_time() - used
+    whole, whole_used = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
     print(
-        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: sum of the parts {alone:.1f} s, one command {whole:.1f} s, {alone / whole:.1%}"
+        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: sum of the parts {alone:.1f} s, one command {whole:.1f} s, {alone / whole:.1%}; "
+        f"of the processor {used:.1f} s and {whole_used:.1f} s, {used / whole_used:.1%}"
     )
-    again = seconds(top / "small", "-o", top / "whole", "--workers", "1", "-j", "1", "--resume")
+    again, _ = seconds(top / "small", "-o", top / "whole", "--workers", "1", "-j", "1", "--resume")
     print(f"the same with --resume, all current: {again:.1f} s")
 
 
@@ -115,7 +118,7 @@ def workers(top: Path) -> None:
 def on_cluster(top: Path) -> None:
     """Workers of a scheduler."""
 
-    def by(count: int, out: Path) -> float:
+    def by(count: int, out: Path) -> tuple[float, float]:
         with cluster(out, count) as (file, _):
             target = fresh(out, "pictures")
             _warm(top, target, "--scheduler-file", file, count=count)
@@ -131,13 +134,16 @@ def _warm(top: Path, out: Path, *options: str | Path, count: int) -> None:
     seconds(top / "warm", "-o", fresh(out.parent, f"warm{count}"), *options, "-j", "1")
 
 
-def _throughput(top: Path, who: str, by: Callable[[int, Path], float], count: int = 24) -> None:
+def _throughput(top: Path, who: str, by: Callable[[int, Path], tuple[float, float]], count: int = 24) -> None:
     if not (top / "large").exists():
         save_shots(top / "large", count, MEGAPIXEL)
     megapixels = count * MEGAPIXEL[0] * MEGAPIXEL[1] / 1e6
     taken = {number: by(number, fresh(top, f"{who[0]}{number}")) for number in (1, 2)}
-    rates = ", ".join(f"{number}: {taken[number]:.1f} s, {megapixels / taken[number]:.2f} MP/s" for number in taken)
-    print(f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, {who} of one thread: {rates}; {taken[1] / taken[2]:.2f} x")
+    rates = ", ".join(
+        f"{number}: {wall:.1f} s ({used:.1f} s of processors), {megapixels / wall:.2f} MP/s"
+        for number, (wall, used) in taken.items()
+    )
+    print(f"{count} shots of {MEGAPIXEL[0]} x {MEGAPIXEL[1]}, {who} of one thread: {rates}; {taken[1][0] / taken[2][0]:.2f} x")
 
 
 def plan(top: Path) -> None:

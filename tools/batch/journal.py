@@ -22,7 +22,7 @@ class Entry:
     """One file that was made.
 
     output: its path below the journal's folder, "/" between names; digest: SHA-256 of its bytes; key: of everything it depends on
-    (`key`); run: which run made it; source: the shot, as it was given.
+    (`key`); run: which run made it; source: the shot's absolute path.
     """
 
     output: str

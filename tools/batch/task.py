@@ -164,6 +164,8 @@ def _standing(order: Order, shot: Shot, source_digest: str | None) -> _Standing:
     found = digest(output)
     if made and source_digest and (made[-1].key, made[-1].digest) == (wanted, found):
         return _Standing(wanted, "made" if of_this_run else "current")
+    if made and not order.overwrite and _both_there(made[-1].source, shot.source):
+        raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or --overwrite")
     return _Standing(wanted, None, True, not order.overwrite and found not in {entry.digest for entry in made})
 
 
@@ -190,7 +192,8 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 
         def sealed(part: Path) -> Callable[[], None]:
-            entry = Entry(order.name(output), digest(part) or "", standing.key, order.run, source)
+            absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
+            entry = Entry(order.name(output), digest(part) or "", standing.key, order.run, absolute)
             return _NOTING.submit(_journal(order.folder).append, entry).result
 
         replace = standing.replace
@@ -217,6 +220,14 @@ def _state(source: str) -> tuple[int, ...] | None:
     except (OSError, ValueError):
         return None
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _both_there(one: str, other: str) -> bool:
+    """Whether these are two files, rather than one that has been moved."""
+    try:
+        return not Path(one).samefile(other)
+    except (OSError, ValueError):
+        return False
 
 
 def _set_aside(path: Path) -> Path:

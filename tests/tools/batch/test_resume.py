@@ -178,6 +178,18 @@ def test_files_of_others_in_a_folder_are_left_alone_and_named_ones_are_not(shots
     assert_refused(run("render", named, "-o", out), "not a mosaic of Panchroma", name=str(named))
 
 
+def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path, out: Path, tmp_path: Path) -> None:
+    render(shots, out)
+    made = contents(out)
+    save_shot(tmp_path / "more" / "a.dng", 7)
+    outcome = run("render", tmp_path / "more", "-o", out, "--resume")
+    assert_refused(outcome, f"is the picture of {shots / 'a.dng'}", name=str(out / "a.tif"))
+    assert contents(out) == made
+    shots.rename(tmp_path / "moved")  # but a folder of shots may move
+    outcome = render(tmp_path / "moved", out, "--resume", "--exposure", "1")
+    assert (outcome.code, current(outcome)) == (0, set())
+
+
 def test_two_folders_with_the_same_names_are_refused_before_anything_is_lost(shots: Path, out: Path, tmp_path: Path) -> None:
     save_shot(tmp_path / "more" / "b.dng", 7)
     outcome = run("render", shots, tmp_path / "more", "-o", out)
