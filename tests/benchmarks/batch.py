@@ -10,6 +10,7 @@ plan     seconds, bytes in and bytes out of a megapixel, for one thread, and wha
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -88,8 +89,8 @@ def parts(top: Path) -> None:
     alone, used = time.perf_counter() - start, time.process_time() - used
     whole, whole_used = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
     print(
-        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: sum of the parts {alone:.1f} s, one command {whole:.1f} s, {alone / whole:.1%}; "
-        f"of the processor {used:.1f} s and {whole_used:.1f} s, {used / whole_used:.1%}"
+        f"{COUNT} shots of {SMALL[0]} x {SMALL[1]}: sum of parts {alone:.1f} s, one command {whole:.1f} s, {alone / whole:.0%}; "
+        f"of the processor {used:.1f} s and {whole_used:.1f} s, {used / whole_used:.0%}"
     )
     again, _ = seconds(top / "small", "-o", top / "whole", "--workers", "1", "-j", "1", "--resume")
     print(f"the same with --resume, all current: {again:.1f} s")
