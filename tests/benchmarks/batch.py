@@ -1,7 +1,7 @@
 """What a batch costs beside its shots, measured: python -m tests.benchmarks.batch [parts|sharing|cluster|plan]...
 
-parts    1,000 small shots in one command with one process, against the sum of their parts: the library's read_dng, render and
-         write of each of the same shots, in this process, kernels warm.
+parts    1,000 small shots in one command with one process, against the sum of their parts: reading, rendering and writing
+         each of the same shots in this process, kernels warm, without journal, locks and digests.
 sharing  8 commands on one folder of 100 shots: how often each file was made, and whether every original is untouched.
 workers  shots of 1 MP in a second by 1 and 2 processes of one thread each.
 cluster  the same by 1 and 2 workers of a dask scheduler, of one thread each.
@@ -23,13 +23,14 @@ import numpy as np
 
 from offline import BEST
 from offline.kernels.compile import use_threads
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import encoding
 from shared.sensor import simulate_additive
 from tests.tools.batch.examples import contents
 from tests.tools.batch.test_cluster import cluster
 from tests.tools.command import PROGRAM, ROOT
 from tools.batch.journal import NAME
+from tools.batch.task import Order
 from tools.builtin_scene import builtin_scene
 from tools.console import StageProgress
 from tools.picture_writer import PictureKind
@@ -77,15 +78,16 @@ def fresh(top: Path, name: str) -> Path:
 
 
 def parts(top: Path) -> None:
-    """One command against the library's three calls for each shot."""
+    """One command against a loop of reading, rendering and writing."""
     save_shots(top / "small", COUNT, SMALL)
     shots, out = sorted((top / "small").iterdir()), fresh(top, "parts")
     kind, settings = PictureKind.of("tif"), BEST
+    read = Order(out, kind, "best", 0.0, None, "").read
     use_threads(1)
-    render_to(out / "first.tif", read_dng(shots[0]), kind, settings, StageProgress(), exposure=0, overwrite=False)
+    render_to(out / "first.tif", read(str(shots[0])), kind, settings, StageProgress(), exposure=0, overwrite=False)
     start, used = time.perf_counter(), time.process_time()
     for shot in shots:
-        render_to(out / f"{shot.stem}.tif", read_dng(shot), kind, settings, StageProgress(), exposure=0, overwrite=False)
+        render_to(out / f"{shot.stem}.tif", read(str(shot)), kind, settings, StageProgress(), exposure=0, overwrite=False)
     alone, used = time.perf_counter() - start, time.process_time() - used
     whole, whole_used = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
     print(

@@ -183,9 +183,10 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
         if source_digest is None or _state(source) != before:
             raise InputError(f"{source}: has changed while it was read; render it again when it is complete")
         settings = order.settings
-        if not share.last and needed_memory(mosaic, order.kind, settings) > share.memory:
-            return Outcome("postponed")
-        check_memory(mosaic, order.kind, settings, share.memory)
+        if needed_memory(mosaic, order.kind, settings) > share.memory:
+            if not share.last:
+                return Outcome("postponed")
+            check_memory(mosaic, order.kind, settings, share.memory)  # says so
         if mosaic.calibration.noise is None:
             note(f"{source}: the noise is unknown and taken for none; calibrate the camera for better colour")
         if standing.changed:
