@@ -64,14 +64,17 @@ class Camera:
         sensor, other = self.calibration.sensor, calibration.sensor
         if sensor and other and sensor != other:
             raise InputError(f"the shot is from sensor {other!r}, the camera file of sensor {sensor!r}")
+        self.check_pattern(pattern)
+        if calibration.bits != self.calibration.bits:
+            raise InputError(f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}")
+
+    def check_pattern(self, pattern: CfaPattern) -> None:
+        """Raise InputError, naming both, unless the pattern is the one that this camera was measured with."""
         self.calibration.check_pattern(pattern)
         if self.pattern is not None and self.pattern.letters_from() != pattern.letters_from():
             raise InputError(
-                f"the shot's pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: "
-                "they belong to different sensors"
+                f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: they belong to different sensors"
             )
-        if calibration.bits != self.calibration.bits:
-            raise InputError(f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}")
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object from which `from_json` makes an equal camera."""
