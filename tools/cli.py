@@ -24,6 +24,7 @@ VERBS = {
     "preview": "make the camera's own picture of a shot",
     "render": "make the full-quality picture of a shot",
     "evaluate": "compare this camera with Bayer cameras on scenes: figures, and a page to look at",
+    "bench": "measure how fast everything is, and how fast others are",
     "export-preview": "write the graph that makes a camera's previews",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
