@@ -1,6 +1,6 @@
 """The full-quality render: `render(mosaic, PAPER).rgb` is the scene, (H, W, C) float32; `render_bands` makes it row by row."""
 
-from .render import Rendering, render, render_bands
+from .render import Rendering, band_rows, render, render_bands
 from .settings import BEST, PAPER, RenderSettings
 
-__all__ = ["BEST", "PAPER", "RenderSettings", "Rendering", "render", "render_bands"]
+__all__ = ["BEST", "PAPER", "RenderSettings", "Rendering", "band_rows", "render", "render_bands"]

@@ -15,7 +15,7 @@ from .progress import SILENT, Progress
 from .propagation import propagate, propagate_patches
 from .refinement import noise_level, reach, refine, refine_rows
 from .settings import BEST, RenderSettings
-from .tiling import bands
+from .tiling import Band, bands
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)
     sigma = noise_level(luminance, mosaic)
     pattern = mosaic.pattern
-    steps = bands(pattern.grid(mosaic.shape), core_patches(pattern.period), reach(pattern.period, settings.refinement))
+    steps = _bands(mosaic, settings)
     progress.stage("colour", len(steps))
     initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
     for band in steps:
@@ -62,3 +62,15 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
         progress.advance()
         if len(refined):
             yield refined * luminance[slice(*band.rows), :, None]
+
+
+def band_rows(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
+    """At most so many rows does `render_bands` work on at a time: what it needs beside whole planes grows with them."""
+    period = mosaic.pattern.period
+    look = 2 * reach(period, settings.refinement)
+    return max((band.patches[1] - band.patches[0]) * period for band in _bands(mosaic, settings)) + look
+
+
+def _bands(mosaic: Mosaic, settings: RenderSettings) -> list[Band]:
+    pattern = mosaic.pattern
+    return bands(pattern.grid(mosaic.shape), core_patches(pattern.period), reach(pattern.period, settings.refinement))

@@ -24,6 +24,7 @@ VERBS = {
     "preview": "make the camera's own picture of a shot",
     "render": "make the full-quality picture of a shot",
     "evaluate": "compare this camera with Bayer cameras on scenes: figures, and a page to look at",
+    "bench": "measure how fast everything is, and how fast others are",
     "export-preview": "write the graph that makes a camera's previews",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
@@ -50,6 +51,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         try:
             parsed = _parser(arguments).parse_args(arguments)
             console = Console(json=getattr(parsed, "json", False))
+            if getattr(parsed, "threads", None) is not None:
+                _use_threads(parsed.threads)
             code: int = _module(parsed.verb).run(parsed, console)
         finally:
             console.close()
@@ -103,6 +106,16 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             child.description = module.__doc__
             module.add_arguments(child)
     return parser
+
+
+def _use_threads(count: int) -> None:
+    """Of the renderer: as many, or as there are processors."""
+    from offline.kernels.compile import available_threads, use_threads
+    from shared.errors import InputError
+
+    if count < 1:
+        raise InputError(f"-j is {count}, expected 1 or more")
+    use_threads(min(count, available_threads()))
 
 
 def _module(verb: str) -> ModuleType:

@@ -27,6 +27,7 @@ from .console import Console
 from .metrics import Quality, quality
 from .picture_writer import PictureKind, write_picture
 from .preview import Previews
+from .rendering import telling_compilation
 from .scene import Scene
 from .work import Job, output_folder, run_jobs
 
@@ -75,7 +76,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
 
     from .figures import comparison, overview
 
-    with console.progress("demo") as progress:
+    with console.progress("demo") as progress, telling_compilation(console, progress):
         rendering = render(mosaic, PAPER, progress)
     bayer = demosaic_bilinear(bayer_mosaic(scene.rgb, sigma, np.random.default_rng(_SEED)))
     pictures = {"truth": scene.rgb, "Bayer, bilinear": bayer, "Panchroma": rendering.rgb}

@@ -6,7 +6,6 @@ come: an interrupted run goes on where it stopped, and another method or noise l
 
 import argparse
 import os
-import re
 from typing import TYPE_CHECKING
 
 from shared.errors import InputError, OutputError
@@ -16,7 +15,7 @@ from .console import Console, program_version
 from .evaluation.countdown import duration
 from .evaluation.figures import Figures
 from .evaluation.verdict import plain_text
-from .evaluation.workers import available_memory
+from .memory import allowed_memory
 from .work import FAILED, output_folder
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 _SIGMAS, _EXPOSURES = (0.0, 0.01, 0.02, 0.03), (1.0, 1 / 4, 1 / 16)
-_SHARE = 0.8  # of the free memory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +74,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         for path in outputs:
             if path.exists():
                 raise OutputError(f"{path}: exists already; use --overwrite to replace it; the results behind it are kept")
-    team = Team(console, _jobs(arguments), _memory(arguments))
+    team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
     todo, there = tasks(study, folder)
     if arguments.dry_run:
@@ -149,14 +147,3 @@ def _jobs(arguments: argparse.Namespace) -> int:
         raise InputError(f"-j is {arguments.jobs}, expected 1 or more")
     given: int | None = arguments.jobs
     return given or len(os.sched_getaffinity(0))
-
-
-def _memory(arguments: argparse.Namespace) -> int:
-    """Bytes for all processes."""
-    if arguments.max_memory is None:
-        return round(_SHARE * available_memory())
-    size = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)(?:i?B)?", arguments.max_memory, re.IGNORECASE)
-    if not size or not float(size[1]):
-        raise InputError(f"--max-memory is {arguments.max_memory!r}, expected a size such as 800M or 4G")
-    power = " KMGT".index(str(size[2]).upper() or " ")
-    return round(float(size[1]) * 1024.0**power)

@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from shared import Mosaic, read_camera, read_dng
+from shared.arrays import strips
 from shared.errors import InputError
 
 from .console import Console
-from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output, write_picture
+from .memory import allowed_memory
+from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output
+from .rendering import check_memory, render_to, telling_compilation
 from .work import Job, output_folder, plan, run_jobs
 
 _PRESETS = ("best", "paper")
@@ -30,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="gain of a display picture")
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
+    parser.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads (default, and most: one per core)")
+    parser.add_argument("--max-memory", metavar="SIZE", help="for example 4G (default: most of what is free)")
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be done")
     parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
@@ -39,26 +44,39 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Returns the exit code."""
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space)
     check_gain(kind, arguments.exposure)
+    allowed_memory(arguments.max_memory)  # the free memory is looked up for each shot
     folder = output_folder(arguments.output)
     camera = read_camera(arguments.camera) if arguments.camera else None
 
     def names(source: str) -> list[str]:
         return [Path(source).stem + kind.suffix]
 
-    def work(job: Job) -> dict[str, Any]:
-        (output,) = job.outputs
-        mosaic = read_dng(job.source)
+    def read(source: str) -> Mosaic:
+        mosaic = read_dng(source)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         check_output(kind, mosaic.calibration, mosaic.shape)
         check_light(mosaic)
+        return mosaic
+
+    def work(job: Job) -> dict[str, Any]:
+        (output,) = job.outputs
         if arguments.dry_run:
+            read(job.source)
             console.say(f"{job.source} -> {output}")
             return {"output": str(output), "dry_run": True}
-        if mosaic.calibration.noise is None:
-            console.note(f"{job.source}: the noise is unknown and taken for none; calibrate the camera for better colour")
+        from offline import BEST, PAPER
+
         start = time.monotonic()
-        _render_to(output, mosaic, kind, arguments, job.source, console)
+        limit = allowed_memory(arguments.max_memory)
+        settings = PAPER if arguments.preset == "paper" else BEST
+        with console.progress(job.source) as progress, telling_compilation(console, progress):
+            progress.stage("reading", 1)
+            mosaic = read(job.source)
+            if mosaic.calibration.noise is None:
+                console.note(f"{job.source}: the noise is unknown and taken for none; calibrate the camera for better colour")
+            check_memory(mosaic, kind, settings, limit)
+            render_to(output, mosaic, kind, settings, progress, exposure=arguments.exposure, overwrite=arguments.overwrite)
         seconds = time.monotonic() - start
         rows, columns = mosaic.shape
         console.say(f"{output}: {columns} x {rows}, {kind.bits} bits, {kind.space}, {seconds:.1f} s")
@@ -69,27 +87,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def check_light(mosaic: Mosaic) -> None:
     """Raise InputError for a frame that holds no picture: all black, or all saturated."""
-    measured = mosaic.signal[mosaic.pattern.panchromatic_mask(mosaic.shape)]
-    if measured.size and measured.max() <= 0:
+    panchromatic, (height, width) = len(mosaic.pattern.channels), mosaic.shape
+    lowest, highest = [], []
+    for rows in strips(height):
+        planes = mosaic.pattern.filter_map((rows.stop - rows.start, width), (rows.start, 0))
+        measured = mosaic.signal[rows][planes == panchromatic]
+        if measured.size:
+            lowest.append(measured.min())
+            highest.append(measured.max())
+    if highest and max(highest) <= 0:
         raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
-    if measured.size and measured.min() >= mosaic.calibration.full_scale:
+    if lowest and min(lowest) >= mosaic.calibration.full_scale:
         raise InputError("every panchromatic sample is saturated: there is no picture in it; expose less")
-
-
-def _render_to(
-    output: Path, mosaic: Mosaic, kind: PictureKind, arguments: argparse.Namespace, title: str, console: Console
-) -> None:
-    from offline import BEST, PAPER, render
-
-    with console.progress(title) as progress:
-        rendering = render(mosaic, PAPER if arguments.preset == "paper" else BEST, progress)
-        progress.stage("writing", 1)
-        write_picture(
-            output,
-            rendering.rgb,
-            kind,
-            calibration=mosaic.calibration,
-            metadata=mosaic.metadata,
-            exposure=arguments.exposure,
-            overwrite=arguments.overwrite,
-        )

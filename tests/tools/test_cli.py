@@ -104,7 +104,7 @@ def test_a_solver_that_does_not_converge_is_one_line(shots: Path, tmp_path: Path
     def fail(*_: object) -> None:
         raise ConvergenceError("affinity: residual 0.1 after 500 iterations,\nexpected 0.001")
 
-    monkeypatch.setattr("offline.render", fail)
+    monkeypatch.setattr("offline.render_bands", fail)
     assert_refused(run("render", shots / SHOT, "-o", tmp_path), "residual 0.1", "expected 0.001", name=str(shots / SHOT))
     assert names(tmp_path) == {"shots"}
 
@@ -125,7 +125,7 @@ def test_a_library_that_is_not_installed_is_named(shots: Path, tmp_path: Path, m
     def missing(*_: object) -> None:
         raise ModuleNotFoundError("No module named 'scipy'", name="scipy.ndimage")
 
-    monkeypatch.setattr("offline.render", missing)
+    monkeypatch.setattr("offline.render_bands", missing)
     words = "the package scipy.ndimage is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
     assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
 
@@ -141,7 +141,7 @@ def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) 
 # --- interrupts -----------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stage", ["luminance", "affinity", "writing"])
+@pytest.mark.parametrize("stage", ["luminance", "colour", "reading"])
 def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
     out.mkdir()
@@ -223,7 +223,7 @@ def test_closed_streams_are_no_trouble_and_not_taken_for_files(closed: str, shot
     assert names(out) == {"builtin-24x18.tif"}
     assert (out / "builtin-24x18.tif").read_bytes()[:4] == b"II*\0"
     assert run("render", shots / SHOT, "-o", out, "--overwrite").code == 0  # the same bytes as with all streams
-    assert ("writing" in outcome.err) == (closed == ">&-")
+    assert ("colour" in outcome.err) == (closed == ">&-")
 
 
 def test_file_names_that_no_encoding_holds(shots: Path) -> None:

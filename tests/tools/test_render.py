@@ -16,7 +16,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from offline import PAPER, render
+from offline import PAPER, render, render_bands
 from offline.settings import RenderSettings
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray, FloatArray
@@ -173,9 +173,9 @@ def test_the_preset_is_the_librarys(out: Path, shot: Path, monkeypatch: Any, pre
 
     def recorded(mosaic: Mosaic, settings: RenderSettings, *rest: Any, **named: Any) -> Any:
         seen.append(settings)
-        return render(mosaic, settings)
+        return render_bands(mosaic, settings)
 
-    monkeypatch.setattr(offline, "render", recorded)
+    monkeypatch.setattr(offline, "render_bands", recorded)
     # So that the two differ, whether or not there is better than the paper yet.
     monkeypatch.setattr(offline, chosen, RenderSettings())
     assert run("render", shot, "-o", out, *(["--preset", preset] if preset else [])).code == 0
@@ -186,7 +186,7 @@ def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path
     def fail(*_: object) -> None:
         raise AssertionError("rendered")
 
-    monkeypatch.setattr("offline.render", fail)
+    monkeypatch.setattr("offline.render_bands", fail)
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     old = save(tmp_path / "old.dng")

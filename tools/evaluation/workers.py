@@ -8,7 +8,6 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
-from pathlib import Path
 from typing import TypeVar
 
 from shared.errors import InputError, PanchromaError
@@ -25,21 +24,6 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 def need(pixels: int) -> int:
     """Bytes that one process needs for a scene of so many pixels, roughly."""
     return BASE_BYTES + PIXEL_BYTES * pixels
-
-
-def available_memory() -> int:
-    """Bytes of memory that are free now, or could be at once."""
-    try:
-        with Path("/proc/meminfo").open(encoding="ascii") as file:
-            for line in file:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (ValueError, OSError):
-        return 4 * 2**30
 
 
 def processes(wanted: int, memory: int, pixels: int) -> int:

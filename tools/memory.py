@@ -1,0 +1,53 @@
+"""How much memory there is, and how much a user allows."""
+
+import os
+import re
+from pathlib import Path
+
+from shared.errors import InputError
+
+_POWERS = " KMGT"
+_SHARE = 0.8  # of the free memory, where nothing else is allowed
+_UNKNOWN = 4 * 2**30
+# What is there and what is taken of what a container may have, in control groups of version 2.
+_CGROUP = Path("/sys/fs/cgroup")
+
+
+def allowed_memory(option: str | None) -> int:
+    """Bytes that `--max-memory` allows, "800M" or "4G"; most of what is free for None. Raises InputError for other texts."""
+    if option is None:
+        return round(_SHARE * available_memory())
+    size = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)(?:i?B)?", option, re.IGNORECASE)
+    if not size or not float(size[1]):
+        raise InputError(f"--max-memory is {option!r}, expected a size such as 800M or 4G")
+    return round(float(size[1]) * 1024.0 ** _POWERS.index(str(size[2]).upper() or " "))
+
+
+def available_memory() -> int:
+    """Bytes of memory that are free now, or could be at once."""
+    free = _machine()
+    try:
+        most = int((_CGROUP / "memory.max").read_text(encoding="ascii"))  # "max" where there is no limit
+        return min(free, max(0, most - int((_CGROUP / "memory.current").read_text(encoding="ascii"))))
+    except (OSError, ValueError):
+        return free
+
+
+def _machine() -> int:
+    try:
+        with Path("/proc/meminfo").open(encoding="ascii") as file:
+            for line in file:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+    except (AttributeError, ValueError, OSError):
+        return _UNKNOWN
+
+
+def told(size: int) -> str:
+    """Bytes for people, rounded up: "350 MB", "1.6 GB", of 1024 x 1024 and 1024 x 1024 x 1024 bytes as in --max-memory."""
+    megabytes = -(-size // 2**20)
+    return f"{megabytes} MB" if megabytes < 1000 else f"{-(-size * 10 // 2**30) / 10:.1f} GB"
