@@ -7,7 +7,7 @@ texture: the estimates of two sizes are averaged with those same weights.
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
+from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
@@ -49,6 +49,6 @@ def denoise_luminance(
 def cosines(size: int) -> FloatArray:
     """The orthonormal DCT-II of `size` samples, float32 (size, size): [frequency, sample]."""
     frequency, place = np.arange(size)[:, None], np.arange(size) + 0.5
-    matrix = np.sqrt(2 / size) * np.cos(np.pi * frequency * place / size)
+    matrix: DoubleArray = np.sqrt(2 / size) * np.cos(np.pi * frequency * place / size)
     matrix[0] = np.sqrt(1 / size)
     return matrix.astype(np.float32)

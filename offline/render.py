@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
 from .affinity import core_patches, solve_affinities, solve_patches
@@ -30,14 +29,12 @@ class Rendering:
     """A rendered mosaic, in scene units.
 
     rgb: float32 (H, W, C), one plane per channel of the pattern, unclipped; luminance: float32 (H, W), the panchromatic reading of
-    every pixel; chromaticity: float32 (H, W, C), rgb = chromaticity * luminance and sum_i gamma_i chromaticity_i = 1;
-    noise: what the samples' noise was taken for; None: for none.
+    every pixel; chromaticity: float32 (H, W, C), rgb = chromaticity * luminance and sum_i gamma_i chromaticity_i = 1.
     """
 
     rgb: FloatArray
     luminance: FloatArray
     chromaticity: FloatArray
-    noise: NoiseModel | None
 
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
@@ -50,7 +47,7 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
     affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
     initial = propagate(blocks, affinity, luminance, mosaic.pattern)  # c, Eqs. 10 and 14
     refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
-    return Rendering(refined * luminance[..., None], luminance, refined, noise)  # Eq. 17
+    return Rendering(refined * luminance[..., None], luminance, refined)  # Eq. 17
 
 
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:

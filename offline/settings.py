@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 from shared.errors import InputError
 
-
 _LARGEST = 32  # pixels of a DCT block
 _WIDEST = 64  # blocks that pooling looks in every direction
 

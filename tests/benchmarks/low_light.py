@@ -84,7 +84,9 @@ def main() -> None:
     parser.add_argument("--rivals", type=Path, metavar="DIR", help="folder that keeps the rivals' figures")
     parser.add_argument("--only-rivals", action="store_true", help="fill that folder")
     arguments = parser.parse_args()
-    print(f"{'25 % and median, dB':22}{'paper':>12}{'best':>14}{'rival':>14}{'light':>14}{'BM3D light':>14}{'RGB':>14}{'light':>14}")
+    print(
+        f"{'25 % and median, dB':22}{'paper':>12}{'best':>14}{'rival':>14}{'light':>14}{'BM3D light':>14}{'RGB':>14}{'light':>14}"
+    )
     margins: dict[float, list[float]] = {}
     for source in arguments.scenes:
         try:
