@@ -1,4 +1,4 @@
-"""Averaging what is known of each block over the blocks around it that look alike: all offsets of a window, sixteen blocks in lanes."""
+"""Averaging what is known of each block over blocks around it that look alike: all offsets of a window, sixteen blocks in lanes."""
 
 import numpy as np
 
