@@ -74,7 +74,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             progress.stage("reading", 1)
             mosaic = read(job.source)
             if mosaic.calibration.noise is None:
-                console.note(f"{job.source}: the noise is unknown and taken for none; calibrate the camera for better colour")
+                taken = "estimated from the shot" if settings.noise.estimate else "taken for none"
+                console.note(f"{job.source}: the noise is unknown and {taken}; calibrate the camera for better colour")
             check_memory(mosaic, kind, settings, limit)
             render_to(output, mosaic, kind, settings, progress, exposure=arguments.exposure, overwrite=arguments.overwrite)
         seconds = time.monotonic() - start

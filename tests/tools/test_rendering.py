@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import offline
-from offline import PAPER
+from offline import BEST
 from offline.kernels.compile import available_threads, kernel, threads, use_threads
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from tests.tools.command import ROOT, assert_refused, names, run
@@ -91,7 +91,7 @@ def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, na
     line = [sys.executable, "-c", script, "render", str(shot), "-o", str(out), "-f", name, "--bits", bits]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
     peak = int(done.stdout.splitlines()[-1]) * 1024
-    foreseen = rendering.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), PAPER)
+    foreseen = rendering.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), BEST)
     assert foreseen / 2 < peak < foreseen
 
 
@@ -99,7 +99,7 @@ def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.Monk
     """What a rendering of that size took when it was measured: 1.7 GB."""
     frame = mosaic(SMALL)
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
-    assert 1.7e9 < rendering.needed_memory(frame, PictureKind.of("tif"), PAPER) < 2 * 2**30
+    assert 1.7e9 < rendering.needed_memory(frame, PictureKind.of("tif"), BEST) < 2 * 2**30
 
 
 # --- what does not fit ----------------------------------------------------------------------------------------------------------
@@ -115,7 +115,7 @@ def test_too_little_even_for_bands(tmp_path: Path, out: Path) -> None:
 @pytest.mark.parametrize("name", [name for name in POSSIBLE if name != "tif"])
 def test_formats_that_are_made_as_a_whole_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, name: str) -> None:
     shot, frame = save(tmp_path / "shot.dng", (600, 450)), mosaic((600, 450))
-    need = {each: rendering.needed_memory(frame, PictureKind.of(each), PAPER) for each in ("tif", name)}
+    need = {each: rendering.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
     limit = f"{(need['tif'] + need[name]) // 2**21}M"
     outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
     words = f"use -f tif, which needs {told(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
