@@ -9,11 +9,15 @@ import os
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shared.errors import InputError
 
 from .console import Console, StageProgress
+
+if TYPE_CHECKING:
+    from .benchmark.files import FileTiming
+    from .benchmark.material import Material
 
 _MEGAPIXELS, _ROUNDS, _FRAMES = 3.2, 9, 100
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
@@ -66,7 +70,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _speeds(material: Any, rounds: int, threads: int, console: Console) -> dict[str, Any]:
+def _speeds(material: "Material", rounds: int, threads: int, console: Console) -> dict[str, Any]:
     """Everything in turns, on one frame."""
     from offline import render, render_bands
     from shared.dng import decode_dng, encode_dng
@@ -119,7 +123,7 @@ def _exhaust(bands: Callable[..., Any], *arguments: Any) -> None:
         pass
 
 
-def _preview(material: Any, frames: int, threads: int, console: Console) -> dict[str, Any]:
+def _preview(material: "Material", frames: int, threads: int, console: Console) -> dict[str, Any]:
     """The camera's side, each scale in a process of its own."""
     from .benchmark.preview import measure_preview
     from .benchmark.tables import preview_lines
@@ -131,13 +135,13 @@ def _preview(material: Any, frames: int, threads: int, console: Console) -> dict
     return {"preview": [asdict(each) for each in found]}
 
 
-def _scaling(sizes: list[Any], threads: int, console: Console) -> dict[str, Any]:
+def _scaling(sizes: "list[Material]", threads: int, console: Console) -> dict[str, Any]:
     """How time and memory grow."""
     from .benchmark.files import measure_files
     from .benchmark.presets import presets
     from .benchmark.tables import scaling_lines
 
-    def measured(preset: str, progress: StageProgress) -> list[Any]:
+    def measured(preset: str, progress: StageProgress) -> "list[FileTiming]":
         found = []
         for material in sizes:
             progress.stage(f"{preset}, {material.pixels / 1e6:.1f} MP", 1)

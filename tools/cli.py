@@ -43,6 +43,9 @@ FAILED, USAGE, INTERRUPTED = 1, 2, 130
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Entry point of `panchroma`; leaves with 0 (ok), 1 (some files failed), 2 (usage) or 130 (interrupted)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    # Threads of the renderer that wait, sleep: beside other programs at work, spinning ones cost it half its speed. Read by OpenMP
+    # when it is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     _open_streams()
     console = Console()
     try:
