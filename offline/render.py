@@ -10,6 +10,8 @@ from shared.mosaic import Mosaic
 
 from .affinity import core_patches, solve_affinities, solve_patches
 from .chromaticity import estimate_chromaticities
+from .defects import mend_defects
+from .highlights import clipping_level, restore_highlights
 from .luminance import recover_luminance
 from .progress import SILENT, Progress
 from .propagation import propagate, propagate_patches
@@ -33,6 +35,9 @@ class Rendering:
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
     """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance."""
+    clipping = clipping_level(mosaic)
+    mosaic = mend_defects(mosaic, clipping, settings.defects, progress)
+    mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
     luminance = recover_luminance(mosaic, settings.luminance, progress)  # l, Eqs. 1-5
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
@@ -46,6 +51,9 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
 
     Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
     """
+    clipping = clipping_level(mosaic)
+    mosaic = mend_defects(mosaic, clipping, settings.defects, progress)
+    mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
     luminance = recover_luminance(mosaic, settings.luminance, progress)
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)
     sigma = noise_level(luminance, mosaic)
