@@ -7,12 +7,16 @@ around predict is to blame. So texture and small bright things, which all sample
 A replaced colour sample is what its block says without it, and so adds nothing to the sums of Eqs. 8-9 but its own agreement.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
-from .kernels.outliers import find_outliers, mend_panchromatic, surroundings
+from .blocks import BlockSamples, gather, tile
+from .kernels.outliers import find_outliers, mend_panchromatic
 from .progress import SILENT, Progress
 from .settings import DefectSettings
 
@@ -30,25 +34,25 @@ def mend_defects(mosaic: Mosaic, clipping: float, settings: DefectSettings, prog
     if not settings.listed and settings.contrast == 0:
         return mosaic
     progress.stage("defects", 2)
-    panchromatic = np.ascontiguousarray(mosaic.pattern.panchromatic_mask((mosaic.pattern.period,) * 2))
     bad = _listed(mosaic) if settings.listed else np.zeros(mosaic.shape, np.bool_)
     if settings.contrast:
-        _find_panchromatic(mosaic, settings, panchromatic, bad)
+        _find_panchromatic(mosaic, settings, bad)
     signal = mosaic.signal
-    rows, columns = _places(bad, panchromatic)
+    rows, columns = _panchromatic_places(bad, mosaic)
     if len(rows):
         values = np.empty(len(rows), np.float32)
-        mend_panchromatic(signal, panchromatic, bad, rows, columns, values)
+        mend_panchromatic(signal, tile(mosaic), bad, rows, columns, values)
         signal = signal.copy()
         signal[rows, columns] = values
     progress.advance()
-    blocks = _Blocks(mosaic, signal, panchromatic, bad)
+    blocks = gather(mosaic, signal)
+    bad_sites = bad[blocks.places]
     if settings.contrast:
-        blocks.find(settings, clipping)
-    places, colours = blocks.mended()
-    if len(colours):
+        _find_in_blocks(blocks, bad_sites, mosaic, clipping, settings)
+    if bad_sites.any():
         signal = signal.copy() if signal is mosaic.signal else signal
-        signal[places] = colours
+        rows, columns = blocks.places
+        signal[rows[bad_sites], columns[bad_sites]] = _mended(blocks, bad_sites, np.array(mosaic.calibration.gamma))
     progress.advance()
     return mosaic if signal is mosaic.signal else Mosaic(signal, mosaic.pattern, mosaic.calibration, mosaic.metadata)
 
@@ -61,116 +65,92 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def _find_panchromatic(mosaic: Mosaic, settings: DefectSettings, panchromatic: BoolArray, bad: BoolArray) -> None:
+def _find_panchromatic(mosaic: Mosaic, settings: DefectSettings, bad: BoolArray) -> None:
     noise = mosaic.calibration.noise
-    before = bad.copy()
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
-    find_outliers(mosaic.signal, panchromatic, settings.contrast, settings.deviations, settings.floor, figures, bad)
-    if bad.sum() - before.sum() > _MOST * bad.size:
-        bad[:] = before
+    found = bad.copy()
+    find_outliers(mosaic.signal, tile(mosaic), settings.contrast, settings.deviations, settings.floor, figures, found)
+    if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:
+        bad[:] = found
 
 
-def _places(bad: BoolArray, panchromatic: BoolArray) -> tuple[IndexArray, IndexArray]:
+def _panchromatic_places(bad: BoolArray, mosaic: Mosaic) -> tuple[IndexArray, IndexArray]:
     """Rows and columns of the bad panchromatic samples."""
     rows, columns = np.nonzero(bad)
+    panchromatic = tile(mosaic)
     kept = panchromatic[rows % len(panchromatic), columns % len(panchromatic)]
     return rows[kept], columns[kept]
 
 
-class _Blocks:
-    """The whole blocks of a frame: what their sites read, luminance there, and which sites are bad."""
+def _find_in_blocks(blocks: BlockSamples, bad: BoolArray, mosaic: Mosaic, clipping: float, settings: DefectSettings) -> None:
+    """Add to `bad`, (*B, S), the sites that alone keep their block from adding up to its luminance."""
+    gamma = np.array(mosaic.calibration.gamma)
+    share = (gamma / np.bincount(blocks.channels))[blocks.channels]  # of each site in what Eq. 7 adds up
+    surplus = blocks.samples @ share - blocks.light @ share / gamma.sum()
+    odd = np.abs(surplus) > _tolerance(blocks, share, mosaic.calibration.noise, settings)
+    odd &= (blocks.highest < clipping) & ~bad.any(axis=2)
+    if odd.sum() > _MOST * bad.size:
+        return
+    where = np.nonzero(odd)
+    around = _around(blocks, bad, where, mosaic.calibration.grey)
+    light, surplus = blocks.light[where], surplus[where]
+    # The sample to blame explains the surplus, and is outside all that the blocks around read.
+    excess = share * (blocks.samples[where] - around.middle * light)
+    guilty = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
+    ratio = (blocks.samples[where] / np.maximum(light, _LEAST_LIGHT))[guilty]
+    low, high = around.lowest[guilty], around.highest[guilty]
+    certain = np.maximum(ratio - high, low - ratio) > high - low
+    certain &= (np.abs(surplus - excess[guilty]) < np.abs(surplus) / 2) & (around.known[guilty] >= _FEWEST)
+    bad[where[0][certain], where[1][certain], guilty[1][certain]] = True
 
-    def __init__(self, mosaic: Mosaic, signal: FloatArray, panchromatic: BoolArray, bad: BoolArray) -> None:
-        pattern, grid = mosaic.pattern, mosaic.pattern.grid(mosaic.shape)
-        rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
-        sites = np.array(pattern.sites)
-        self._rows, self._columns = (
-            np.broadcast_to(places, (len(rows), len(columns), len(sites)))
-            for places in (rows[:, None, None] + sites[:, 0], columns[None, :, None] + sites[:, 1])
-        )
-        self._channels = sites[:, 2]
-        gamma = np.array(mosaic.calibration.gamma)
-        self._share = (gamma / np.bincount(self._channels))[self._channels]  # of each site in what Eq. 7 adds up
-        self._gamma, self._noise, self._grey = gamma, mosaic.calibration.noise, mosaic.calibration.grey
-        self._samples = signal[self._rows, self._columns].astype(np.float64)
-        self._bad = bad[self._rows, self._columns]
-        self._light = np.empty(self._samples.shape)
-        self._lowest, self._highest = np.empty(self._light.shape[:2]), np.empty(self._light.shape[:2])
-        surroundings(
-            signal, panchromatic, rows, columns, pattern.block_shape, sites[:, :2], self._light, self._lowest, self._highest
-        )
 
-    def find(self, settings: DefectSettings, clipping: float) -> None:
-        """Add to the bad sites those that alone keep their block from adding up to its luminance."""
-        missing = self._samples @ self._share - self._light @ self._share / self._gamma.sum()
-        allowed = self._tolerance(settings)
-        odd = (np.abs(missing) > allowed) & (self._highest < clipping) & ~self._bad.any(axis=2)
-        if odd.sum() > _MOST * self._samples.size:
-            return
-        where = np.nonzero(odd)
-        middle, lowest, highest, count = self._around(where)
-        light, missing = self._light[where], missing[where][:, None]
-        too_much = self._samples[where] - middle * light
-        # The sample to blame explains what is missing or too much, and is outside all that the blocks around read.
-        blame = np.argmax(self._share * too_much * np.sign(missing), axis=1)[:, None]
-        excess, rest = (np.take_along_axis(values, blame, 1) for values in (self._share * too_much, too_much * 0))
-        chroma = np.take_along_axis(self._samples[where] / np.maximum(light, _LEAST_LIGHT), blame, 1)
-        low, high = np.take_along_axis(lowest, blame, 1), np.take_along_axis(highest, blame, 1)
-        apart = np.maximum(chroma - high, low - chroma) > high - low
-        rest = np.abs(missing - excess)
-        guilty = ((np.abs(excess) > np.abs(missing) / 2) & (rest < np.abs(missing) / 2) & apart & (count >= _FEWEST))[:, 0]
-        self._bad[where[0][guilty], where[1][guilty], blame[guilty, 0]] = True
+def _tolerance(blocks: BlockSamples, share: DoubleArray, noise: NoiseModel | None, settings: DefectSettings) -> DoubleArray:
+    """How far what a block's channels add up to may be from the luminance around it, scene units."""
+    tolerance = settings.contrast / 2 * (blocks.highest - blocks.lowest) + settings.floor
+    if noise is None:
+        return tolerance
+    shot, read = np.array(noise.shot), np.array(noise.read)
+    fixed = share**2 @ read[blocks.channels] ** 2 + read[-1] ** 2
+    tolerance += settings.deviations * np.sqrt(fixed + shot.max() * np.maximum(blocks.light.mean(axis=2), 0))
+    return tolerance
 
-    def mended(self) -> tuple[tuple[IndexArray, IndexArray], FloatArray]:
-        """Frame places of the bad sites, and what to read there."""
-        where = np.nonzero(self._bad)
-        if len(where[0]) == 0:
-            return (self._rows[where], self._columns[where]), np.empty(0, np.float32)
-        middle, lowest, highest, _ = self._around(where[:2])
-        site, every = where[2], np.arange(len(where[2]))
-        samples, light, good = self._samples[where[:2]], self._light[where[:2]], ~self._bad[where[:2]]
-        here = light[every, site]
-        predicted = middle[every, site] * here
-        # What the block itself says: another site of the channel, or what the other channels leave of the luminance.
-        counts = np.stack([(good & (self._channels == channel)).sum(axis=1) for channel in range(len(self._gamma))], axis=1)
-        chroma = np.stack(
-            [
-                np.where(good & (self._channels == channel), samples, 0).sum(axis=1)
-                / np.maximum(np.where(good & (self._channels == channel), light, 0).sum(axis=1), _LEAST_LIGHT)
-                for channel in range(len(self._gamma))
-            ],
-            axis=1,
-        )
-        own = self._channels[site]
-        others = self._gamma != 0
-        left = (1 - np.where(np.arange(len(self._gamma)) == own[:, None], 0, chroma * self._gamma).sum(axis=1)) / self._gamma[own]
-        complete = np.where(np.arange(len(self._gamma)) == own[:, None], True, counts > 0).all(axis=1) & others.all()
-        contrast = (self._highest - self._lowest)[where[:2]]
-        spread = (highest - lowest)[every, site] * here
-        doubt, distrust = (contrast / self._gamma[own]) ** 2 + _LEAST_LIGHT**2, spread**2 + _LEAST_LIGHT**2
-        balanced = (np.maximum(left, 0) * here * distrust + predicted * doubt) / (doubt + distrust)
-        values = np.where(counts[every, own] > 0, chroma[every, own] * here, np.where(complete, balanced, predicted))
-        return (self._rows[where], self._columns[where]), values.astype(np.float32)
 
-    def _tolerance(self, settings: DefectSettings) -> DoubleArray:
-        """How far what a block's channels read may be from the luminance around it."""
-        contrast = self._highest - self._lowest
-        if self._noise is None:
-            return settings.contrast / 2 * contrast + settings.floor
-        shot, read = np.array(self._noise.shot), np.array(self._noise.read)
-        light = np.maximum(self._light.mean(axis=2), 0)
-        variance = (self._share**2 * read[self._channels] ** 2).sum() + read[-1] ** 2
-        return settings.contrast / 2 * contrast + settings.deviations * np.sqrt(variance + shot.max() * light) + settings.floor
+def _mended(blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray) -> FloatArray:
+    """What to read at the bad sites: what the block says without them, else what the blocks around do."""
+    *where, site = np.nonzero(bad)
+    around = _around(blocks, bad, tuple(where), 1 / float(gamma.sum()))
+    each, channels = np.arange(len(site)), np.arange(len(gamma))
+    light, good = blocks.light[*where], ~bad[*where]
+    here, own = light[each, site], blocks.channels[site]
+    of_channel = good[:, None] & (blocks.channels == channels[:, None])  # (bad sites, C, S)
+    seen = of_channel.any(axis=2)
+    ratio = (of_channel * blocks.samples[*where][:, None]).sum(axis=2)
+    ratio /= np.maximum((of_channel * light[:, None]).sum(axis=2), _LEAST_LIGHT)
+    # Eq. 7: what the other channels leave of the luminance. As doubtful as that is uneven; the blocks around, as they differ.
+    others = channels != own[:, None]
+    left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[own] * here
+    predicted = around.middle[each, site] * here
+    doubt = ((blocks.highest - blocks.lowest)[*where] / gamma[own]) ** 2 + _LEAST_LIGHT**2
+    doubt_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + _LEAST_LIGHT**2
+    balanced = (left * doubt_around + predicted * doubt) / (doubt + doubt_around)
+    alone = np.where((seen | ~others).all(axis=1), balanced, predicted)
+    return np.where(seen[each, own], ratio[each, own] * here, alone).astype(np.float32)
 
-    def _around(self, where: tuple[IndexArray, ...]) -> tuple[DoubleArray, DoubleArray, DoubleArray, IndexArray]:
-        """Median, least and greatest relative reading of each site in the blocks around some, (blocks, S), and how many they are.
 
-        Without any, grey.
-        """
-        ratios = np.where(self._bad, np.nan, self._samples / np.maximum(self._light, _LEAST_LIGHT))
-        wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-        near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])
-        count = (~np.isnan(near)).sum(axis=0)
-        near = np.where(count > 0, near, self._grey)
-        least = count.min(axis=1)[:, None]
-        return np.nanmedian(near, axis=0), np.nanmin(near, axis=0), np.nanmax(near, axis=0), least
+class _Around(NamedTuple):
+    """Relative readings, sample over luminance, of each site in the blocks around some: all (blocks, S)."""
+
+    middle: DoubleArray
+    lowest: DoubleArray
+    highest: DoubleArray
+    known: IndexArray
+
+
+def _around(blocks: BlockSamples, bad: BoolArray, where: tuple[IndexArray, ...], grey: float) -> _Around:
+    """Of the blocks at `where`; without any good one around, grey."""
+    ratios = np.where(bad, np.nan, blocks.samples / np.maximum(blocks.light, _LEAST_LIGHT))
+    wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])
+    count = (~np.isnan(near)).sum(axis=0)
+    near = np.where(count > 0, near, grey)
+    return _Around(np.nanmedian(near, axis=0), np.nanmin(near, axis=0), np.nanmax(near, axis=0), count)

@@ -7,15 +7,19 @@ clips as well is what a white surface would read there, and where all do, it is 
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import BoolArray, DoubleArray
 from shared.mosaic import Mosaic
 
+from .blocks import gather
 from .kernels.highlights import interpolate, raise_clipped
 from .progress import SILENT, Progress
 from .settings import HighlightSettings
 
 _WIDTH = 1 / 3  # periods: standard deviation of what an unclipped sample has to say of its surroundings
 _REACH = 3  # standard deviations
+_BRIGHT = 0.6  # of the limit: what is darker beside a clipped sample is something else
+_APART = 0.4  # of the limit: and what differs so much from the blocks, too
+_RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation asks two
 _FAINT = 0.05  # of an unclipped neighbour's weight: so much says that the blocks are right
 
 
@@ -34,28 +38,45 @@ def restore_highlights(sound: Mosaic, clipping: float, settings: HighlightSettin
     if not settings.restored or not sound.signal.max() >= clipping:
         return sound
     progress.stage("highlights", 1)
-    pattern, grid, signal = sound.pattern, sound.pattern.grid(sound.shape), sound.signal
-    rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
-    gamma = np.array(sound.calibration.gamma)
-    count = np.bincount([channel for _, _, channel in pattern.sites])
-    places = [(np.ix_(rows + row, columns + column), channel) for row, column, channel in pattern.sites]
-    means = np.zeros((len(rows), len(columns), len(gamma)))
-    for place, channel in places:
-        means[..., channel] += signal[place] / count[channel]
+    pattern, signal, gamma = sound.pattern, sound.signal, np.array(sound.calibration.gamma)
+    blocks = gather(sound, signal)
+    count = np.bincount(blocks.channels)
+    means = np.stack([blocks.samples[..., blocks.channels == channel].mean(axis=2) for channel in range(len(count))], axis=2)
     whole = unclipped(means, clipping, sound.calibration.neutral or (1.0,) * len(gamma), settings.shoulder)
     result = signal.copy()
-    for place, channel in places:
-        result[place] *= whole[..., channel] / np.where(means[..., channel] > 0, means[..., channel], 1)
-    light = np.ascontiguousarray(whole @ gamma, np.float32)
+    # In proportion, so that two sites of a channel keep their difference.
+    result[blocks.places] = blocks.samples * (whole / np.where(means > 0, means, 1))[..., blocks.channels]
+    light = whole @ gamma
+    light = spread(light, blocks.lowest >= _BRIGHT * clipping)
     plane = np.empty_like(signal)
-    middle = [float(places[0]) + (size - 1) / 2 for places, size in zip((rows, columns), pattern.block_shape, strict=True)]
-    interpolate(light, (middle[0], middle[1]), pattern.period, plane)
-    panchromatic = np.ascontiguousarray(pattern.panchromatic_mask((pattern.period,) * 2))
+    middle = [float(origins[0]) + (size - 1) / 2 for origins, size in zip(blocks.origins, pattern.block_shape, strict=True)]
+    interpolate(light.astype(np.float32), (middle[0], middle[1]), pattern.period, plane)
     width = _WIDTH * pattern.period
     fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
-    raise_clipped(signal, panchromatic, clipping, plane, fall, _FAINT, result)
+    raise_clipped(signal, blocks.panchromatic, clipping, _APART * clipping, plane, fall, _FAINT, result)
     progress.advance()
     return Mosaic(result, pattern, sound.calibration, sound.metadata)
+
+
+def spread(light: DoubleArray, bright: BoolArray) -> DoubleArray:
+    """`light` of blocks (rows, columns) with those that are not `bright` replaced by the mean of the bright ones near them.
+
+    A dark block beside a clipped region is beyond an edge; interpolating towards it would darken the region's rim.
+    """
+    known, values = bright.astype(np.float64), np.where(bright, light, 0)
+    for _ in range(_RINGS):
+        total, weight = (_three_by_three(plane) for plane in (values * known, known))
+        grown = (known == 0) & (weight > 0)
+        values = np.where(grown, total / np.where(weight > 0, weight, 1), values)
+        known = np.where(grown, 1, known)
+    return np.where(known > 0, values, light)
+
+
+def _three_by_three(plane: DoubleArray) -> DoubleArray:
+    wide = np.pad(plane, 1)
+    rows, columns = plane.shape
+    shifted = [wide[down : down + rows, across : across + columns] for down in range(3) for across in range(3)]
+    return np.sum(shifted, axis=0)  # type: ignore[no-any-return]
 
 
 def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...], shoulder: float) -> DoubleArray:

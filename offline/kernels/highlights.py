@@ -47,13 +47,21 @@ def _taps(place: float) -> tuple[int, tuple[float, float, float, float]]:
 
 @parallel_kernel
 def raise_clipped(
-    signal: FloatArray, panchromatic: BoolArray, clipping: float, plane: FloatArray, fall: DoubleArray, faint: float, result: FloatArray
+    signal: FloatArray,
+    panchromatic: BoolArray,
+    clipping: float,
+    apart: float,
+    plane: FloatArray,
+    fall: DoubleArray,
+    faint: float,
+    result: FloatArray,
 ) -> None:
     """Write to `result` what the clipped panchromatic samples would have read.
 
     signal, plane, result: (H, W); result equals signal elsewhere. plane: luminance as the blocks tell it. What unclipped samples
-    differ from it, weighted by fall[rows away] fall[columns away], is added; `faint` is the weight of no difference. Never less
-    than the clipped sample itself.
+    differ from it, weighted by fall[rows away] fall[columns away], is added; `faint` is the weight of no difference. The more they
+    differ the less they say, and from `apart` (scene units) on nothing: they belong to something else. Never less than the clipped
+    sample itself.
     """
     height, width = signal.shape
     period, reach = len(panchromatic), len(fall) - 1
@@ -64,8 +72,9 @@ def raise_clipped(
             total, weights = 0.0, faint
             for y in range(max(row - reach, 0), min(row + reach + 1, height)):
                 for x in range(max(column - reach, 0), min(column + reach + 1, width)):
-                    if panchromatic[y % period, x % period] and signal[y, x] < clipping:
-                        weight = fall[abs(y - row)] * fall[abs(x - column)]
-                        total += weight * (signal[y, x] - plane[y, x])
+                    difference = signal[y, x] - plane[y, x]
+                    if panchromatic[y % period, x % period] and signal[y, x] < clipping and abs(difference) < apart:
+                        weight = fall[abs(y - row)] * fall[abs(x - column)] * (1.0 - abs(difference) / apart)
+                        total += weight * difference
                         weights += weight
             result[row, column] = max(signal[row, column], np.float32(plane[row, column] + total / weights))

@@ -107,10 +107,10 @@ def _change_along(
     total, count = 0.0, 0
     for y in range(row - _WIDE, row + _WIDE + 1):
         for x in range(column - _WIDE, column + _WIDE + 1):
-            if abs(y + down - row) <= _WIDE and abs(x + across - column) <= _WIDE:
-                if _good(panchromatic, bad, y, x) and _good(panchromatic, bad, y + down, x + across):
-                    total += abs(signal[y, x] - signal[y + down, x + across])
-                    count += 1
+            inside = abs(y + down - row) <= _WIDE and abs(x + across - column) <= _WIDE
+            if inside and _good(panchromatic, bad, y, x) and _good(panchromatic, bad, y + down, x + across):
+                total += abs(signal[y, x] - signal[y + down, x + across])
+                count += 1
     return total / count if count else 0.0
 
 
@@ -125,7 +125,7 @@ def _nearest(signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: i
                     count += 1
         if count:
             return total / count
-    return signal[row, column]
+    return float(signal[row, column])
 
 
 @kernel
