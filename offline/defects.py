@@ -68,8 +68,10 @@ def _listed(mosaic: Mosaic) -> BoolArray:
 def _find_panchromatic(mosaic: Mosaic, settings: DefectSettings, bad: BoolArray) -> None:
     noise = mosaic.calibration.noise
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
+    period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
+    gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
     found = bad.copy()
-    find_outliers(mosaic.signal, tile(mosaic), settings.contrast, settings.deviations, settings.floor, figures, found)
+    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, settings.floor, figures, found)
     if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:
         bad[:] = found
 

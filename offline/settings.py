@@ -129,4 +129,8 @@ class RenderSettings:
 
 
 PAPER = RenderSettings()
-BEST = RenderSettings(luminance=LuminanceSettings(threshold=8.0, iterations=62), defects=DefectSettings(listed=True, contrast=5.0), highlights=HighlightSettings(restored=True))
+BEST = RenderSettings(
+    luminance=LuminanceSettings(threshold=8.0, iterations=62),
+    defects=DefectSettings(listed=True, contrast=5.0),
+    highlights=HighlightSettings(restored=True),
+)

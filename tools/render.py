@@ -13,6 +13,7 @@ from shared import Mosaic, read_camera, read_dng
 from shared.errors import InputError
 
 from .console import Console
+from .defect_list import read_defects, with_defects
 from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output, write_picture
 from .work import Job, output_folder, plan, run_jobs
 
@@ -29,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--space", choices=spaces, help="colours (default: the format's; camera: scene units as measured)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="gain of a display picture")
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
+    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be done")
@@ -41,6 +43,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     check_gain(kind, arguments.exposure)
     folder = output_folder(arguments.output)
     camera = read_camera(arguments.camera) if arguments.camera else None
+    if arguments.defects and arguments.preset == "paper":
+        raise InputError("--defects needs --preset best: the published method takes every sample for good")
+    defects = read_defects(arguments.defects) if arguments.defects else ()
 
     def names(source: str) -> list[str]:
         return [Path(source).stem + kind.suffix]
@@ -50,6 +55,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         mosaic = read_dng(job.source)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
+        mosaic = with_defects(mosaic, defects)
         check_output(kind, mosaic.calibration, mosaic.shape)
         check_light(mosaic)
         if arguments.dry_run:

@@ -16,7 +16,7 @@ _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 @parallel_kernel
 def find_outliers(
     signal: FloatArray,
-    panchromatic: BoolArray,
+    gains: FloatArray,
     contrast: float,
     deviations: float,
     floor: float,
@@ -25,34 +25,35 @@ def find_outliers(
 ) -> None:
     """Set `bad` at panchromatic samples that are farther from all their neighbours than contrast and noise explain.
 
-    signal, bad: (H, W); what is bad beforehand is no neighbour. panchromatic: (K, K), the pattern from the frame's corner on.
-    A sample must lie outside the range of its 3 x 3 neighbours by `contrast` times the range of its 5 x 5 neighbours (without the
-    highest and the lowest of them: there may be a second outlier), plus so many standard `deviations` of the noise, plus `floor`.
+    signal, bad: (H, W); what is bad beforehand is no neighbour. gains: (K, K), the pattern from the frame's corner on: gamma of a
+    colour site, 0 of a panchromatic one. A sample must lie outside the range of its 3 x 3 neighbours by `contrast` times the range
+    of its 5 x 5 neighbours (without the highest and the lowest of them: there may be a second outlier), plus so many standard
+    `deviations` of the noise, plus `floor`. Of a colour site is known that luminance is at least gamma times its sample: it is a
+    neighbour where that is more than the panchromatic ones read, so that a stroke which goes on under a block keeps its end.
     noise: (shot, read) of the panchromatic plane, scene units.
     """
-    period = len(panchromatic)
+    period = len(gains)
     height, width = signal.shape
     found = np.zeros((height, width), np.bool_)
     for row in prange(height):
         around = np.empty(_MOST, np.float32)
         for column in range(width):
-            if not panchromatic[row % period, column % period] or bad[row, column]:
+            if gains[row % period, column % period] > 0 or bad[row, column]:
                 continue
             value = signal[row, column]
-            count = _neighbours(signal, panchromatic, bad, row, column, _NEAR, around)
+            count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
             if count < _FEWEST:
                 continue
             low, high = around[:count].min(), around[:count].max()
             if low - floor <= value <= high + floor:
                 continue
             beyond = value - high if value > high else low - value
-            sigma = np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2)
-            if beyond <= deviations * sigma + floor:
+            allowed = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2) + floor
+            if beyond <= allowed:
                 continue
-            count = _neighbours(signal, panchromatic, bad, row, column, _WIDE, around)
-            range_ = around[:count]
-            range_.sort()
-            if beyond > contrast * (range_[count - 2] - range_[1]) + deviations * sigma + floor:
+            count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
+            ordered = np.sort(around[:count])
+            if beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed:
                 found[row, column] = True
     for row in prange(height):
         for column in range(width):
@@ -62,14 +63,24 @@ def find_outliers(
 
 @kernel
 def _neighbours(
-    signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int, reach: int, around: FloatArray
+    signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, column: int, reach: int, around: FloatArray
 ) -> int:
-    """Gather the good panchromatic samples at most `reach` from one, itself left out; how many they are."""
-    period, count = len(panchromatic), 0
-    for y in range(max(row - reach, 0), min(row + reach + 1, signal.shape[0])):
-        for x in range(max(column - reach, 0), min(column + reach + 1, signal.shape[1])):
-            if (y != row or x != column) and panchromatic[y % period, x % period] and not bad[y, x]:
+    """Gather what the good samples at most `reach` from one say of luminance, itself left out; how many they are."""
+    period, count = len(gains), 0
+    top, bottom = max(row - reach, 0), min(row + reach + 1, signal.shape[0])
+    left, right = max(column - reach, 0), min(column + reach + 1, signal.shape[1])
+    highest = np.float32(-np.inf)
+    for y in range(top, bottom):
+        for x in range(left, right):
+            if (y != row or x != column) and gains[y % period, x % period] == 0 and not bad[y, x]:
                 around[count] = signal[y, x]
+                highest = max(highest, signal[y, x])
+                count += 1
+    for y in range(top, bottom):
+        for x in range(left, right):
+            least = gains[y % period, x % period] * signal[y, x]
+            if least > highest and gains[y % period, x % period] > 0 and not bad[y, x]:
+                around[count] = least
                 count += 1
     return count
 

@@ -7,6 +7,8 @@ from offline.settings import (
     PAPER,
     AffinitySettings,
     ChromaticitySettings,
+    DefectSettings,
+    HighlightSettings,
     LuminanceSettings,
     RefinementSettings,
 )
@@ -16,6 +18,11 @@ from shared.errors import InputError
 @pytest.mark.parametrize(
     ("part", "knob", "value"),
     [
+        (DefectSettings(), "contrast", -1.0),
+        (DefectSettings(), "deviations", -1.0),
+        (DefectSettings(), "floor", 0.0),
+        (HighlightSettings(), "shoulder", 0.0),
+        (HighlightSettings(), "shoulder", 1.0),
         (LuminanceSettings(), "iterations", 0),
         (LuminanceSettings(), "decay", 0.0),
         (LuminanceSettings(), "decay", 1.0),
