@@ -26,17 +26,19 @@ _MOST = 0.01  # part of the samples: where more stand out, it is the picture tha
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
 
 
-def mend_defects(mosaic: Mosaic, clipping: float, settings: DefectSettings, progress: Progress = SILENT) -> Mosaic:
+def mend_defects(
+    mosaic: Mosaic, clipping: float, noise: NoiseModel | None, settings: DefectSettings, progress: Progress = SILENT
+) -> Mosaic:
     """The mosaic with defective samples replaced; itself where there is nothing to do.
 
-    Defects are those of the calibration's list (places outside the frame are nobody's) and, blindly, single outliers.
+    clipping: scene units, from which on samples are at their limit; noise: of the mosaic, None = unknown. Defects are those of the calibration's list (places outside the frame are nobody's) and, blindly, single outliers.
     """
     if not settings.listed and settings.contrast == 0:
         return mosaic
     progress.stage("defects", 2)
     bad = _listed(mosaic) if settings.listed else np.zeros(mosaic.shape, np.bool_)
     if settings.contrast:
-        _find_panchromatic(mosaic, settings, bad)
+        _find_panchromatic(mosaic, noise, settings, bad)
     signal = mosaic.signal
     rows, columns = _panchromatic_places(bad, mosaic)
     if len(rows):
@@ -47,12 +49,13 @@ def mend_defects(mosaic: Mosaic, clipping: float, settings: DefectSettings, prog
     progress.advance()
     blocks = gather(mosaic, signal)
     bad_sites = bad[blocks.places]
+    gamma = np.array(mosaic.calibration.gamma)
     if settings.contrast:
-        _find_in_blocks(blocks, bad_sites, mosaic, clipping, settings)
+        _find_in_blocks(blocks, bad_sites, gamma, clipping, noise, settings)
     if bad_sites.any():
         signal = signal.copy() if signal is mosaic.signal else signal
         rows, columns = blocks.places
-        signal[rows[bad_sites], columns[bad_sites]] = _mended(blocks, bad_sites, np.array(mosaic.calibration.gamma))
+        signal[rows[bad_sites], columns[bad_sites]] = _mended(blocks, bad_sites, gamma)
     progress.advance()
     return mosaic if signal is mosaic.signal else Mosaic(signal, mosaic.pattern, mosaic.calibration, mosaic.metadata)
 
@@ -65,8 +68,7 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def _find_panchromatic(mosaic: Mosaic, settings: DefectSettings, bad: BoolArray) -> None:
-    noise = mosaic.calibration.noise
+def _find_panchromatic(mosaic: Mosaic, noise: NoiseModel | None, settings: DefectSettings, bad: BoolArray) -> None:
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
     gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
@@ -84,17 +86,18 @@ def _panchromatic_places(bad: BoolArray, mosaic: Mosaic) -> tuple[IndexArray, In
     return rows[kept], columns[kept]
 
 
-def _find_in_blocks(blocks: BlockSamples, bad: BoolArray, mosaic: Mosaic, clipping: float, settings: DefectSettings) -> None:
+def _find_in_blocks(
+    blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray, clipping: float, noise: NoiseModel | None, settings: DefectSettings
+) -> None:
     """Add to `bad`, (*B, S), the sites that alone keep their block from adding up to its luminance."""
-    gamma = np.array(mosaic.calibration.gamma)
     share = (gamma / np.bincount(blocks.channels))[blocks.channels]  # of each site in what Eq. 7 adds up
     surplus = blocks.samples @ share - blocks.light @ share / gamma.sum()
-    odd = np.abs(surplus) > _tolerance(blocks, share, mosaic.calibration.noise, settings)
+    odd = np.abs(surplus) > _tolerance(blocks, share, noise, settings)
     odd &= (blocks.highest < clipping) & ~bad.any(axis=2)
     if odd.sum() > _MOST * bad.size:
         return
     where = np.nonzero(odd)
-    around = _around(blocks, bad, where, mosaic.calibration.grey)
+    around = _around(blocks, bad, where, 1 / float(gamma.sum()))
     light, surplus = blocks.light[where], surplus[where]
     # The sample to blame explains the surplus, and is outside all that the blocks around read.
     excess = share * (blocks.samples[where] - around.middle * light)

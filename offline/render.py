@@ -1,4 +1,7 @@
-"""The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB."""
+"""The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB.
+
+Denoising and pooling are not of the paper: they are what the preset BEST adds in little light.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,8 +14,11 @@ from shared.mosaic import Mosaic
 from .affinity import core_patches, solve_affinities, solve_patches
 from .chromaticity import estimate_chromaticities
 from .defects import mend_defects
+from .denoising import denoise_luminance
 from .highlights import clipping_level, restore_highlights
 from .luminance import recover_luminance
+from .noise import noise_of
+from .pooling import pool_blocks
 from .progress import SILENT, Progress
 from .propagation import propagate, propagate_patches
 from .refinement import noise_level, reach, refine, refine_rows
@@ -35,11 +41,13 @@ class Rendering:
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
     """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance."""
-    clipping = clipping_level(mosaic)
-    mosaic = mend_defects(mosaic, clipping, settings.defects, progress)
-    mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
-    luminance = recover_luminance(mosaic, settings.luminance, progress)  # l, Eqs. 1-5
-    blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
+    mended = mend_defects(mosaic, clipping, noise, settings.defects, progress)
+    sound = restore_highlights(mended, clipping, settings.highlights, progress)
+    filled = recover_luminance(sound, settings.luminance, progress)  # l, Eqs. 1-5
+    luminance = denoise_luminance(filled, sound, noise, settings.denoising, progress)
+    measured = estimate_chromaticities(sound, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    blocks = pool_blocks(measured, sound, luminance, noise, settings.pooling, progress)
     affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
     initial = propagate(blocks, affinity, luminance, mosaic.pattern)  # c, Eqs. 10 and 14
     refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
@@ -51,11 +59,13 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
 
     Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
     """
-    clipping = clipping_level(mosaic)
-    mosaic = mend_defects(mosaic, clipping, settings.defects, progress)
+    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
+    mosaic = mend_defects(mosaic, clipping, noise, settings.defects, progress)
     mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
     luminance = recover_luminance(mosaic, settings.luminance, progress)
+    luminance = denoise_luminance(luminance, mosaic, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)
+    blocks = pool_blocks(blocks, mosaic, luminance, noise, settings.pooling, progress)
     sigma = noise_level(luminance, mosaic)
     pattern = mosaic.pattern
     steps = bands(pattern.grid(mosaic.shape), core_patches(pattern.period), reach(pattern.period, settings.refinement))

@@ -4,6 +4,9 @@ from dataclasses import dataclass, field
 
 from shared.errors import InputError
 
+_LARGEST = 32  # pixels of a DCT block
+_WIDEST = 64  # blocks that pooling looks in every direction
+
 
 def _require(holds: bool, name: str, value: object, expected: str) -> None:
     if not holds:
@@ -64,6 +67,35 @@ class LuminanceSettings:
 
 
 @dataclass(frozen=True)
+class NoiseSettings:
+    """Where the noise is known from.
+
+    estimate: from the mosaic itself where the calibration does not say; otherwise unknown noise is taken for none, as in the paper.
+    """
+
+    estimate: bool = False
+
+
+@dataclass(frozen=True)
+class DenoisingSettings:
+    """Denoising of luminance; the paper has none.
+
+    strength: noise taken away, as a multiple of the noise there is; 0: none. sizes: of the DCT blocks, pixels, multiples of 4;
+    threshold: of the first pass, in standard deviations of the noise.
+    """
+
+    strength: float = 0.0
+    sizes: tuple[int, ...] = (8, 12)
+    threshold: float = 2.7
+
+    def __post_init__(self) -> None:
+        _require(self.strength >= 0, "denoising.strength", self.strength, "0 or more")
+        whole = bool(self.sizes) and all(4 <= size <= _LARGEST and size % 4 == 0 for size in self.sizes)
+        _require(whole, "denoising.sizes", self.sizes, f"one or more multiples of 4 up to {_LARGEST}")
+        _require(self.threshold > 0, "denoising.threshold", self.threshold, "more than 0")
+
+
+@dataclass(frozen=True)
 class ChromaticitySettings:
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
@@ -76,6 +108,26 @@ class ChromaticitySettings:
     def __post_init__(self) -> None:
         _require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
         _require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
+
+
+@dataclass(frozen=True)
+class PoolingSettings:
+    """Averaging of the sums of Eqs. 8-9 over blocks of like chromaticity; the paper has none.
+
+    passes: of each the standard deviation of the Gaussian that smooths the chromaticities compared, in blocks, and how far apart
+    they may be, as a multiple of the variance of their difference; none: no pooling. light: how far apart in luminance,
+    standard deviation of its natural logarithm; radius: of the window, in blocks.
+    """
+
+    passes: tuple[tuple[float, float], ...] = ()
+    light: float = 0.3
+    radius: int = 10
+
+    def __post_init__(self) -> None:
+        allowed = all(len(each) == 2 and each[0] >= 0 and each[1] > 0 for each in self.passes)
+        _require(allowed, "pooling.passes", self.passes, "pairs of a blur, 0 or more, and a tolerance, more than 0")
+        _require(self.light > 0, "pooling.light", self.light, "more than 0")
+        _require(1 <= self.radius <= _WIDEST, "pooling.radius", self.radius, f"1 to {_WIDEST}")
 
 
 @dataclass(frozen=True)
@@ -120,17 +172,24 @@ class RefinementSettings:
 class RenderSettings:
     """All settings of a render, one part per stage."""
 
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
     defects: DefectSettings = field(default_factory=DefectSettings)
     highlights: HighlightSettings = field(default_factory=HighlightSettings)
     luminance: LuminanceSettings = field(default_factory=LuminanceSettings)
+    denoising: DenoisingSettings = field(default_factory=DenoisingSettings)
     chromaticity: ChromaticitySettings = field(default_factory=ChromaticitySettings)
+    pooling: PoolingSettings = field(default_factory=PoolingSettings)
     affinity: AffinitySettings = field(default_factory=AffinitySettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
 
 
 PAPER = RenderSettings()
 BEST = RenderSettings(
-    luminance=LuminanceSettings(threshold=8.0, iterations=62),
+    noise=NoiseSettings(estimate=True),
     defects=DefectSettings(listed=True, contrast=5.0),
     highlights=HighlightSettings(restored=True),
+    luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
+    denoising=DenoisingSettings(strength=1.0),
+    pooling=PoolingSettings(passes=((1.0, 0.35), (0.5, 0.15))),
+    refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
 )

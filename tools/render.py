@@ -62,7 +62,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.say(f"{job.source} -> {output}")
             return {"output": str(output), "dry_run": True}
         if mosaic.calibration.noise is None:
-            console.note(f"{job.source}: the noise is unknown and taken for none; calibrate the camera for better colour")
+            taken = "taken for none" if arguments.preset == "paper" else "estimated from the shot"
+            console.note(f"{job.source}: the noise is unknown and {taken}; calibrate the camera for better colour")
         start = time.monotonic()
         _render_to(output, mosaic, kind, arguments, job.source, console)
         seconds = time.monotonic() - start

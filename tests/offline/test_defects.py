@@ -10,7 +10,7 @@ import pytest
 from offline import BEST, PAPER, render
 from offline.blocks import gather
 from offline.defects import mend_defects
-from offline.settings import ChromaticitySettings
+from offline.settings import ChromaticitySettings, DefectSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive
@@ -23,6 +23,10 @@ DATA = Path(os.environ.get("PANCHROMA_TEST_DATA", "../shared/data"))
 SETTINGS = BEST.defects
 FULL = 3.0
 SPECKS = 1e-4  # part of a drawn scene's pixels that may be taken for defects: they stand alone, one pixel small
+
+
+def mend(mosaic: Mosaic, settings: DefectSettings) -> Mosaic:
+    return mend_defects(mosaic, np.inf, mosaic.calibration.noise, settings)
 
 
 def photographed(scene: FloatArray, sigma: float) -> Mosaic:
@@ -49,9 +53,9 @@ def smooth(shape: tuple[int, int] = (48, 60)) -> FloatArray:
 @pytest.mark.parametrize("sigma", [0.0, 0.01, 0.03])
 def test_hot_pixels_of_a_smooth_scene_are_all_found_and_nothing_else(sigma: float) -> None:
     sound = photographed(smooth(), sigma)
-    assert mend_defects(sound, np.inf, SETTINGS) is sound
+    assert mend(sound, SETTINGS) is sound
     hurt, hot = with_hot(sound, 0.002)
-    found = mend_defects(hurt, np.inf, SETTINGS).signal != hurt.signal
+    found = mend(hurt, SETTINGS).signal != hurt.signal
     inside = np.zeros_like(hot)
     inside[6:-6, 6:-6] = True
     assert hot[inside].sum() > 2
@@ -81,10 +85,7 @@ def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[in
     places = np.random.default_rng(1).random(shape) < 0.2
     wild = np.where(places, np.random.default_rng(2).uniform(-1, 5, shape), mosaic.signal).astype(np.float32)
     settings = replace(SETTINGS, contrast=0.0)
-    first, second = (
-        mend_defects(listing(replace(mosaic, samples=samples), places), np.inf, settings).signal
-        for samples in (mosaic.signal, wild)
-    )
+    first, second = (mend(listing(replace(mosaic, samples=samples), places), settings).signal for samples in (mosaic.signal, wild))
     judged = pattern.panchromatic_mask(shape)
     judged[gather(mosaic, mosaic.signal).places] = True
     assert np.array_equal(first[judged], second[judged])
@@ -100,13 +101,13 @@ def test_places_outside_the_frame_are_nobodys() -> None:
     mosaic = photographed(smooth(), 0.0)
     calibration = replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))
     mosaic = replace(mosaic, calibration=calibration)
-    assert mend_defects(mosaic, np.inf, SETTINGS) is mosaic
+    assert mend(mosaic, SETTINGS) is mosaic
 
 
 def test_paper_takes_every_sample_for_good() -> None:
     hurt, hot = with_hot(photographed(smooth(), 0.0), 0.01)
     listed = listing(hurt, hot)
-    assert mend_defects(listed, np.inf, PAPER.defects) is listed
+    assert mend(listed, PAPER.defects) is listed
 
 
 def test_a_texture_of_single_pixels_is_a_picture() -> None:
@@ -114,7 +115,7 @@ def test_a_texture_of_single_pixels_is_a_picture() -> None:
     scene = np.full((60, 60, 3), 0.1, np.float32)
     scene[::4, ::5] = 0.8
     mosaic = photographed(scene, 0.0)
-    assert mend_defects(mosaic, np.inf, SETTINGS) is mosaic
+    assert mend(mosaic, SETTINGS) is mosaic
 
 
 def test_small_bright_things_stay() -> None:
@@ -126,14 +127,14 @@ def test_small_bright_things_stay() -> None:
     light[50, 5:50] = light[5:55, 55] = 0.9
     np.fill_diagonal(light[25:45, 2:22], 0.9)
     mosaic = photographed(np.repeat(light[..., None], 3, axis=2).astype(np.float32), 0.0)
-    assert mend_defects(mosaic, np.inf, SETTINGS) is mosaic
+    assert mend(mosaic, SETTINGS) is mosaic
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.03])
 def test_a_drawn_scene_loses_next_to_nothing(sigma: float) -> None:
     scene = builtin_scene(360, 240).rgb
     mosaic = photographed(scene, sigma)
-    taken = (mend_defects(mosaic, np.inf, SETTINGS).signal != mosaic.signal).mean()
+    taken = (mend(mosaic, SETTINGS).signal != mosaic.signal).mean()
     assert taken <= SPECKS
 
 

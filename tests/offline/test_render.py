@@ -27,6 +27,9 @@ PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
 FLOAT32 = 5e-5
 TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
+TIGHT_BEST = replace(BEST, affinity=TIGHT.affinity)
+# Luminance 5e-5 off moves the weights of pooling, whose exponents it is divided by the noise in.
+DENOISED = 1e-3
 # The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a hundredth, the picture is not.
 RENDERED, RENDERED_RMS = 2e-2, 1e-3
 # What hole filling leaves after its last iteration is of the size of the last threshold; the corner of a frame is the worst place.
@@ -48,6 +51,16 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma
     rendered = render(mosaic, PAPER).rgb
     assert_close(rendered, expected.rgb, RENDERED)
     assert np.sqrt(np.mean((rendered - expected.rgb) ** 2)) < RENDERED_RMS
+
+
+@every_case
+def test_best_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    mosaic = shot(pattern, shape, 0.05)
+    expected = reference.render(mosaic, BEST)
+    found = render(mosaic, TIGHT_BEST)
+    assert_close(found.luminance, expected.luminance, FLOAT32)
+    assert_close(found.chromaticity, expected.chromaticity, DENOISED)
+    assert_close(found.rgb, expected.rgb, DENOISED)
 
 
 @pytest.mark.parametrize("case", ["odd", "five channels"])
@@ -122,6 +135,7 @@ def test_the_same_mosaic_gives_the_same_bytes() -> None:
 
 def test_the_presets() -> None:
     assert RenderSettings() == PAPER
+    assert (PAPER.denoising.strength, PAPER.pooling.passes, PAPER.noise.estimate) == (0, (), False)
     assert PAPER.luminance.iterations == 50
     assert PAPER.luminance.decay == 2**-0.25
     assert PAPER.chromaticity.taps == 5
@@ -158,24 +172,34 @@ def test_progress_is_reported_stage_by_stage() -> None:
 # ---- no dead knobs, no dead stages
 
 Change = tuple[Any, float | None]
-# Every field of every part of the settings -> another value, and the noise that the calibration admits.
+PRESETS = {"paper": PAPER, "best": BEST}
+# Every field of every part of the settings -> another value, and the noise of the shot: what its calibration admits (None: that it
+# has none and knows nothing of it), or with BLIND, what it does not know.
+BLIND = -0.05
 MOVED: dict[str, dict[str, Change]] = {
+    "noise": {"estimate": (False, BLIND)},
     "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
     "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
     "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
+    "denoising": {"strength": (0.5, 0.02), "sizes": ((8,), 0.02), "threshold": (2.0, 0.02)},
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
+    "pooling": {"passes": (((1.0, 0.5),), 0.02), "light": (1.0, 0.02), "radius": (2, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
 }
+# What is switched off in a preset, but for the setting that switches it on.
+# Parts that only a damaged shot has need of.
+BEYOND = ("defects", "highlights")
+OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling"}, "best": {"refinement"}}
 
 
 def busy_shot(sigma: float | None) -> Mosaic:
-    """Enough blocks, and enough errors among them, that every stage has something to do."""
-    return shot(CfaPattern.bayer(4, origin=(1, 2)), (45, 50), sigma)
-
-
-# Parts that the published method does not have.
-BEYOND = ("defects", "highlights")
+    """Enough blocks, and enough errors among them, that every stage has something to do; a negative sigma is kept secret."""
+    pattern = CfaPattern.bayer(4, origin=(1, 2))
+    if sigma is None or sigma >= 0:
+        return shot(pattern, (45, 50), sigma)
+    secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame
+    return Mosaic(secret.signal, pattern, replace(secret.calibration, noise=None))
 
 
 def damaged_shot(sigma: float | None) -> Mosaic:
@@ -197,13 +221,13 @@ def test_every_setting_is_moved() -> None:
     }
 
 
-PRESETS = {"paper": PAPER, "best": BEST}
-KNOBS = [(name, part, knob) for name in PRESETS for part in MOVED for knob in MOVED[part] if name == "best" or part not in BEYOND]
-
-
-@pytest.mark.parametrize(("preset", "part", "knob"), KNOBS)
+@pytest.mark.parametrize(
+    ("preset", "part", "knob"),
+    [(name, part, knob) for name, off in OFF.items() for part, knobs in MOVED.items() if part not in off for knob in knobs],
+)
 def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
-    settings, (value, sigma) = PRESETS[preset], MOVED[part][knob]
+    value, sigma = MOVED[part][knob]
+    settings = PRESETS[preset]
     mosaic = damaged_shot(sigma) if part in BEYOND else busy_shot(sigma)
     moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
     assert moved != settings
@@ -212,6 +236,13 @@ def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
             render(mosaic, moved)
         return
     assert np.abs(render(mosaic, moved).rgb - render(mosaic, settings).rgb).max() > SEEN
+
+
+@pytest.mark.parametrize("sigma", [None, 0.0])
+def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> None:
+    mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
+    off = replace(PAPER, refinement=BEST.refinement)
+    assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
 
 
 def even_affinities(luminance: FloatArray, pattern: CfaPattern, *_: Any) -> FloatArray:
@@ -230,11 +261,14 @@ def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: An
 
 
 NEUTRAL: dict[str, Callable[..., Any]] = {
+    "noise_of": lambda *_: None,
     "clipping_level": lambda _: np.inf,
     "mend_defects": lambda mosaic, *_: mosaic,
     "restore_highlights": lambda mosaic, *_: mosaic,
     "recover_luminance": lambda mosaic, *_: mosaic.signal,
+    "denoise_luminance": lambda filled, *_: filled,
     "estimate_chromaticities": grey_blocks,
+    "pool_blocks": lambda measured, *_: measured,
     "solve_affinities": even_affinities,
     "propagate": mean_block,
     "refine": lambda initial, *_: initial,
@@ -246,11 +280,19 @@ def test_every_stage_of_the_page_has_a_neutral_one() -> None:
     assert called == set(NEUTRAL)
 
 
-@pytest.mark.parametrize("stage", NEUTRAL)
-def test_every_stage_matters(stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    mosaic = damaged_shot(0.02)
-    whole = render(mosaic, BEST).rgb
+# In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
+IDLE = {"paper": {*DAMAGED, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"refine"}}
+
+
+@pytest.mark.parametrize(
+    ("preset", "stage"), [(name, stage) for name, idle in IDLE.items() for stage in NEUTRAL if stage not in idle]
+)
+def test_every_stage_matters(preset: str, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(0.02) if stage in DAMAGED else busy_shot(0.02)
+    whole = render(mosaic, settings).rgb
     monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
-    idle = render(mosaic, BEST).rgb
+    idle = render(mosaic, settings).rgb
     assert np.abs(idle - whole).max() > SEEN
     assert np.abs(idle - whole).mean() > SEEN

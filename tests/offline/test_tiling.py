@@ -9,7 +9,7 @@ import pytest
 from offline import BEST, PAPER, render, render_bands
 from offline import tiling as product
 from offline.kernels.compile import available_threads, threads, use_threads
-from offline.settings import RefinementSettings
+from offline.settings import RefinementSettings, RenderSettings
 from offline.tiling import bands, domain_places
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
@@ -39,6 +39,7 @@ def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
     found = list(render_bands(mosaic, PAPER))
     assert len(found) > 1 or shape[0] < 300
     assert np.array_equal(np.concatenate(found), render(mosaic, PAPER).rgb)
+    assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(6, 500, seed=5))
@@ -65,18 +66,19 @@ def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
     assert np.array_equal(stitched(mosaic, refinement=refinement), render(mosaic, replace(PAPER, refinement=refinement)).rgb)
 
 
+@pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 @pytest.mark.parametrize("period", [4, 6])
-def test_threads_leave_no_trace(period: int) -> None:
+def test_threads_leave_no_trace(period: int, settings: RenderSettings) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), (301, 290))
-    whole = render(mosaic, PAPER)
+    whole = render(mosaic, settings)
     before = threads()
     try:
         for count in range(1, available_threads() + 1):
             use_threads(count)
-            again = render(mosaic, PAPER)
+            again = render(mosaic, settings)
             for name in ("rgb", "luminance", "chromaticity"):
                 assert np.array_equal(getattr(again, name), getattr(whole, name))
-            assert np.array_equal(stitched(mosaic), whole.rgb)
+            assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
     finally:
         use_threads(before)
 

@@ -176,7 +176,7 @@ def test_the_preset_is_the_librarys(out: Path, shot: Path, monkeypatch: Any, pre
         return render(mosaic, settings)
 
     monkeypatch.setattr(offline, "render", recorded)
-    # So that the two differ, whether or not there is better than the paper yet.
+    # So that only the one that is meant will do, whatever it is like.
     monkeypatch.setattr(offline, chosen, RenderSettings())
     assert run("render", shot, "-o", out, *(["--preset", preset] if preset else [])).code == 0
     assert seen[0] is getattr(offline, chosen)
@@ -207,9 +207,10 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
 
 
 def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
-    words = "the noise is unknown and taken for none"
-    assert words in run("render", save(tmp_path / "shot.dng"), "-o", out).err
-    assert words not in run("render", shot, "-o", out).err
+    words, unknown = "the noise is unknown and ", save(tmp_path / "shot.dng")
+    assert words + "estimated from the shot" in run("render", unknown, "-o", out).err
+    assert words + "taken for none" in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
+    assert words not in run("render", shot, "-o", out, "--overwrite").err
 
 
 @pytest.mark.parametrize(("period", "shape"), list(product((3, 6, 16), ((5, 7), (16, 19), (33, 18)))))
