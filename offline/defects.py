@@ -31,7 +31,8 @@ def mend_defects(
 ) -> Mosaic:
     """The mosaic with defective samples replaced; itself where there is nothing to do.
 
-    clipping: scene units, from which on samples are at their limit; noise: of the mosaic, None = unknown. Defects are those of the calibration's list (places outside the frame are nobody's) and, blindly, single outliers.
+    clipping: scene units, from which on samples are at their limit; noise: of the mosaic, None = unknown. Defects are those of the
+    calibration's list (places outside the frame are nobody's) and, blindly, single outliers.
     """
     if not settings.listed and settings.contrast == 0:
         return mosaic
