@@ -13,7 +13,9 @@ from shared.mosaic import Mosaic
 
 from .affinity import core_patches, solve_affinities, solve_patches
 from .chromaticity import estimate_chromaticities
+from .defects import mend_defects
 from .denoising import denoise_luminance
+from .highlights import clipping_level, restore_highlights
 from .luminance import recover_luminance
 from .noise import noise_of
 from .pooling import pool_blocks
@@ -39,11 +41,13 @@ class Rendering:
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
     """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance."""
-    noise = noise_of(mosaic, settings.noise)
-    filled = recover_luminance(mosaic, settings.luminance, progress)  # l, Eqs. 1-5
-    luminance = denoise_luminance(filled, mosaic, noise, settings.denoising, progress)
-    measured = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
-    blocks = pool_blocks(measured, mosaic, luminance, noise, settings.pooling, progress)
+    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
+    mended = mend_defects(mosaic, clipping, noise, settings.defects, progress)
+    sound = restore_highlights(mended, clipping, settings.highlights, progress)
+    filled = recover_luminance(sound, settings.luminance, progress)  # l, Eqs. 1-5
+    luminance = denoise_luminance(filled, sound, noise, settings.denoising, progress)
+    measured = estimate_chromaticities(sound, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    blocks = pool_blocks(measured, sound, luminance, noise, settings.pooling, progress)
     affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
     initial = propagate(blocks, affinity, luminance, mosaic.pattern)  # c, Eqs. 10 and 14
     refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
@@ -55,7 +59,9 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
 
     Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
     """
-    noise = noise_of(mosaic, settings.noise)
+    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
+    mosaic = mend_defects(mosaic, clipping, noise, settings.defects, progress)
+    mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
     luminance = recover_luminance(mosaic, settings.luminance, progress)
     luminance = denoise_luminance(luminance, mosaic, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)

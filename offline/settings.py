@@ -14,6 +14,41 @@ def _require(holds: bool, name: str, value: object, expected: str) -> None:
 
 
 @dataclass(frozen=True)
+class DefectSettings:
+    """Samples that do not measure light.
+
+    listed: replace those of the calibration's list. contrast: how many times the local contrast a sample has to stand out to be
+    taken for defective unlisted, 0 = none is; deviations: and how many standard deviations of the noise, where it is known;
+    floor: and at least so much, scene units.
+    """
+
+    listed: bool = False
+    contrast: float = 0.0
+    deviations: float = 6.0
+    floor: float = 0.02
+
+    def __post_init__(self) -> None:
+        _require(self.contrast >= 0, "defects.contrast", self.contrast, "0 or more")
+        _require(self.deviations >= 0, "defects.deviations", self.deviations, "0 or more")
+        _require(self.floor > 0, "defects.floor", self.floor, "more than 0")
+
+
+@dataclass(frozen=True)
+class HighlightSettings:
+    """Panchromatic samples at the sensor's limit.
+
+    restored: take luminance there from the colour samples; shoulder: the uppermost part of these samples' own range, in which what
+    they say of colour fades.
+    """
+
+    restored: bool = False
+    shoulder: float = 0.05
+
+    def __post_init__(self) -> None:
+        _require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
+
+
+@dataclass(frozen=True)
 class LuminanceSettings:
     """Hole filling, Eqs. 1-5.
 
@@ -138,6 +173,8 @@ class RenderSettings:
     """All settings of a render, one part per stage."""
 
     noise: NoiseSettings = field(default_factory=NoiseSettings)
+    defects: DefectSettings = field(default_factory=DefectSettings)
+    highlights: HighlightSettings = field(default_factory=HighlightSettings)
     luminance: LuminanceSettings = field(default_factory=LuminanceSettings)
     denoising: DenoisingSettings = field(default_factory=DenoisingSettings)
     chromaticity: ChromaticitySettings = field(default_factory=ChromaticitySettings)
@@ -149,6 +186,9 @@ class RenderSettings:
 PAPER = RenderSettings()
 BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
+    defects=DefectSettings(listed=True, contrast=5.0),
+    highlights=HighlightSettings(restored=True),
+    luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
     pooling=PoolingSettings(passes=((1.0, 0.35), (0.5, 0.15))),
     refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone

@@ -14,6 +14,7 @@ from shared.arrays import strips
 from shared.errors import InputError
 
 from .console import Console
+from .defect_list import read_defects, with_defects
 from .memory import allowed_memory
 from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output
 from .rendering import check_memory, render_to, telling_compilation
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--space", choices=spaces, help="colours (default: the format's; camera: scene units as measured)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="gain of a display picture")
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
+    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
     parser.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads (default, and most: one per core)")
     parser.add_argument("--max-memory", metavar="SIZE", help="for example 4G (default: most of what is free)")
@@ -47,6 +49,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     allowed_memory(arguments.max_memory)  # the free memory is looked up for each shot
     folder = output_folder(arguments.output)
     camera = read_camera(arguments.camera) if arguments.camera else None
+    if arguments.defects and arguments.preset == "paper":
+        raise InputError("--defects needs --preset best: the published method takes every sample for good")
+    defects = read_defects(arguments.defects) if arguments.defects else ()
 
     def names(source: str) -> list[str]:
         return [Path(source).stem + kind.suffix]
@@ -55,6 +60,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         mosaic = read_dng(source)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
+        mosaic = with_defects(mosaic, defects)
         check_output(kind, mosaic.calibration, mosaic.shape)
         check_light(mosaic)
         return mosaic

@@ -178,6 +178,8 @@ PRESETS = {"paper": PAPER, "best": BEST}
 BLIND = -0.05
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
+    "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
+    "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
     "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
     "denoising": {"strength": (0.5, 0.02), "sizes": ((8,), 0.02), "threshold": (2.0, 0.02)},
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
@@ -186,7 +188,9 @@ MOVED: dict[str, dict[str, Change]] = {
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
 }
 # What is switched off in a preset, but for the setting that switches it on.
-OFF = {"paper": {"noise", "denoising", "pooling"}, "best": {"refinement"}}
+# Parts that only a damaged shot has need of.
+BEYOND = ("defects", "highlights")
+OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling"}, "best": {"refinement"}}
 
 
 def busy_shot(sigma: float | None) -> Mosaic:
@@ -196,6 +200,19 @@ def busy_shot(sigma: float | None) -> Mosaic:
         return shot(pattern, (45, 50), sigma)
     secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame
     return Mosaic(secret.signal, pattern, replace(secret.calibration, noise=None))
+
+
+def damaged_shot(sigma: float | None) -> Mosaic:
+    """Sensor codes of a ramp that the panchromatic pixels cannot follow, hot pixels at its foot, and a listed row of dead ones."""
+    pattern, shape = CfaPattern.bayer(4, origin=(1, 2)), (45, 50)
+    scene = np.linspace(0.2, 1.6, shape[1])[:, None] * np.broadcast_to([1.0, 0.9, 0.7], (*shape, 3))
+    noise = np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
+    mosaic = observe(scene, pattern, gamma_of(pattern), sigma, noise)
+    signal = np.minimum(mosaic.signal, mosaic.calibration.full_scale)
+    signal[20, 8] = signal[31, 12] = signal[33, 7] = mosaic.calibration.full_scale
+    signal[8, 9:12] = 0
+    calibration = replace(mosaic.calibration, defects=((8, 9), (8, 10), (8, 11)))
+    return Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
 
 
 def test_every_setting_is_moved() -> None:
@@ -210,7 +227,8 @@ def test_every_setting_is_moved() -> None:
 )
 def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
     value, sigma = MOVED[part][knob]
-    mosaic, settings = busy_shot(sigma), PRESETS[preset]
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(sigma) if part in BEYOND else busy_shot(sigma)
     moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
     assert moved != settings
     if (part, knob) == ("affinity", "iterations"):  # it bounds the work, never the result
@@ -242,8 +260,11 @@ def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: An
     return np.broadcast_to(mean, (*luminance.shape, mean.size)).copy()
 
 
-NEUTRAL: dict[str, Callable[..., FloatArray | None]] = {
+NEUTRAL: dict[str, Callable[..., Any]] = {
     "noise_of": lambda *_: None,
+    "clipping_level": lambda _: np.inf,
+    "mend_defects": lambda mosaic, *_: mosaic,
+    "restore_highlights": lambda mosaic, *_: mosaic,
     "recover_luminance": lambda mosaic, *_: mosaic.signal,
     "denoise_luminance": lambda filled, *_: filled,
     "estimate_chromaticities": grey_blocks,
@@ -260,14 +281,16 @@ def test_every_stage_of_the_page_has_a_neutral_one() -> None:
 
 
 # In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
-IDLE = {"paper": {"noise_of", "denoise_luminance", "pool_blocks"}, "best": {"refine"}}
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
+IDLE = {"paper": {*DAMAGED, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"refine"}}
 
 
 @pytest.mark.parametrize(
     ("preset", "stage"), [(name, stage) for name, idle in IDLE.items() for stage in NEUTRAL if stage not in idle]
 )
 def test_every_stage_matters(preset: str, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    mosaic, settings = busy_shot(0.02), PRESETS[preset]
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(0.02) if stage in DAMAGED else busy_shot(0.02)
     whole = render(mosaic, settings).rgb
     monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
     idle = render(mosaic, settings).rgb

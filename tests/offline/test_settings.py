@@ -7,7 +7,9 @@ from offline.settings import (
     PAPER,
     AffinitySettings,
     ChromaticitySettings,
+    DefectSettings,
     DenoisingSettings,
+    HighlightSettings,
     LuminanceSettings,
     PoolingSettings,
     RefinementSettings,
@@ -18,6 +20,11 @@ from shared.errors import InputError
 @pytest.mark.parametrize(
     ("part", "knob", "value"),
     [
+        (DefectSettings(), "contrast", -1.0),
+        (DefectSettings(), "deviations", -1.0),
+        (DefectSettings(), "floor", 0.0),
+        (HighlightSettings(), "shoulder", 0.0),
+        (HighlightSettings(), "shoulder", 1.0),
         (LuminanceSettings(), "iterations", 0),
         (LuminanceSettings(), "decay", 0.0),
         (LuminanceSettings(), "decay", 1.0),

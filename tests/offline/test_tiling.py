@@ -11,7 +11,7 @@ from offline import tiling as product
 from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import RefinementSettings, RenderSettings
 from offline.tiling import bands, domain_places
-from shared import CfaPattern
+from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tests.reference import geometry
 
@@ -46,6 +46,16 @@ def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
 def test_bands_of_any_pattern_are_the_whole(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape)
     assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
+
+
+def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
+    pattern, shape = CfaPattern.bayer(6, origin=(2, 2)), (437, 60)
+    whole = shot(pattern, shape)
+    signal = np.minimum(whole.signal * np.float32(1.6), whole.calibration.full_scale)
+    calibration = replace(whole.calibration, defects=((3, 3), (200, 31), (300, 2)))
+    mosaic = Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
+    assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
+    assert not np.array_equal(render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb)
 
 
 @pytest.mark.parametrize("repetitions", [0, 1, 5, 90])
