@@ -10,7 +10,7 @@ from shared.errors import PanchromaError
 
 from .cache import FOLDER, Cache, key
 from .measures import Measures
-from .methods import Method, choose, denoise, measurement_identity, render_bayer, render_sparse
+from .methods import Method, choose, denoise, render_bayer, render_sparse
 from .protocol import Protocol
 from .scene_sets import Reading, SceneInfo
 
@@ -62,7 +62,6 @@ class Study:
             level=level,
             period=period,
             method=method.identity(),
-            measurement=measurement_identity(),
         )
         return Cell(scene, level, method.name, period, name)
 
