@@ -98,26 +98,28 @@ def _libraw(algorithm: str, samples: FloatArray, order: str) -> FloatArray:
 
 def _registry() -> dict[str, Method]:
     ours = [
-        Method("paper", "Sparse colour, paper", partial(_offline, PAPER), settings=repr(PAPER), seconds=14),
-        Method("best", "Sparse colour, best", partial(_offline, BEST), settings=repr(BEST), seconds=14),
-        Method("preview", "Sparse colour, preview", _preview, files="device/models", packages=("onnxruntime",), seconds=1),
+        Method("paper", "Sparse colour, paper", partial(_offline, PAPER), settings=repr(PAPER), seconds=0.3),
+        Method("best", "Sparse colour, best", partial(_offline, BEST), settings=repr(BEST), seconds=2),
+        Method("preview", "Sparse colour, preview", _preview, files="device/models", packages=("onnxruntime",), seconds=0.1),
     ]
     colour, bm3d = ("colour-demosaicing",), ("bm3d",)
     plain = [
-        Method("bilinear", "Bayer, bilinear", demosaic=demosaic_bilinear, seconds=0.5),
-        Method("malvar", "Bayer, Malvar 2004", demosaic=demosaic_malvar, packages=colour, seconds=0.6),
-        Method("menon", "Bayer, Menon 2007", demosaic=demosaic_menon, packages=colour, seconds=1.3),
-        Method("menon-wb", "Bayer, Menon, balanced", demosaic=demosaic_menon, balanced=True, packages=colour, seconds=1.3),
-        Method("dlmmse", "Bayer, DLMMSE 2005", demosaic=demosaic_dlmmse, seconds=0.8),
-        Method("dlmmse-wb", "Bayer, DLMMSE, balanced", demosaic=demosaic_dlmmse, balanced=True, seconds=0.8),
+        Method("bilinear", "Bayer, bilinear", demosaic=demosaic_bilinear, seconds=0.05),
+        Method("malvar", "Bayer, Malvar 2004", demosaic=demosaic_malvar, packages=colour, seconds=0.1),
+        Method("menon", "Bayer, Menon 2007", demosaic=demosaic_menon, packages=colour, seconds=0.3),
+        Method("menon-wb", "Bayer, Menon, balanced", demosaic=demosaic_menon, balanced=True, packages=colour, seconds=0.3),
+        Method("dlmmse", "Bayer, DLMMSE 2005", demosaic=demosaic_dlmmse, seconds=0.15),
+        Method("dlmmse-wb", "Bayer, DLMMSE, balanced", demosaic=demosaic_dlmmse, balanced=True, seconds=0.15),
     ]
     libraw = [
-        Method(name, f"Bayer, LibRaw {name.upper()}", demosaic=partial(_libraw, name), balanced=True, packages=("rawpy",))
+        Method(
+            name, f"Bayer, LibRaw {name.upper()}", demosaic=partial(_libraw, name), balanced=True, packages=("rawpy",), seconds=0.2
+        )
         for name in ALGORITHMS
     ]
     # One of several distributions that hold the same module.
     cv = next((name for name in _OPENCV if _version(name)), _OPENCV[0])
-    opencv = [Method("ea", "Bayer, OpenCV edge-aware", demosaic=demosaic_opencv, packages=(cv,), seconds=0.5)]
+    opencv = [Method("ea", "Bayer, OpenCV edge-aware", demosaic=demosaic_opencv, packages=(cv,), seconds=0.05)]
     low_light = [
         Method(
             f"bm3d+{each.name}",
@@ -126,7 +128,7 @@ def _registry() -> dict[str, Method]:
             balanced=each.balanced,
             denoised=True,
             packages=(*each.packages, *bm3d),
-            seconds=13,
+            seconds=each.seconds + DENOISING_SECONDS,
         )
         for each in plain
         if each.name in ("menon", "menon-wb", "dlmmse", "dlmmse-wb")
@@ -134,6 +136,7 @@ def _registry() -> dict[str, Method]:
     return {method.name: method for method in (*ours, *plain, *libraw, *opencv, *low_light)}
 
 
+DENOISING_SECONDS = 40  # per megapixel, once for all methods that begin with it
 _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-contrib-python", "opencv-python")
 
 

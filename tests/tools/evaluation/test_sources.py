@@ -164,10 +164,15 @@ SHARED_BY_ALL = (
 
 @pytest.mark.parametrize("name", ALGORITHM)
 def test_a_result_depends_on_its_algorithm_its_noise_and_its_measure(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[str, ...]] = []
-    monkeypatch.setattr("tools.evaluation.methods.digest", lambda *entries: seen.append(entries) or "")
+    seen: list[str] = []
+
+    def spy(*entries: str) -> str:
+        seen.extend(entries)
+        return ""
+
+    monkeypatch.setattr("tools.evaluation.methods.digest", spy)
     methods()[name].identity()
-    reached = {f"{module}:{each}" for module, each in sources._Walk(seen[0]).reached}
+    reached = {f"{module}:{each}" for module, each in sources._Walk(tuple(seen)).reached}
     assert {ALGORITHM[name], *SHARED_BY_ALL} <= reached
     modules = {each.partition(":")[0] for each in reached}
     assert not modules & {"tools.evaluation.page", "tools.evaluation.figures", "shared.dng.file", "tools.render", "tools.scenes"}
