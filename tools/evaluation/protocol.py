@@ -89,7 +89,7 @@ class Protocol:
         return (
             f"both cameras expose pixels of the same sensor for the same time: {1 / shot:,.0f} electrons per scene unit at "
             f"exposure 1, read noise of {read / shot:.0f} electrons, {_BITS} bits; the Bayer camera amplifies more, for its white "
-            "is a third of the panchromatic pixel's; in bright light it could expose longer instead, which this protocol does not let it"
+            "is a third of the panchromatic pixel's; in bright light it could expose longer instead, which is not tried here"
         )
 
     def describe(self, level: float) -> str:
