@@ -9,7 +9,7 @@ from .measures import PLANES
 from .methods import methods
 from .plots import Series, line_plot
 from .protocol import ORDER
-from .verdict import capital, heading
+from .verdict import capital, heading, periods
 
 _OURS = ("--ours", "--ours-2", "--ours-3")
 _RIVALS, _LEVELS = 9, 6
@@ -86,7 +86,8 @@ def period_section(figures: Figures) -> str:
         head = "".join(f'<th scope="col">K = {period}</th>' for period in study.periods)
         table = f'<table><thead><tr><th scope="col">Median RGB, dB</th>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
         parts.append(
-            f'<h3>{escape(heading(figures, group))}</h3><div><div class="plots">{"".join(plots)}</div>'
+            f"<h3>{escape(heading(figures, group))}</h3><p>{escape(periods(figures, group))}</p>"
+            f'<div><div class="plots">{"".join(plots)}</div>'
             f'<fieldset class="legend" hidden>{boxes}</fieldset></div>'
             f'<div class="scroll" tabindex="0" role="region" aria-label="table">{table}</div>'
         )

@@ -26,6 +26,8 @@ def plain_text(figures: Figures) -> str:
         lines += [f"{claim.text}: {claim.finding} ({claim.why})." for claim in figures.claims(group)]
         if lost := losses(figures, group):
             lines.append(f"Where we lose: {lost}")
+        if best := periods(figures, group):
+            lines.append(best)
         lines.append("")
     return "\n".join(lines).rstrip()
 
@@ -79,6 +81,16 @@ def losses(figures: Figures, group: str) -> str:
         return "On no scene at any level." if figures.ours and figures.rivals else ""
     worst = "; ".join(_loss(figures, loss) for loss in found[:_LOSSES])
     return worst + (f"; and {len(found) - _LOSSES} more." if len(found) > _LOSSES else ".")
+
+
+def periods(figures: Figures, group: str) -> str:
+    """Which period wins at which level, in a sentence; nothing when there is only one."""
+    study = figures.study
+    found = [(level, best) for level in study.levels if (best := figures.best_period(group, level)) is not None]
+    if len(study.periods) < 2 or not found:
+        return ""
+    parts = [f"{study.protocol.describe(level)} K = {period} ({ahead:+.1f} dB)" for level, (period, ahead) in found]
+    return f"Best K of {figures.ours}, and its margin over K = {study.period}: {', '.join(parts)}."
 
 
 def capital(text: str) -> str:

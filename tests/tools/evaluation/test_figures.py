@@ -64,6 +64,21 @@ def test_winner_margin_and_losses(study: Study) -> None:
     assert losses(figures, SET).startswith("scene0, no noise: -6.0 dB (bilinear); scene1")
 
 
+def test_the_best_period_is_named(tmp_path: Path) -> None:
+    study = study_of(tmp_path, periods=(4, 6, 8))
+    error = {(0.0, 4): 0.01, (0.0, 6): 0.02, (0.0, 8): 0.04, (0.03, 4): 0.04, (0.03, 6): 0.02, (0.03, 8): 0.02}
+    results = {
+        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.period), 0.1)) * NOISE, TRUTH) for cell in study.cells()
+    }
+    figures = Figures(study, results)
+    assert figures.best_period(SET, 0.0) == (4, pytest.approx(20 * np.log10(2), abs=0.01))
+    assert figures.best_period(SET, 0.03) == (6, 0.0)
+    said = "Best K of paper, and its margin over K = 6: no noise K = 4 (+6.0 dB), sigma 0.03 K = 6 (+0.0 dB)."
+    assert said in plain_text(figures)
+    assert [level["best_period"] for level in json.loads(encode_json(figures, "p", []))["verdict"][SET]["levels"]] == [4, 6]
+    assert "Best K" not in plain_text(Figures(study_of(tmp_path), results))
+
+
 def claims(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[str]:
     """Findings on the two claims; errors: of paper and dlmmse at the two levels."""
     flat = {(name, level): each for name, pair in errors.items() for level, each in zip(study.levels, pair, strict=True)}
