@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline import PAPER, render, render_bands
+from offline import PAPER, band_rows, render, render_bands
 from offline import tiling as product
 from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import RefinementSettings
@@ -44,6 +44,12 @@ def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
 @pytest.mark.parametrize(("pattern", "shape"), frames(6, 500, seed=5))
 def test_bands_of_any_pattern_are_the_whole(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape)
+    assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
+
+
+def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
+    mosaic = shot(CfaPattern.bayer(6, origin=(1, 0)), (290, 3500))
+    assert band_rows(mosaic, PAPER) == 120 + 2 * 6
     assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
