@@ -43,9 +43,6 @@ FAILED, USAGE, INTERRUPTED = 1, 2, 130
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Entry point of `panchroma`; leaves with 0 (ok), 1 (some files failed), 2 (usage) or 130 (interrupted)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    # Threads of the renderer that wait, sleep: beside other programs at work, spinning ones cost it half its speed. Read by OpenMP
-    # when it is loaded.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     _open_streams()
     console = Console()
     try:
@@ -54,8 +51,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         try:
             parsed = _parser(arguments).parse_args(arguments)
             console = Console(json=getattr(parsed, "json", False))
-            if getattr(parsed, "threads", None) is not None:
-                _use_threads(parsed.threads)
+            _set_threads(parsed)
             code: int = _module(parsed.verb).run(parsed, console)
         finally:
             console.close()
@@ -111,8 +107,14 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def _use_threads(count: int) -> None:
-    """Of the renderer: as many, or as there are processors."""
+def _set_threads(parsed: argparse.Namespace) -> None:
+    """How many the renderer has (-j, or as many as there are processors), and what they do while they wait."""
+    if parsed.verb != "bench":  # which measures libraries as they are
+        # They sleep: beside other programs at work, spinning ones cost half the speed. OpenMP reads it when it is loaded.
+        os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    count: int | None = getattr(parsed, "threads", None)
+    if count is None:
+        return
     from offline.kernels.compile import available_threads, use_threads
     from shared.errors import InputError
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render, render_bands
+from offline import BEST, PAPER, band_rows, render, render_bands
 from offline import tiling as product
 from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import RefinementSettings, RenderSettings
@@ -56,6 +56,12 @@ def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
     mosaic = Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
     assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
     assert not np.array_equal(render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb)
+
+
+def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
+    mosaic = shot(CfaPattern.bayer(6, origin=(1, 0)), (290, 3500))
+    assert band_rows(mosaic, PAPER) == 120 + 2 * 6
+    assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
 @pytest.mark.parametrize("repetitions", [0, 1, 5, 90])
