@@ -179,7 +179,14 @@ BLIND = -0.05
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
-    "denoising": {"strength": (0.5, 0.02), "sizes": ((8,), 0.02), "threshold": (2.0, 0.02)},
+    "denoising": {
+        "strength": (0.5, 0.02),
+        "sizes": ((12,), 0.02),
+        "threshold": (2.0, 0.02),
+        "share": (0.6, 0.02),
+        "similarity": (1.0, 0.02),
+        "radius": (3, 0.02),
+    },
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
     "pooling": {"passes": (((1.0, 0.5),), 0.02), "light": (1.0, 0.02), "radius": (2, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
