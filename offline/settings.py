@@ -1,5 +1,6 @@
 """The settings of each stage, in order of execution, and the presets."""
 
+import math
 from dataclasses import dataclass, field
 
 from shared.errors import InputError
@@ -149,6 +150,20 @@ class AffinitySettings:
 
 
 @dataclass(frozen=True)
+class PropagationSettings:
+    """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
+
+    softness: alpha (alpha + softness) is what a block weighs, where the paper has alpha^2: more of it mixes evenly shaded colours
+    more evenly, and has less faith in edges.
+    """
+
+    softness: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.softness < math.inf, "propagation.softness", self.softness, "0 or more")
+
+
+@dataclass(frozen=True)
 class RefinementSettings:
     """Non-local averaging of chromaticity, Eqs. 15-16.
 
@@ -180,6 +195,7 @@ class RenderSettings:
     chromaticity: ChromaticitySettings = field(default_factory=ChromaticitySettings)
     pooling: PoolingSettings = field(default_factory=PoolingSettings)
     affinity: AffinitySettings = field(default_factory=AffinitySettings)
+    propagation: PropagationSettings = field(default_factory=PropagationSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
 
 

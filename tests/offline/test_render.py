@@ -185,6 +185,7 @@ MOVED: dict[str, dict[str, Change]] = {
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
     "pooling": {"passes": (((1.0, 0.5),), 0.02), "light": (1.0, 0.02), "radius": (2, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
+    "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
 }
 # What is switched off in a preset, but for the setting that switches it on.
@@ -241,7 +242,7 @@ def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
 @pytest.mark.parametrize("sigma", [None, 0.0])
 def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> None:
     mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
-    off = replace(PAPER, refinement=BEST.refinement)
+    off = replace(plain, denoising=PAPER.denoising, pooling=PAPER.pooling)
     assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
 
 

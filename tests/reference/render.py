@@ -58,7 +58,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
-    initial = propagation.propagate(blocks, alpha, light, pattern)
+    initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
