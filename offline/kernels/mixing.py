@@ -10,7 +10,7 @@ from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_l
 
 _LANES = WIDTH
 _CLASSES = 4
-_NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
 
 
@@ -103,5 +103,5 @@ def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatAr
 def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softness: Scalar) -> Lanes:
     """Eq. 14, before the weights are scaled to a sum of one."""
     part = load(alpha, (kind, column))
-    part = greater(part, -part)  # the solver leaves values a little below zero, too
+    part = greater(part, _MINUS * part)  # the solver leaves values a little below zero, too
     return part * (part + softness) * load(light, (kind, column))
