@@ -1,6 +1,7 @@
 """The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB.
 
-Denoising and pooling are not of the paper: they are what the preset BEST adds in little light.
+Mending, restoring, denoising and pooling are not of the paper: they are what the preset BEST adds for defective samples, for too
+much light and for too little.
 """
 
 from collections.abc import Iterator
@@ -57,7 +58,8 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """The rows of `render(mosaic, settings).rgb` from top to bottom, to the bit, as bands float32 (rows, W, C).
 
-    Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
+    Beside the mosaic only the luminance is there as a whole, and a mended copy of the samples if there was anything to mend: eight
+    or twelve bytes a pixel with the mosaic's signal.
     """
     noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
     mosaic = mend_defects(mosaic, clipping, noise, settings.defects, progress)

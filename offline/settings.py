@@ -207,5 +207,6 @@ BEST = RenderSettings(
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
     pooling=PoolingSettings(passes=((1.0, 0.35), (0.5, 0.15))),
+    propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
 )
