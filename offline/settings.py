@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from shared.errors import InputError
 
 _LARGEST = 32  # pixels of a DCT block
+_FARTHEST = 16  # pixels that non-local means look in every direction
 _WIDEST = 64  # blocks that pooling looks in every direction
 
 
@@ -82,18 +83,25 @@ class DenoisingSettings:
     """Denoising of luminance; the paper has none.
 
     strength: noise taken away, as a multiple of the noise there is; 0: none. sizes: of the DCT blocks, pixels, multiples of 4;
-    threshold: of the first pass, in standard deviations of the noise.
+    threshold: of the first pass, in standard deviations of the noise. share: of non-local means in the result, 0 to 1; similarity:
+    how far apart surroundings may be in them, in standard deviations; radius: of their window, pixels.
     """
 
     strength: float = 0.0
-    sizes: tuple[int, ...] = (8, 12)
-    threshold: float = 2.7
+    sizes: tuple[int, ...] = (4, 8, 12)
+    threshold: float = 2.6
+    share: float = 0.3
+    similarity: float = 0.5
+    radius: int = 8
 
     def __post_init__(self) -> None:
         _require(self.strength >= 0, "denoising.strength", self.strength, "0 or more")
         whole = bool(self.sizes) and all(4 <= size <= _LARGEST and size % 4 == 0 for size in self.sizes)
         _require(whole, "denoising.sizes", self.sizes, f"one or more multiples of 4 up to {_LARGEST}")
         _require(self.threshold > 0, "denoising.threshold", self.threshold, "more than 0")
+        _require(0 <= self.share <= 1, "denoising.share", self.share, "0 to 1")
+        _require(self.similarity > 0, "denoising.similarity", self.similarity, "more than 0")
+        _require(1 <= self.radius <= _FARTHEST, "denoising.radius", self.radius, f"1 to {_FARTHEST}")
 
 
 @dataclass(frozen=True)
@@ -206,7 +214,7 @@ BEST = RenderSettings(
     highlights=HighlightSettings(restored=True),
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
-    pooling=PoolingSettings(passes=((1.0, 0.35), (0.5, 0.15))),
+    pooling=PoolingSettings(passes=((0.7, 0.3), (0.4, 0.12))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
 )

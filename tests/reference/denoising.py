@@ -1,4 +1,4 @@
-"""Two passes of shrinking every block of a picture in SciPy's DCT."""
+"""Two passes of shrinking every block of a picture in SciPy's DCT, and a mean over similar surroundings."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dctn, idctn
 
+from offline.settings import DenoisingSettings
 from shared.arrays import BoolArray, DoubleArray
+
+from .gaussian import blur
 
 Gains = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 Variance = Callable[[float], float]
@@ -47,3 +50,31 @@ def denoise(
     refilled = np.where(doubtful, first, plane)
     second = aggregated(refilled, first, sizes, variance, lambda _, guide, noise: guide**2 / (guide**2 + noise))
     return second[margin:-margin, margin:-margin]
+
+
+def similar_mean(samples: DoubleArray, guide: DoubleArray, shot: float, read: float, similarity: float, radius: int) -> DoubleArray:
+    """Of the samples around each, by how alike the guide is around them, in standard deviations of the noise."""
+    even = 2 / shot * np.sqrt(np.maximum(shot * guide + read**2, 0)) if shot else guide / read
+    height, width = guide.shape
+    margin = radius + 4
+    wide, values = np.pad(even, margin, mode="reflect"), np.pad(samples, radius, mode="reflect")
+    sums, weights = np.zeros_like(guide), np.zeros_like(guide)
+    for down in range(2 * radius + 1):
+        for right in range(2 * radius + 1):
+            there = wide[down : down + height + 8, right : right + width + 8]
+            distance = blur((there - wide[radius:-radius, radius:-radius]) ** 2, 1.0)[4:-4, 4:-4]
+            weight = np.exp(-distance / (2 * similarity**2))
+            sums += weight * values[down : down + height, right : right + width]
+            weights += weight
+    return sums / weights
+
+
+def denoise_luminance(
+    noisy: DoubleArray, uncertain: BoolArray, shot: float, read: float, settings: DenoisingSettings
+) -> DoubleArray:
+    shot, read = shot * settings.strength**2, read * settings.strength
+    clean = denoise(noisy, uncertain, settings.sizes, shot, read, settings.threshold)
+    samples = np.where(uncertain, clean, noisy)
+    return (1 - settings.share) * clean + settings.share * similar_mean(
+        samples, clean, shot, read, settings.similarity, settings.radius
+    )

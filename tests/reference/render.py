@@ -47,8 +47,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
 
     noise, clean = mosaic.calibration.noise, settings.denoising
     if noise is not None and clean.strength * max(noise.shot[-1], noise.read[-1]) > 0:
-        shot, read = clean.strength**2 * noise.shot[-1], clean.strength * noise.read[-1]
-        light = denoising.denoise(light, ~measured, clean.sizes, shot, read, clean.threshold)
+        light = denoising.denoise_luminance(light, ~measured, noise.shot[-1], noise.read[-1], clean)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
     coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
