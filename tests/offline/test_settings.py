@@ -52,6 +52,7 @@ from shared.errors import InputError
         (ChromaticitySettings(), "taps", 4),
         (ChromaticitySettings(), "taps", -1),
         (ChromaticitySettings(), "repetitions", -1),
+        (ChromaticitySettings(), "trust", -1.0),
         (AffinitySettings(), "scales", ()),
         (AffinitySettings(), "scales", (0.5, 0.0)),
         (AffinitySettings(), "tolerance", 0.0),
