@@ -2,8 +2,8 @@
 
 Medians take what a block's neighbours do not share: errors, and fine detail of colour. Errors of a block's chromaticity, from noise
 and from luminance that was filled wrongly, also keep its channels from adding up to its luminance (Eq. 7); detail does not. So
-around each block what the medians took is compared with what is missing from the sum: the more it exceeds that, the more of it was detail.
-Both are weighed by light, as they will be seen, and where noise alone explains what was taken, nothing is given back.
+around each block what the medians took is compared with what is missing from the sum: the more it exceeds that, the more of it was
+detail. Both are weighed by light, as they will be seen, and where noise alone explains what was taken, nothing is given back.
 """
 
 import numpy as np
