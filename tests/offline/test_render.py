@@ -187,7 +187,7 @@ MOVED: dict[str, dict[str, Change]] = {
         "threshold": (2.0, 0.02),
         "share": (0.6, 0.02),
         "similarity": (1.0, 0.02),
-        "radius": (3, 0.02),
+        "radius": (1, 0.2),
     },
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "trust": (1e3, None)},
     "pooling": {"passes": (((1.0, 0.5),), 0.02), "light": (1.0, 0.02), "radius": (2, 0.02)},
