@@ -6,6 +6,7 @@ from shared.arrays import BORDER, DoubleArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid, CfaPattern
 
+from .detail import give_back
 from .kernels.medians import SLACK, oriented_median
 from .progress import SILENT, Progress
 from .settings import ChromaticitySettings
@@ -27,6 +28,7 @@ def estimate_chromaticities(
     gamma = np.array(mosaic.calibration.gamma)
     weight, product, sigma = block_sums(mosaic, luminance, grid)
     chromaticity = solve_constrained(weight, product, sigma, gamma)
+    own = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back, but far off the plane,
@@ -36,6 +38,8 @@ def estimate_chromaticities(
     if total.min() <= _LEAST_TOTAL:
         projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
         scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
+    if settings.trust:
+        scaled = give_back(own, scaled, weight, product, sigma, gamma, settings.trust)
     return grid.extend(scaled.astype(np.float32))
 
 

@@ -1,6 +1,7 @@
 """The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB.
 
-Denoising and pooling are not of the paper: they are what the preset BEST adds in little light.
+Mending, restoring, denoising and pooling are not of the paper: they are what the preset BEST adds for defective samples, for too
+much light and for too little.
 """
 
 from collections.abc import Iterator
@@ -49,7 +50,7 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
     measured = estimate_chromaticities(sound, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(measured, sound, luminance, noise, settings.pooling, progress)
     affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
-    initial = propagate(blocks, affinity, luminance, mosaic.pattern)  # c, Eqs. 10 and 14
+    initial = propagate(blocks, affinity, luminance, mosaic.pattern, settings.propagation)  # c, Eqs. 10 and 14
     refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
     return Rendering(refined * luminance[..., None], luminance, refined)  # Eq. 17
 
@@ -57,7 +58,8 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """The rows of `render(mosaic, settings).rgb` from top to bottom, to the bit, as bands float32 (rows, W, C).
 
-    Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
+    Beside the mosaic only the luminance is there as a whole, and a mended copy of the samples if there was anything to mend: eight
+    or twelve bytes a pixel with the mosaic's signal.
     """
     noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
     mosaic = mend_defects(mosaic, clipping, noise, settings.defects, progress)
@@ -73,7 +75,7 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
     for band in steps:
         affinity = solve_patches(luminance, pattern, settings.affinity, band.patches)
-        following = propagate_patches(blocks, affinity, luminance, pattern, band.patches[0])
+        following = propagate_patches(blocks, affinity, luminance, pattern, settings.propagation, band.patches[0])
         initial = np.concatenate([initial, following])
         refined = refine_rows(initial, first, luminance, pattern.period, sigma, settings.refinement, band.rows)
         initial, first = initial[band.kept - first :].copy(), band.kept

@@ -1,5 +1,6 @@
 """The settings of each stage, in order of execution, and the presets."""
 
+import math
 from dataclasses import dataclass, field
 
 from shared.errors import InputError
@@ -108,14 +109,17 @@ class ChromaticitySettings:
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
     taps: length of the 1-D medians, 5 in the paper, 1 = none; repetitions: at most so many ("till convergence" in the paper).
+    trust: in blocks that add up to their luminance; the more, the more detail that the medians took is given back. 0 = none.
     """
 
     taps: int = 5
     repetitions: int = 20
+    trust: float = 0.0
 
     def __post_init__(self) -> None:
         _require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
         _require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
+        _require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,20 @@ class AffinitySettings:
 
 
 @dataclass(frozen=True)
+class PropagationSettings:
+    """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
+
+    softness: alpha (alpha + softness) is what a block weighs, where the paper has alpha^2: more of it mixes evenly shaded colours
+    more evenly, and has less faith in edges.
+    """
+
+    softness: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.softness < math.inf, "propagation.softness", self.softness, "0 or more")
+
+
+@dataclass(frozen=True)
 class RefinementSettings:
     """Non-local averaging of chromaticity, Eqs. 15-16.
 
@@ -188,6 +206,7 @@ class RenderSettings:
     chromaticity: ChromaticitySettings = field(default_factory=ChromaticitySettings)
     pooling: PoolingSettings = field(default_factory=PoolingSettings)
     affinity: AffinitySettings = field(default_factory=AffinitySettings)
+    propagation: PropagationSettings = field(default_factory=PropagationSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
 
 
@@ -198,6 +217,8 @@ BEST = RenderSettings(
     highlights=HighlightSettings(restored=True),
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
+    chromaticity=ChromaticitySettings(trust=4.0),
     pooling=PoolingSettings(passes=((0.7, 0.3), (0.4, 0.12))),
+    propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
 )

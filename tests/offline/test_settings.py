@@ -12,6 +12,7 @@ from offline.settings import (
     HighlightSettings,
     LuminanceSettings,
     PoolingSettings,
+    PropagationSettings,
     RefinementSettings,
 )
 from shared.errors import InputError
@@ -51,11 +52,14 @@ from shared.errors import InputError
         (ChromaticitySettings(), "taps", 4),
         (ChromaticitySettings(), "taps", -1),
         (ChromaticitySettings(), "repetitions", -1),
+        (ChromaticitySettings(), "trust", -1.0),
         (AffinitySettings(), "scales", ()),
         (AffinitySettings(), "scales", (0.5, 0.0)),
         (AffinitySettings(), "tolerance", 0.0),
         (AffinitySettings(), "tolerance", 1.0),
         (AffinitySettings(), "iterations", 0),
+        (PropagationSettings(), "softness", -0.1),
+        (PropagationSettings(), "softness", float("inf")),
         (RefinementSettings(), "strength", -1.0),
         (RefinementSettings(), "floor", 0.0),
         (RefinementSettings(), "blur", 0.0),

@@ -50,14 +50,18 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         light = denoising.denoise_luminance(light, ~measured, noise.shot[-1], noise.read[-1], clean)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
-    coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
+    own = coarse
+    coarse = chromaticity.oriented_medians(own, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
+    if settings.chromaticity.trust:
+        known = max(sigma_of_colour(mosaic), 1e-6)
+        coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.trust)
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, pattern, gamma, noise)
         coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light, settings.pooling.radius)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
-    initial = propagation.propagate(blocks, alpha, light, pattern)
+    initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
