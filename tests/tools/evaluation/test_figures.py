@@ -71,10 +71,7 @@ def test_the_best_period_is_named(tmp_path: Path) -> None:
         cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.period), 0.1)) * NOISE, TRUTH) for cell in study.cells()
     }
     figures = Figures(study, results)
-    best = figures.best_period(SET, 0.0)
-    assert best is not None
-    assert best[0] == 4
-    assert best[1] == pytest.approx(20 * np.log10(2), abs=0.01)
+    assert figures.best_period(SET, 0.0) == pytest.approx((4, 20 * np.log10(2)), abs=0.01)
     assert figures.best_period(SET, 0.03) == (6, 0.0)
     said = "Best K of paper, and its margin over K = 6: no noise K = 4 (+6.0 dB), sigma 0.03 K = 6 (+0.0 dB)."
     assert said in plain_text(figures)
