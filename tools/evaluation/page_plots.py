@@ -37,6 +37,7 @@ def noise_plots(figures: Figures) -> str:
                     _points(figures, group, each, plane),
                     each in shown[:3],
                     each in shown,
+                    dashed=_dashed(figures, each),
                 )
                 for each in _drawn_last(figures)
             ]
@@ -44,7 +45,7 @@ def noise_plots(figures: Figures) -> str:
         parts.append(f'<div class="plots">{"".join(plots)}</div>')
         boxes = "".join(
             f'<label style="--line:{_colour(figures, each)}"><input type="checkbox" value="{each}"{" checked" * (each in shown)}>'
-            f'<span class="swatch"></span>{escape(title(each))}</label>'
+            f'<span class="swatch{" dashed" * _dashed(figures, each)}"></span>{escape(title(each))}</label>'
             for each in study.methods
         )
         parts.append(f'<fieldset class="legend" hidden>{boxes}</fieldset></div>')
@@ -130,6 +131,11 @@ def _colour(figures: Figures, name: str) -> str:
         ours.sort(key=lambda each: each != figures.ours)
         return f"var({_OURS[ours.index(name) % len(_OURS)]})"
     return f"var(--r{figures.rivals.index(name) % _RIVALS})"
+
+
+def _dashed(figures: Figures, name: str) -> bool:
+    """Whether a rival's colour is one that another has too."""
+    return name in figures.rivals and figures.rivals.index(name) >= _RIVALS
 
 
 def _points(figures: Figures, group: str, name: str, plane: int) -> tuple[Point, ...]:

@@ -3,7 +3,7 @@
 from .figures import Figures, Loss, title
 from .methods import methods
 
-_LOSSES = 5
+_LOSSES = 3  # that are named, of each level
 _EVEN = 0.05  # dB
 
 
@@ -75,12 +75,17 @@ def comparisons(figures: Figures, group: str) -> list[str]:
 
 
 def losses(figures: Figures, group: str) -> str:
-    """Where the best rival of a scene is ahead of us, the worst first."""
+    """Where the best rival of a scene is ahead of us: level by level, for what is lost without noise is lost for another reason."""
     found = figures.losses(group)
     if not found:
         return "On no scene at any level." if figures.ours and figures.rivals else ""
-    worst = "; ".join(_loss(figures, loss) for loss in found[:_LOSSES])
-    return worst + (f"; and {len(found) - _LOSSES} more." if len(found) > _LOSSES else ".")
+    parts = []
+    for level in figures.study.levels:
+        here = [loss for loss in found if loss.level == level]
+        worst = ", ".join(_loss(loss) for loss in here[:_LOSSES])
+        more = f", and {len(here) - _LOSSES} more" if len(here) > _LOSSES else ""
+        parts += [f"{figures.study.protocol.describe(level)}: {worst}{more}"] if here else []
+    return "; ".join(parts) + "."
 
 
 def periods(figures: Figures, group: str) -> str:
@@ -102,5 +107,5 @@ def _listed(texts: list[str]) -> str:
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
-def _loss(figures: Figures, loss: Loss) -> str:
-    return f"{loss.scene}, {figures.study.protocol.describe(loss.level)}: -{loss.margin:.1f} dB ({loss.rival})"
+def _loss(loss: Loss) -> str:
+    return f"{loss.scene} -{loss.margin:.1f} dB ({loss.rival})"
