@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.colorimetry import as_rows, primaries_to_xyz
 from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from shared.tiff_check import check_directories
 
 from . import exif
 from .icc import LINEAR, SRGB, Encoding, power_curve, read_profile
-from .scene import check_size
+from .scene import SMALL, check_size
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
+_ICC_PROFILE = 34675  # the tag of TIFF
 _PNG_HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
 _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
@@ -81,13 +84,18 @@ def _quiet_libraries() -> Iterator[None]:
 
 
 @guarded
-def decode_png(path: Path) -> Decoded:
+def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """PNG of any kind; Pillow would quietly reduce 16-bit colour to 8, so those go through libpng."""
+    with path.open("rb") as file:
+        header = file.read(_PNG_HEADER)
+    if len(header) < _PNG_HEADER or header[24] != 16:
+        return decode_with_pillow(path, max_pixels)
+    width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
+    size = path.stat().st_size
+    check_size(width, height, 8, size, max_pixels)
+    if size > 2 * 8 * width * height + SMALL:
+        raise InputError(f"{size} bytes for {width} x {height} pixels: the file is damaged, or made to fill the memory")
     data = path.read_bytes()
-    width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
-    if len(data) < _PNG_HEADER or data[24] != 16:
-        return decode_with_pillow(path)
-    check_size(width, height, 8, len(data))
     import imagecodecs
     from PIL import Image
 
@@ -98,14 +106,14 @@ def decode_png(path: Path) -> Decoded:
 
 
 @guarded
-def decode_with_pillow(path: Path) -> Decoded:
+def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """8-bit PNG, JPEG and WebP."""
     from PIL import Image
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # Pillow's own size warning; ours is an error
         with Image.open(path) as image:
-            check_size(*image.size, 4, path.stat().st_size)
+            check_size(*image.size, 4, path.stat().st_size, max_pixels)
             if image.mode not in _MODES:
                 raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
             notes: tuple[str, ...] = ()
@@ -118,11 +126,13 @@ def decode_with_pillow(path: Path) -> Decoded:
 
 
 @guarded
-def decode_tiff(path: Path) -> Decoded:
+def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Grey or RGB TIFF, integer or floating point; the first page."""
     import tifffile
 
     size = path.stat().st_size
+    with path.open("rb") as stream:
+        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _ICC_PROFILE})
     with tifffile.TiffFile(path) as file:
         page: Any = file.pages[0]
         if page.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB, tifffile.PHOTOMETRIC.YCBCR}:
@@ -132,9 +142,9 @@ def decode_tiff(path: Path) -> Decoded:
         samples = page.samplesperpixel
         if samples not in {1, 2, 3, 4} or page.imagedepth != 1:
             raise InputError(f"the TIFF has {samples} samples per pixel; expected grey or RGB, with or without transparency")
-        check_size(page.imagewidth, page.imagelength, samples * max(1, page.bitspersample // 8), size)
+        check_size(page.imagewidth, page.imagelength, samples * max(1, page.bitspersample // 8), size, max_pixels)
         if page.is_tiled:
-            check_size(page.tilewidth, page.tilelength)
+            check_size(page.tilewidth, page.tilelength, max_pixels=max_pixels)
         # tifffile fills what is missing with zeros: that would be a black stripe in a scene, not an error.
         extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
         if not extents or any(count == 0 or offset + count > size for offset, count in extents):
@@ -143,16 +153,16 @@ def decode_tiff(path: Path) -> Decoded:
         if page.axes.startswith("S"):
             pixels = np.moveaxis(pixels, 0, -1)
         pixels, notes = _without_alpha(np.atleast_3d(pixels))
-        if len(file.pages) > 1:
+        if several:
             notes += ("of several pages only the first is used",)
         peak = (1 << page.bitspersample) - 1 if pixels.dtype.kind == "u" else None
-        profile = page.tags.get(34675)
+        profile = page.tags.get(_ICC_PROFILE)
         encoding, remarks = _profile_encoding(profile and profile.value)
     return Decoded(pixels, peak, encoding, exif.from_tags(exif.tiff_tags(path)), notes + remarks)
 
 
 @guarded
-def decode_exr(path: Path) -> Decoded:
+def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """OpenEXR: the channels R, G, B or Y of the first part; linear by definition."""
     import OpenEXR
 
@@ -163,7 +173,7 @@ def decode_exr(path: Path) -> Decoded:
         wanted = ("R", "G", "B") if {"R", "G", "B"} <= names else ("Y",)
         if not set(wanted) <= names or "RY" in names:
             raise InputError(f"the EXR has the channels {', '.join(sorted(names))}; expected R, G, B, or Y alone")
-        check_size(right - left + 1, bottom - top + 1, 4 * len(names), path.stat().st_size)
+        check_size(right - left + 1, bottom - top + 1, 4 * len(names), path.stat().st_size, max_pixels)
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
     pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
     if "chromaticities" not in header:
@@ -174,7 +184,7 @@ def decode_exr(path: Path) -> Decoded:
 
 
 @guarded
-def decode_npy(path: Path) -> Decoded:
+def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """A NumPy array (H, W) or (H, W, C) of unsigned integers or floating point; pickled objects are refused."""
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not 1 <= stored.shape[2] <= 4):
@@ -182,7 +192,7 @@ def decode_npy(path: Path) -> Decoded:
             f"the array is {stored.dtype} of shape {stored.shape}; "
             "expected unsigned integers or floating point, (rows, columns) or (rows, columns, 3)"
         )
-    check_size(stored.shape[1], stored.shape[0])
+    check_size(stored.shape[1], stored.shape[0], max_pixels=max_pixels)
     pixels, notes = _without_alpha(np.atleast_3d(np.array(stored)))
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes)
 

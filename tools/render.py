@@ -14,7 +14,7 @@ from shared.errors import InputError
 
 from .console import Console
 from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output, write_picture
-from .work import Job, output_folder, plan, run_jobs
+from .work import Job, add_limit, output_folder, plan, run_jobs
 
 _PRESETS = ("best", "paper")
 
@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="gain of a display picture")
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
+    add_limit(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be done")
     parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     def work(job: Job) -> dict[str, Any]:
         (output,) = job.outputs
-        mosaic = read_dng(job.source)
+        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         check_output(kind, mosaic.calibration, mosaic.shape)

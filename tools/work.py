@@ -1,5 +1,6 @@
 """Many files, one after the other: where each result goes, and what happens when one fails."""
 
+import argparse
 import os
 import shlex
 from collections.abc import Callable, Container, Iterable, Sequence
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError, OutputError, PanchromaError
+from shared.reading import MAX_PIXELS
 
 from .console import Console, StandardOutputError, fault
 
@@ -20,6 +22,13 @@ class Job:
 
     source: str
     outputs: tuple[Path, ...]
+
+
+def add_limit(parser: argparse.ArgumentParser) -> None:
+    """--max-pixels, of commands that read files from anywhere."""
+    parser.add_argument(
+        "--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="of a file that is read; what claims more is refused"
+    )
 
 
 def output_folder(folder: str) -> Path:

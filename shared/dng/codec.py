@@ -1,6 +1,6 @@
 """Mosaic <-> the bytes of a DNG 1.4 file. Pure: no file is touched here (Adobe, Digital Negative Specification 1.4.0.0)."""
 
-from typing import Literal
+from typing import IO, Literal
 
 import numpy as np
 
@@ -9,13 +9,14 @@ from ..calibration import BITS, SensorCalibration
 from ..errors import InputError
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
+from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour import colour_fields
 from .container import main_directory, raw_digest, raw_directory
 from .exif import read_metadata
 from .reader import DngReader, damaged, opened
 from .record import decode_record, encode_record, is_record
-from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, MAX_PIXELS, Photometric, Tag
+from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, Photometric, Tag
 
 Layout = Literal["auto", "cfa", "linear"]
 
@@ -47,8 +48,8 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     return encode_tiff(main)
 
 
-def decode_dng(data: bytes, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
-    """The mosaic in a DNG of ours: uint16 codes, pattern and calibration as they were written.
+def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosaic:
+    """The mosaic in a DNG of ours, its bytes or a file of them: uint16 codes, pattern and calibration as they were written.
 
     Capture data come from the TIFF and Exif fields, which other programs may have edited since. Raises InputError for anything
     but a whole file of ours, before decoding more than `max_pixels`.
@@ -66,7 +67,7 @@ def decode_dng(data: bytes, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
         return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
 
 
-def decode_preview(data: bytes) -> bytes:
+def decode_preview(data: bytes | IO[bytes]) -> bytes:
     """The JPEG preview of a DNG, as it lies there. Raises InputError when there is none."""
     with opened(data) as dng:
         return dng.preview()

@@ -131,7 +131,7 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, monkeypatch: pytest.
     def fail(_: Path) -> bytes:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_bytes", fail)
+    monkeypatch.setattr(Path, "open", fail)
     watch = Watch(tmp_path)
     assert watch.rest() == []
     assert watch.refused == [f"{tmp_path / 'frame.raw'}: cannot be read (Permission denied)"]

@@ -207,7 +207,7 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
         (["--seed", "-1"], "--seed is -1"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the paper's noise"),
         (["--exposure", "2"], "--exposure needs --protocol sensor"),
-        (["--camera", "missing.json"], "missing.json: cannot be read"),
+        (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],
 )
 def test_impossible_options_are_usage(out: Path, options: list[str], words: str) -> None:
