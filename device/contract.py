@@ -50,11 +50,11 @@ class Description:
 
     def check(self, pattern: CfaPattern) -> None:
         """Raise InputError unless the graph is for this pattern."""
-        if pattern.period % self.scale:
-            raise InputError(f"the preview graph has scale {self.scale}, which is no divisor of the period {pattern.period}")
         for name, ours, theirs in (("pattern", self.tile, tile_name(pattern)), ("channels", self.channels, pattern.channels)):
             if ours != theirs:
                 raise InputError(f"the preview graph is for the {name} {ours}, the mosaic has {theirs}")
+        if pattern.period % self.scale:
+            raise InputError(f"the preview graph has scale {self.scale}, which is no divisor of the period {pattern.period}")
 
     def to_metadata(self) -> dict[str, str]:
         """As strings, for the file."""

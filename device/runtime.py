@@ -42,7 +42,11 @@ class Preview:
         if threads is not None and threads < 1:
             raise InputError(f"a preview with {threads} threads: at least one is needed")
         self._session = _session(model)
-        self.description = contract.parse(self._session.get_modelmeta().custom_metadata_map)
+        try:
+            metadata = self._session.get_modelmeta().custom_metadata_map
+        except UnicodeDecodeError as error:
+            raise InputError(f"the preview graph's description is no text ({error}): {_DAMAGED}") from None
+        self.description = contract.parse(metadata)
         self._threads = threads or _processors()
         self._pool = ThreadPoolExecutor(self._threads, "preview")
 
@@ -106,6 +110,8 @@ class Preview:
     def _strip(self, codes: CodeArray, inputs: dict[str, NDArray[Any]]) -> NDArray[Any]:
         try:
             (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: codes, **inputs})
+        except MemoryError:
+            raise
         except Exception as error:  # as in `_session`
             raise InputError(f"the preview graph does not run ({error}): {_DAMAGED}") from error
         return np.asarray(strip)

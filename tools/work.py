@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError, OutputError, PanchromaError
+from shared.files import sweep
 from shared.reading import MAX_PIXELS
 
 from .console import Console, StandardOutputError, fault
@@ -32,7 +33,10 @@ def add_limit(parser: argparse.ArgumentParser) -> None:
 
 
 def output_folder(folder: str) -> Path:
-    """The folder of `-o`; raises OutputError when it is none, or nothing can be written there."""
+    """The folder of `-o`, without what killed processes have left there half written.
+
+    Raises OutputError when it is none, or nothing can be written there.
+    """
     path = Path(folder)
     if not folder:
         raise OutputError("-o is empty: name the folder for the results")
@@ -42,6 +46,7 @@ def output_folder(folder: str) -> Path:
         raise OutputError(f"{folder}: is not a folder; -o names the folder for the results")
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
+    sweep(path)
     return path
 
 

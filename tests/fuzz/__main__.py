@@ -3,8 +3,8 @@
     python -m tests.fuzz --count 20000 --seed 1 [-j 2] [--keep DIR]
     python -m tests.fuzz --number 4711 --seed 1 --keep DIR      one of them again, its file kept
 
-same: it reads as before the damage. altered: it reads as something else, in a format that has no digest. refused: with one line that
-says why. FAULT: another exception, a crash, more than 10 s or 300 MB, or a shot that reads as another one.
+same: it reads as before the damage. altered: it reads as something else, in a format that has no digest. refused: with one line
+that says why. FAULT: another exception, a crash, more than 10 s or 300 MB, or a shot that reads as another one.
 """
 
 import argparse

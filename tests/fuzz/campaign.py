@@ -16,6 +16,7 @@ from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case
 from tests.fuzz.corpus import corpus
 
 ROOT = Path(__file__).parents[2]
+CHILD = [sys.executable, "-m", "tests.fuzz.child"]
 OUTCOMES = (SAME, ALTERED, REFUSED, FAULT)
 LIMIT_SECONDS = 10.0
 LIMIT_BYTES = 300 * 2**20  # beyond what the program and its libraries take
@@ -25,7 +26,10 @@ _START_SECONDS = 120.0
 
 @dataclass
 class Campaign:
-    """What came of it. counts: by kind of file and outcome; faults: number -> what happened; seconds, bytes: the most of one file."""
+    """What came of it.
+
+    counts: by kind of file and outcome; faults: number -> what happened; seconds, bytes: the most of one file.
+    """
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     faults: dict[int, str] = field(default_factory=dict)
@@ -84,8 +88,7 @@ def _read(seed: int, numbers: Sequence[int]) -> Iterator[tuple[int, dict[str, An
 
 class _Child:
     def __init__(self) -> None:
-        line = [sys.executable, "-m", "tests.fuzz.child"]
-        self._process = subprocess.Popen(line, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self._process = subprocess.Popen(CHILD, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         self._own = 0
         self._own = self._answer(_START_SECONDS)["bytes"]
         self.usable = True

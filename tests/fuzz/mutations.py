@@ -91,4 +91,15 @@ def _splice(data: bytearray, random: Random, others: Sequence[bytes]) -> bytearr
     return data
 
 
-_MUTATIONS: tuple[Mutation, ...] = (_flip, _flip, _truncate, _size_field, _size_field, _number, _duplicate, _remove, _noise, _splice)
+_MUTATIONS: tuple[Mutation, ...] = (
+    _flip,
+    _flip,
+    _truncate,
+    _size_field,
+    _size_field,
+    _number,
+    _duplicate,
+    _remove,
+    _noise,
+    _splice,
+)

@@ -295,7 +295,7 @@ BAD_SCENES: dict[str, tuple[bytes, str]] = {
     "none.npy": (npy(scene()[:0]), "it is empty"),
     "words.npy": (npy(np.array(["a"])), "expected unsigned integers or floating point"),
     "cut.npy": (npy(scene())[:900], "cut short or damaged"),
-    "cut.tif": (tiff(scene())[:900], "cut short"),
+    "cut.tif": (tiff(scene())[:900], "the file ends after 900 bytes"),
     "cut.exr": (exr(scene())[:900], "cut short or damaged"),
     "cut.png": (png()[:60], "cut short or damaged"),
     "cut.jpg": (JPEG[:300], "cut short or damaged"),
