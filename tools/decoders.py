@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -97,10 +98,10 @@ def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         raise InputError(f"{size} bytes for {width} x {height} pixels: the file is damaged, or made to fill the memory")
     data = path.read_bytes()
     import imagecodecs
-    from PIL import Image
 
+    image_module = _pillow()
     pixels, notes = _without_alpha(np.atleast_3d(imagecodecs.png_decode(data)))
-    with Image.open(path) as image:
+    with image_module.open(path) as image:
         encoding, remarks = _png_encoding(image.info)
         return Decoded(pixels, 65535, encoding, exif.from_tags(exif.merged(image.getexif())), notes + remarks)
 
@@ -108,11 +109,9 @@ def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
 @guarded
 def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """8-bit PNG, JPEG and WebP."""
-    from PIL import Image
-
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow's own size warning; ours is an error
-        with Image.open(path) as image:
+        warnings.simplefilter("ignore")  # of odd capture data
+        with _pillow().open(path) as image:
             check_size(*image.size, 4, path.stat().st_size, max_pixels)
             if image.mode not in _MODES:
                 raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
@@ -195,6 +194,14 @@ def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     check_size(stored.shape[1], stored.shape[0], max_pixels=max_pixels)
     pixels, notes = _without_alpha(np.atleast_3d(np.array(stored)))
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes)
+
+
+def _pillow() -> ModuleType:
+    """Pillow's module of pictures, without a bound of its own: `check_size` is asked before anything is decoded."""
+    from PIL import Image
+
+    Image.MAX_IMAGE_PIXELS = None
+    return Image
 
 
 def _without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

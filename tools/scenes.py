@@ -111,9 +111,9 @@ def _look_into(path: Path) -> tuple[bool, bool]:
     """
     import tifffile
 
+    with path.open("rb") as stream:
+        check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _DNG_PRIVATE_DATA})
     try:
-        with path.open("rb") as stream:
-            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _DNG_PRIVATE_DATA})
         with tifffile.TiffFile(path) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]

@@ -1,12 +1,14 @@
 """A few hundred damaged files, and the fuzzer seen to catch what it is for."""
 
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from shared.errors import InputError
-from tests.fuzz import campaign
+from tests.fuzz import bombs, campaign
+from tests.fuzz.campaign import ROOT
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
 
@@ -63,3 +65,15 @@ def test_a_reader_that_crashes_hangs_or_swells_is_caught(does: str, says: str, m
     monkeypatch.setattr(campaign, "LIMIT_SECONDS", 0.5 if "200" not in does else 30.0)
     monkeypatch.setattr(campaign, "LIMIT_BYTES", 100 << 20)
     assert says in campaign.run(seed=0, numbers=[0]).faults[0]
+
+
+def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
+    """All in one process: its peak bounds that of each. The command measures them one by one."""
+    paths = [bombs.write(name, tmp_path) for name in bombs.bombs()]
+    script = (
+        "import sys; from pathlib import Path; from tests.fuzz.bombs import measure\n"
+        "print(max(measure(Path(name))[2] for name in sys.argv[1:]))"
+    )
+    done = subprocess.run([sys.executable, "-c", script, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < bombs.LIMIT_BYTES
