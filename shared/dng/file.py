@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..files import write_durably
 from ..mosaic import Mosaic
 from ..reading import MAX_PIXELS, opened_file
-from .codec import Layout, decode_dng, decode_preview, encode_dng
+from .codec import Layout, decode_dng, decode_preview, encode_dng, verify
 
 _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
 _KIND = "a DNG of Panchroma"
@@ -33,6 +33,12 @@ def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     """
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return decode_dng(file, max_pixels=max_pixels)
+
+
+def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
+    """(rows, columns) of a whole DNG of ours, mosaic or rendered picture; see `codec.verify`. Raises InputError for any other."""
+    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
+        return verify(file, max_pixels=max_pixels)
 
 
 def read_preview(path: Path | str) -> bytes:

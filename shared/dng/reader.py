@@ -95,6 +95,10 @@ class DngReader:
                 return page
         raise damaged("the file has no raw picture")
 
+    def planes(self) -> int:
+        """Raw samples of a pixel."""
+        return int(self.raw().samplesperpixel)
+
     def cfa(self) -> tuple[tuple[int, ...], ...] | None:
         """The CFA codes of one period, row by row; None for a file that shows its mosaic as a grey picture."""
         page = self.raw()
@@ -109,21 +113,28 @@ class DngReader:
                 return tuple(tuple(codes[start : start + columns]) for start in range(0, len(codes), columns))
         raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
 
-    def samples(self, max_pixels: int) -> CodeArray:
-        """The raw samples, uint16 (H, W); checked to be so many before any is decoded."""
+    def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
+        """The raw samples, uint16 (H, W), or (H, W, planes) of several; checked to be so many before any is decoded."""
         page = self.raw()
-        if len(page.shape) != 2 or page.dtype is None or page.dtype.kind != "u" or page.dtype.itemsize > 2:
-            raise damaged(f"the raw samples are {page.dtype} {page.shape}, expected whole numbers (rows, columns)")
-        rows, columns = page.shape
+        kind = page.dtype
+        if (
+            page.shape[2:] != (planes,) * (planes > 1)
+            or len(page.shape) < 2
+            or kind is None
+            or kind.kind != "u"
+            or kind.itemsize > 2
+        ):
+            raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
+        rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
             raise InputError(f"the file declares {columns} x {rows} pixels; {max_pixels} are the limit, which --max-pixels lifts")
         held = self._check_segments(page)
-        if held > _MOST_BYTES * rows * columns + _SMALL:
+        if held > _MOST_BYTES * rows * columns * planes + _SMALL:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
             raise InputError(f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; export it again so")
         bits = 1 if page.compression == Compression.JPEG else page.bitspersample  # a Huffman code has at least one bit
-        if held * 8 < rows * columns * bits:
+        if held * 8 < rows * columns * planes * bits:
             raise damaged(f"the file declares {columns} x {rows} pixels, its {held} bytes of samples cannot hold them")
         samples = self._decoded(page) if page.compression == Compression.JPEG else page.asarray(maxworkers=1)
         return np.ascontiguousarray(samples, np.uint16)
@@ -133,16 +144,16 @@ class DngReader:
 
         Not by tifffile: where libjpeg-turbo refuses a damaged JPEG, it turns to a second decoder, which crashes on some.
         """
-        rows, columns = page.shape
+        rows, columns, *planes = page.shape
         tall, wide = (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
-        samples = np.empty((rows, columns), np.uint16)
+        samples = np.empty(page.shape, np.uint16)
         corners = product(range(0, rows, tall), range(0, columns, wide))
         for (top, left), segment in zip(corners, self._segments(page), strict=True):
             if _frame_samples(segment) > 8 * len(segment):
                 raise damaged("a JPEG declares more samples than its bytes can hold")
             room = samples[top : top + tall, left : left + wide]
             # Some writers store the same samples as a JPEG of twice the components and half the width.
-            room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide)[: room.shape[0], : room.shape[1]]
+            room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
         return samples
 
     def _check_segments(self, page: TiffPage) -> int:

@@ -19,6 +19,9 @@ LONGEST_SIDE = 65500
 CFA_CODES = {"R": 0, "G": 1, "B": 2, PANCHROMATIC: 6}
 
 
+PICTURE_PLANES = 3  # of a rendered picture: red, green, blue
+
+
 class Tag(IntEnum):
     """TIFF tags by number."""
 
