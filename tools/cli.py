@@ -26,6 +26,7 @@ VERBS = {
     "render": "make the full-quality picture of a shot",
     "evaluate": "compare this camera with Bayer cameras on scenes: figures, and a page to look at",
     "export-preview": "write the graph that makes a camera's previews",
+    "doctor": "check the installation, and say how to mend it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
 

@@ -112,7 +112,8 @@ def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of odd capture data
         with _pillow().open(path) as image:
-            check_size(*image.size, 4, path.stat().st_size, max_pixels)
+            width, height = image.size
+            check_size(width, height, 4, path.stat().st_size, max_pixels)
             if image.mode not in _MODES:
                 raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
             notes: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """Whether files are still what was written: shots, rendered DNGs and camera files, many at a time, whole folders of them."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -52,34 +52,27 @@ def _files(source: str) -> Iterator[str]:
     def stop(error: OSError) -> None:
         raise InputError(f"{error.filename}: cannot be looked into ({error.strerror})")
 
+    found = False
     for folder, below, names in os.walk(source, onerror=stop):
         below.sort()
-        yield from (
-            os.path.join(folder, name)  # noqa: PTH118  as the user has written the folder: pathlib drops "./"
-            for name in sorted(names)
-            if name.lower().endswith(_SUFFIX) and not name.startswith(".")
-        )
+        for name in sorted(names):
+            if name.lower().endswith(_SUFFIX) and not name.startswith("."):
+                found = True
+                yield os.path.join(folder, name)  # noqa: PTH118  as the user has written the folder: pathlib drops "./"
+    if not found:
+        raise InputError(f"{source}: no DNG in this folder or below")
 
 
 def _checked(file: str, max_pixels: int) -> tuple[dict[str, Any], str]:
     """Facts about a whole file, and what is wrong with it, or ""."""
-    check: Callable[[], dict[str, Any]] = (
-        partial(_camera, file) if file.lower().endswith(".json") else partial(_dng, file, max_pixels)
-    )
     try:
-        return check(), ""
+        if file.lower().endswith(".json"):
+            return {"calibration_id": read_camera(file).calibration.id}, ""
+        rows, columns = verify_dng(file, max_pixels=max_pixels)
+        return {"width": columns, "height": rows}, ""
     except PanchromaError as error:
         return {}, str(error)
     except MemoryError:
         return {}, "not enough memory for a picture of this size"
     except Exception as error:  # one odd file must not cost the others theirs; `fault` says that it is ours to mend
         return {}, fault(error)
-
-
-def _dng(file: str, max_pixels: int) -> dict[str, Any]:
-    rows, columns = verify_dng(file, max_pixels=max_pixels)
-    return {"width": columns, "height": rows}
-
-
-def _camera(file: str) -> dict[str, Any]:
-    return {"calibration_id": read_camera(file).calibration.id}

@@ -116,14 +116,8 @@ class DngReader:
     def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
         """The raw samples, uint16 (H, W), or (H, W, planes) of several; checked to be so many before any is decoded."""
         page = self.raw()
-        kind = page.dtype
-        if (
-            page.shape[2:] != (planes,) * (planes > 1)
-            or len(page.shape) < 2
-            or kind is None
-            or kind.kind != "u"
-            or kind.itemsize > 2
-        ):
+        kind, depth = page.dtype, () if planes == 1 else (planes,)
+        if len(page.shape) < 2 or page.shape[2:] != depth or kind is None or kind.kind != "u" or kind.itemsize > 2:
             raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
         rows, columns = page.shape[:2]
         if rows * columns > max_pixels:

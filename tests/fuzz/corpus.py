@@ -93,14 +93,14 @@ def _raws() -> list[Sample]:
     """A Bayer camera's DNG, which LibRaw decodes."""
     codes = random_codes((40, 52), 12)
     buffer = io.BytesIO()
-    tags = [
+    tags: list[Any] = [
         (50706, 1, 4, bytes([1, 4, 0, 0]), True),
         (50708, 2, 0, "Camera", True),
         (33421, 3, 2, (2, 2), True),
         (33422, 1, 4, bytes([0, 1, 1, 2]), True),
         (50721, 10, 9, (1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1), True),
     ]
-    tifffile.imwrite(buffer, codes, photometric=32803, extratags=tags, subfiletype=0)  # type: ignore[arg-type]
+    tifffile.imwrite(buffer, codes, photometric=32803, extratags=tags, subfiletype=0)
     return [Sample("camera RAW", ".dng", buffer.getvalue(), _read_scene)]
 
 

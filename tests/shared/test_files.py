@@ -190,7 +190,8 @@ def test_what_is_being_written_is_not_swept(tmp_path: Path) -> None:
 
 
 def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    flock, swept = fcntl.flock, []
+    flock = fcntl.flock
+    swept: list[Path] = []
 
     def late(file: IO[bytes], operation: int) -> None:
         if not swept:

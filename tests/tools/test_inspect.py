@@ -157,9 +157,7 @@ def test_a_shot_from_simulate_as_json_is_one_line(tmp_path: Path) -> None:
 def archive(folder: Path) -> list[Path]:
     """Shots and a rendered DNG in folders and below, and files that are none of them."""
     (folder / "a" / "b").mkdir(parents=True)
-    paths = [
-        save(folder / "a" / name, mosaic(shape=(20 + number, 30))) for number, name in enumerate(("1.dng", "2.DNG", "b/3.dng"))
-    ]
+    paths = [save(folder / "a" / name, mosaic(shape=(20, 30))) for name in ("1.dng", "2.DNG", "b/3.dng")]
     picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
     (folder / "4.dng").write_bytes(encode_picture_dng(picture, METADATA, None, None, preview()))
     (folder / "note.txt").write_text("no shot")
@@ -208,3 +206,5 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
         f"{path}: damaged: the preview is not a whole JPEG; copy the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
+    (tmp_path / "empty").mkdir()
+    assert run("inspect", "--verify", tmp_path / "empty").errors == [f"panchroma: {tmp_path}/empty: no DNG in this folder or below"]
