@@ -5,6 +5,7 @@ import os
 import platform
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -72,7 +73,9 @@ def _packages() -> Iterator[Finding]:
             yield Finding(name, BAD, f"{found}, older than {wanted}", f"pip install '{name}>={wanted}'")
             continue
         try:
-            importlib.import_module(module)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of packages about packages
+                importlib.import_module(module)
         except Exception as error:  # a broken package may raise anything
             yield Finding(name, BAD, f"{found} cannot be imported: {error}", f"pip install --force-reinstall {name}")
         else:

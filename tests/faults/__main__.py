@@ -3,7 +3,7 @@
     python -m tests.faults [--kills 200] [--seed 1] [-j 2]
 
 After each trial every original is compared byte by byte, and every result has to be absent, old or new, never a part. After each
-interruption the command is run again: it has to finish, to make nothing twice, and to leave no temporary file.
+interruption the command is run again: it has to finish, to make no whole result twice, and to leave no temporary file.
 """
 
 import argparse

@@ -7,8 +7,10 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from shared.dng import verify_dng
@@ -40,15 +42,25 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
 
 
 def _again(scenario: Scenario, folder: Path) -> list[str]:
-    """The same command once more: only what is missing fails to be refused, and then everything is there."""
+    """The same command once more makes what is missing, and nothing twice.
+
+    Where one of a scene's two results is there, which may be of other settings, it says so instead; --overwrite makes both.
+    """
     whole = {path.name: path.stat().st_ino for path in (folder / "out").iterdir() if not path.name.startswith(".")}
-    process = scenario.start(folder)
-    process.communicate(timeout=_PATIENCE)
-    found = _state(scenario, folder, finished=True)
+    scenario.start(folder).communicate(timeout=_PATIENCE)
+    found = []
     if "--overwrite" not in scenario.arguments:
         now = {path.name: path.stat().st_ino for path in (folder / "out").iterdir()}
-        found += [f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode]
-    return found
+        found = [f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode]
+        stems = [name.partition(".")[0] for name in whole]
+        if any(0 < stems.count(stem) < each for stem, each in _results_of(scenario).items()):
+            scenario.start(folder, extra=("--overwrite",)).communicate(timeout=_PATIENCE)
+    return found + _state(scenario, folder, finished=True)
+
+
+def _results_of(scenario: Scenario) -> Counter[str]:
+    """How many results each scene or shot has."""
+    return Counter(name.partition(".")[0] for name in scenario.outputs)
 
 
 def _state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
@@ -140,11 +152,13 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
 def own_input(scenario: Scenario, folder: Path, link: str) -> list[str]:
     """Where a result would go there is an input: itself, or through a symbolic or a hard link."""
     scenario.lay_out(folder)
-    place: Callable[[Path, Path], None] = {"symbolic": os.symlink, "hard": os.link}[link]
     for (name, _), output in zip(scenario.inputs.items(), scenario.outputs, strict=False):
         target = folder / "out" / output
         target.unlink(missing_ok=True)
-        place(folder / name, target)
+        if link == "symbolic":
+            target.symlink_to(folder / name)
+        else:
+            target.hardlink_to(folder / name)
     process = scenario.start(folder, extra=() if "--overwrite" in scenario.arguments else ("--overwrite",))
     _, said = process.communicate(timeout=_PATIENCE)
     found = [f"{name} was changed" for name, data in scenario.inputs.items() if (folder / name).read_bytes() != data]
@@ -159,7 +173,9 @@ def case_alone(scenario: Scenario, folder: Path) -> list[str]:
     name, data = next(iter(scenario.inputs.items()))
     other = name.upper().replace(name.rpartition(".")[2].upper(), name.rpartition(".")[2])
     (folder / other).write_bytes(data)
-    process = scenario.start(folder, extra=(other,))
+    among = list(scenario.arguments)
+    among.insert(among.index(name) + 1, other)
+    process = replace(scenario, arguments=tuple(among)).start(folder)
     _, said = process.communicate(timeout=_PATIENCE)
     found = scenario.faults(folder, finished=True)
     if process.returncode != 1 or "the result would have the same name as that of" not in said.decode():

@@ -22,7 +22,7 @@ def worlds(folder: Path) -> list[Scenario]:
 def pictures(folder: Path) -> list[Scenario]:
     """simulate and render."""
     shots = {f"shot{number}.dng": encode_dng(_shot(number), preview(24, 32)) for number in range(4)}
-    scenes = {f"scene{number}.npy": _scene(number) for number in range(4)}
+    scenes = {f"scene{number}.npy": scene(number) for number in range(4)}
     simulate = known("simulate", ["simulate", *scenes, "-o", "out", "--sigma", "0.01", "--truth"], scenes, folder / "simulate")
     render = known("render", ["render", *shots, "-o", "out"], shots, folder / "render")
     return [simulate, replacing(simulate), render, replacing(render)]
@@ -39,6 +39,7 @@ def _shot(number: int) -> Mosaic:
     return mosaic(CfaPattern.bayer(6), (60, 80 + number))
 
 
-def _scene(number: int) -> bytes:
+def scene(number: int) -> bytes:
+    """A linear picture."""
     rgb = np.random.default_rng(number).random((60, 80, 3)).astype(np.float32)
     return encode_picture(rgb, PictureKind("npy", 32, "camera"), calibration=calibration(), metadata=METADATA)
