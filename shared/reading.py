@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os import SEEK_END
 from pathlib import Path
 from typing import BinaryIO
 
@@ -27,18 +28,26 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             raise InputError(f"is a folder; give {kind}")
         if path.exists() and not path.is_file():
             raise InputError("is a pipe or a device, not a file; save it to a file first")
-        with path.open("rb") as file:
-            size = file.seek(0, 2)
-            file.seek(0)
+        stream = path.open("rb")
+    except FileNotFoundError:
+        raise InputError("there is no such file; check the name") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise _unreadable(error) from error
+    with stream:
+        try:
+            size = stream.seek(0, SEEK_END)
+            stream.seek(0)
             if not size:
                 raise InputError("the file is empty; copy it again")
             if size > largest:
                 raise InputError(f"is larger than the {largest} bytes of {kind}: it is something else, or damaged")
-            yield file
-    except FileNotFoundError:
-        raise InputError("there is no such file; check the name") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})") from error
+            yield stream
+        except OSError as error:
+            raise _unreadable(error) from error
+
+
+def _unreadable(error: OSError | ValueError) -> InputError:
+    return InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})")
 
 
 def read_whole(path: Path | str, largest: int, kind: str) -> bytes:

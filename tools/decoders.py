@@ -24,12 +24,15 @@ from shared.tiff_check import check_directories
 
 from . import exif
 from .icc import LINEAR, SRGB, Encoding, power_curve, read_profile
-from .scene import SMALL, check_size
+from .scene import check_size
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 _ICC_PROFILE = 34675  # the tag of TIFF
+_MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples, and profile, texts and capture data
+_LARGEST_WEBP = 64 << 20  # bytes, read whole; its longest side is 16383 pixels
+_NPY_HEADER = 1 << 16
 _PNG_HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
 _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
@@ -89,13 +92,15 @@ def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """PNG of any kind; Pillow would quietly reduce 16-bit colour to 8, so those go through libpng."""
     with path.open("rb") as file:
         header = file.read(_PNG_HEADER)
-    if len(header) < _PNG_HEADER or header[24] != 16:
-        return decode_with_pillow(path, max_pixels)
     width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
     size = path.stat().st_size
-    check_size(width, height, 8, size, max_pixels)
-    if size > 2 * 8 * width * height + SMALL:
+    check_size(width, height, 0, size, max_pixels)
+    # Chunks of no interest are read too, whatever length they claim.
+    if size > _MOST_PER_PIXEL * width * height + _MOST_BESIDE:
         raise InputError(f"{size} bytes for {width} x {height} pixels: the file is damaged, or made to fill the memory")
+    if len(header) < _PNG_HEADER or header[24] != 16:
+        return decode_with_pillow(path, max_pixels)
+    check_size(width, height, 8, size, max_pixels)
     data = path.read_bytes()
     import imagecodecs
 
@@ -109,6 +114,8 @@ def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
 @guarded
 def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """8-bit PNG, JPEG and WebP."""
+    if path.stat().st_size > _LARGEST_WEBP and path.suffix.lower() == ".webp":
+        raise InputError(f"is larger than {_LARGEST_WEBP} bytes, which no WebP needs; it is damaged, or save it as PNG")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of odd capture data
         with _pillow().open(path) as image:
@@ -186,6 +193,11 @@ def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
 @guarded
 def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """A NumPy array (H, W) or (H, W, C) of unsigned integers or floating point; pickled objects are refused."""
+    with path.open("rb") as file:
+        start = file.read(12)
+    # NumPy reads a header as long as the file says it is: two bytes of it in version 1, four since.
+    if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
+        raise InputError("the array's header claims to be longer than any is: the file is damaged, or made to fill the memory")
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not 1 <= stored.shape[2] <= 4):
         raise InputError(

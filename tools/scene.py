@@ -68,7 +68,7 @@ def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 
     if width < 1 or height < 1:
         raise InputError(f"the picture is {width} x {height} pixels: it is empty")
     if width * height > max_pixels:
-        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; --max-pixels lifts it")
+        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels lifts it")
     decoded = width * height * pixel_bytes
     if decoded > max(SMALL, MAX_EXPANSION * file_bytes) and file_bytes:
         raise InputError(

@@ -38,7 +38,7 @@ def _scene(path: Path) -> object:
 
 
 READERS: dict[str, Callable[[Path], object]] = {
-    **dict.fromkeys((".tif", ".png", ".jpg", ".exr", ".npy"), _scene),
+    **dict.fromkeys((".tif", ".png", ".jpg", ".webp", ".exr", ".npy"), _scene),
     ".dng": read_dng,
     ".json": read_camera,
     ".onnx": Preview,
@@ -68,7 +68,12 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "deflate16.png": (_png(struct.pack(">IIBBBBB", 9000, 9000, 16, 2, 0, 0, 0), deflate), 0),
         "holes.png": (_png(struct.pack(">IIBBBBB", 10, 10, 16, 2, 0, 0, 0), b""), 4 * GIGABYTE),
         "frame.jpg": (_jpeg(65500, 65500), 0),
+        "chunk.png": (_png(struct.pack(">IIBBBBB", 10, 10, 8, 2, 0, 0, 0), b"", (1 << 31) - 1), 4 * GIGABYTE),
+        "chunk16.png": (_png(struct.pack(">IIBBBBB", 10, 10, 16, 2, 0, 0, 0), b"", (1 << 31) - 1), 100 << 20),
+        "holes.webp": (b"RIFF" + struct.pack("<I", (1 << 32) - 10) + b"WEBPVP8 " + struct.pack("<I", 1 << 31), 4 * GIGABYTE),
         "window.exr": (_exr(), 0),
+        "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
+        "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
         "shape.npy": (_npy((20000, 20000, 3)), 0),
         "holes.npy": (_npy((40000, 40000, 3)), 20 * GIGABYTE),
         "holes.json": (b"{", 2 * GIGABYTE),
@@ -116,7 +121,10 @@ def _chain(length: int) -> bytes:
     return bytes(data) + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length)) + bytes(6)
 
 
-def _png(header: bytes, pixels: bytes) -> bytes:
+def _png(header: bytes, pixels: bytes, claimed: int = 0) -> bytes:
+    """A PNG; claimed: length of a chunk of no known kind, which begins after the header."""
+    if claimed:
+        return _png(header, b"")[: 8 + 25] + struct.pack(">I", claimed) + b"zzZz"
     chunks = [(b"IHDR", header), (b"IDAT", pixels), (b"IEND", b"")]
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
