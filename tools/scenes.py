@@ -33,7 +33,7 @@ _KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]]
     ("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr),
     ("NPY", rb"\x93NUMPY", (".npy",), decode_npy),
 )
-_PIECE = 1 << 20
+_PIECE = 16 << 20
 _TIFF_SUFFIXES = (".tif", ".tiff")
 
 
@@ -111,9 +111,9 @@ def _look_into(path: Path) -> tuple[bool, bool]:
     """
     import tifffile
 
-    with path.open("rb") as stream:
-        check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _DNG_PRIVATE_DATA})
     try:
+        with path.open("rb") as stream:
+            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _DNG_PRIVATE_DATA})
         with tifffile.TiffFile(path) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
@@ -127,11 +127,8 @@ def _look_into(path: Path) -> tuple[bool, bool]:
 
 
 def _mentions(path: Path, word: bytes) -> bool:
-    """Whether the bytes of a file hold a word; a piece at a time, since it may be of any length."""
-    kept = b""
+    """Whether a file holds a word near its beginning or its end, where directories and what belongs to them are."""
     with path.open("rb") as file:
-        while piece := file.read(_PIECE):
-            if word in kept + piece:
-                return True
-            kept = piece[1 - len(word) :]
-    return False
+        start = file.read(_PIECE)
+        file.seek(max(0, path.stat().st_size - _PIECE))
+        return word in start or word in file.read(_PIECE)
