@@ -14,6 +14,7 @@ from .calibration import SensorCalibration
 from .errors import InputError
 from .mosaic import Mosaic
 from .pattern import CfaPattern
+from .reading import MAX_DOCUMENT, read_whole
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour")
 """The parts of a calibration that "measured" may tell of; "colour" is camera_to_xyz and neutral."""
@@ -105,11 +106,12 @@ class Camera:
 def read_camera(path: Path | str) -> Camera:
     """The camera in a file; raises InputError that names the file and what is wrong in it."""
     try:
-        return Camera.from_json(json.loads(Path(path).read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON ({error})") from None
+        text = read_whole(path, MAX_DOCUMENT, "a camera file")
+        try:
+            document = json.loads(text.decode("utf-8"))
+        except (ValueError, RecursionError) as error:  # ValueError: no UTF-8, no JSON, or a number of thousands of digits
+            raise InputError(f"is not JSON ({error})") from None
+        return Camera.from_json(document)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -18,7 +18,7 @@ from .console import Console
 from .encoders import encode_jpeg
 from .exif_directory import jpeg_directory
 from .preview_graph import add_graph_option, load_graph
-from .work import Job, output_folder, plan, run_jobs
+from .work import Job, add_limit, output_folder, plan, run_jobs
 
 if TYPE_CHECKING:
     from device import Preview
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_graph_option(parser)
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
+    add_limit(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
 
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     def work(job: Job) -> dict[str, Any]:
         (output,) = job.outputs
-        mosaic = read_dng(job.source)
+        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         start = time.monotonic()

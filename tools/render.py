@@ -18,7 +18,7 @@ from .defect_list import read_defects, with_defects
 from .memory import allowed_memory
 from .picture_writer import POSSIBLE, PictureKind, check_gain, check_output
 from .rendering import check_memory, render_to, telling_compilation
-from .work import Job, output_folder, plan, run_jobs
+from .work import Job, add_limit, output_folder, plan, run_jobs
 
 _PRESETS = ("best", "paper")
 
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
     parser.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads (default, and most: one per core)")
     parser.add_argument("--max-memory", metavar="SIZE", help="for example 4G (default: most of what is free)")
+    add_limit(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be done")
     parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
@@ -57,7 +58,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return [Path(source).stem + kind.suffix]
 
     def read(source: str) -> Mosaic:
-        mosaic = read_dng(source)
+        mosaic = read_dng(source, max_pixels=arguments.max_pixels)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         mosaic = with_defects(mosaic, defects)

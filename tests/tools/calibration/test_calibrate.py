@@ -172,7 +172,7 @@ def test_references_by_name_by_number_and_in_lab(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_reference(path), reference, atol=1e-6)
     path.write_text(text.replace("XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"))
     assert read_reference(path).shape == (24, 3)
-    for wrong, words in (("", "not a CGATS"), (text.replace("A1 ", "A2 "), "once"), (text.replace("XYZ_", "ABC_"), "neither")):
+    for wrong, words in (("CTI3", "not a CGATS"), (text.replace("A1 ", "A2 "), "once"), (text.replace("XYZ_", "ABC_"), "neither")):
         path.write_text(wrong)
         with pytest.raises(InputError, match=words):
             read_reference(path)
