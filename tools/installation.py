@@ -16,7 +16,7 @@ from shared.errors import PanchromaError
 from shared.files import write_durably
 
 from .console import program_version
-from .evaluation.workers import available_memory
+from .memory import available_memory
 from .work import processors
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
