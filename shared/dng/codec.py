@@ -24,6 +24,7 @@ Layout = Literal["auto", "cfa", "linear"]
 _RECTANGULAR = 1
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
+_FOREIGN = "not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture"
 
 
 def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
@@ -58,7 +59,7 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
     with opened(data) as dng:
         record = dng.stored(Tag.DNG_PRIVATE_DATA)
         if not is_record(record):
-            raise InputError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+            raise InputError(_FOREIGN)
         pattern, calibration = decode_record(record)
         _check_cfa(dng, pattern)
         samples = dng.samples(max_pixels)
@@ -72,12 +73,11 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
     Every sample is held against the digest, the record against its own; the preview has none and must be decodable.
     """
     with opened(data) as dng:
+        mosaic = is_record(dng.stored(Tag.DNG_PRIVATE_DATA))
+        if not mosaic and (not dng.value(Tag.NEW_RAW_IMAGE_DIGEST) or dng.planes() != PICTURE_PLANES):
+            raise InputError(_FOREIGN)
         _check_preview(dng.preview())
-        if (
-            not is_record(dng.stored(Tag.DNG_PRIVATE_DATA))
-            and dng.value(Tag.NEW_RAW_IMAGE_DIGEST)
-            and dng.planes() == PICTURE_PLANES
-        ):
+        if not mosaic:
             samples = dng.samples(max_pixels, PICTURE_PLANES)
             _check_digest(dng, samples)
             return samples.shape[0], samples.shape[1]
