@@ -24,7 +24,6 @@ Layout = Literal["auto", "cfa", "linear"]
 _RECTANGULAR = 1
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
-_FOREIGN = "not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture"
 
 
 def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
@@ -57,14 +56,18 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
     but a whole file of ours, before decoding more than `max_pixels`.
     """
     with opened(data) as dng:
-        record = dng.stored(Tag.DNG_PRIVATE_DATA)
-        if not is_record(record):
-            raise InputError(_FOREIGN)
-        pattern, calibration = decode_record(record)
-        _check_cfa(dng, pattern)
-        samples = dng.samples(max_pixels)
-        _check_digest(dng, samples)
-        return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
+        return _mosaic(dng, max_pixels)
+
+
+def _mosaic(dng: DngReader, max_pixels: int) -> Mosaic:
+    record = dng.stored(Tag.DNG_PRIVATE_DATA)
+    if not is_record(record):
+        raise InputError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+    pattern, calibration = decode_record(record)
+    _check_cfa(dng, pattern)
+    samples = dng.samples(max_pixels)
+    _check_digest(dng, samples)
+    return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
 
 
 def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
@@ -73,17 +76,14 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
     Every sample is held against the digest, the record against its own; the preview has none and must be decodable.
     """
     with opened(data) as dng:
-        mosaic = is_record(dng.stored(Tag.DNG_PRIVATE_DATA))
-        if not mosaic and (not dng.value(Tag.NEW_RAW_IMAGE_DIGEST) or dng.planes() != PICTURE_PLANES):
-            raise InputError(_FOREIGN)
-        _check_preview(dng.preview())
-        if not mosaic:
+        rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
+        if rendered and dng.planes() == PICTURE_PLANES:
             samples = dng.samples(max_pixels, PICTURE_PLANES)
             _check_digest(dng, samples)
-            return samples.shape[0], samples.shape[1]
-    if not isinstance(data, bytes):
-        data.seek(0)
-    return decode_dng(data, max_pixels=max_pixels).shape
+        else:
+            samples = _mosaic(dng, max_pixels).codes
+        _check_preview(dng.preview())
+        return samples.shape[0], samples.shape[1]
 
 
 def _check_preview(jpeg: bytes) -> None:
