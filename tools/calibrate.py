@@ -76,7 +76,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.note(f"flat frame {index + 1}: no other has its exposure, or it is clipped; it is left out")
 
     def measure(name: str, mosaic: Mosaic) -> Any:
-        shot = measure_scene(name, mosaic) if arguments.no_chart else measure_chart(name, mosaic, reference, corners)
+        with console.progress(name) as progress:
+            shot = measure_scene(name, mosaic) if arguments.no_chart else measure_chart(name, mosaic, reference, corners, progress)
         where = f"chart at {_places(shot.chart.place.corners)}, " if shot.chart else ""
         console.say(f"{name}: {where}gamma {_row(shot.fits[0].gamma)} ± {_row(shot.fits[0].half_width)}")
         return shot

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from offline.progress import SILENT, Progress
 from shared import Camera, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, as_rows
@@ -76,12 +77,15 @@ class Outcome:
         return "use it with care" if self.warnings else "use it"
 
 
-def measure_chart(name: str, mosaic: Mosaic, reference: DoubleArray, corners: Corners | None = None) -> ShotMeasurement:
+def measure_chart(
+    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Corners | None = None, progress: Progress = SILENT
+) -> ShotMeasurement:
     """Find the chart (or take it at `corners`), measure its patches, and gamma from it and from the scene around it.
 
     Raises InputError with the reason when the shot cannot be used.
     """
-    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
+    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference, progress)
+    progress.stage("measuring", 1)
     places = patch_samples(mosaic, chart.place.regions())
     fits = [fit_chart_gamma(places)]
     with suppress(InputError):  # The surroundings are a bonus: a wall behind the chart has no colours.
