@@ -27,9 +27,11 @@ Corners = tuple[tuple[float, float], ...]
 
 _OFFSET = 4.0  # standard errors: an offset beyond is no chance
 _SPREAD = 2.5  # residuals over noise: beyond, something other than noise is in them
+_GOOD_READ = 0.05  # half width over read noise
+_SIGMAS = 1.96  # of a 95 % interval
 _GOOD_GAMMA = 0.02  # half width over gamma
 _GOOD_COLOUR, _BAD_COLOUR = 4.0, 6.0  # mean dE2000: a fair chart in fair light, and no use
-_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
+_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "colour blocks all over ordinary scenes"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +144,6 @@ def conclude(
         noise = noise_of_places(PlaceSamples.joined([shot.places for shot in charts if shot.places]), base, read)
         warnings.append(
             "noise is measured on the chart's patches, whose texture adds to it: pairs of flat frames (--flat) measure noise alone"
-            + ("" if dark else ", and dark frames (--dark) the read noise")
         )
     if noise:
         changes["noise"] = noise.model(full_scale)
@@ -152,6 +153,7 @@ def conclude(
             "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
+        warnings += _noise_warnings(noise)
     colour, shot, before, camera_rgb = _colour(charts, gamma, reference)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
@@ -198,9 +200,9 @@ def _colour(
 
 
 def _covered(place: ChartPlace, shape: tuple[int, int]) -> BoolArray:
-    """Pixels of the chart, with the card around it."""
+    """Pixels of the measured parts of the patches."""
     covered = np.zeros(shape, bool)
-    for region in place.regions(1.4):
+    for region in place.regions():
         top, left = max(region.top, 0), max(region.left, 0)
         mask = region.mask[top - region.top :, left - region.left :]
         window = covered[top : top + mask.shape[0], left : left + mask.shape[1]]
@@ -245,6 +247,15 @@ def _gamma_warnings(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> list[s
         if left_out > 0:
             warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
     return warnings
+
+
+def _noise_warnings(noise: NoiseResult) -> list[str]:
+    """Of a read noise that is the small rest of a large variance: shot noise hides it in all but the darkest frames."""
+    part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
+    if not part > _GOOD_READ / _SIGMAS:
+        return []
+    known = f"to {100 * _SIGMAS * part:.0f} %" if _SIGMAS * part < 1 else "not at all"
+    return [f"read noise is known {known} (95 %), for {noise.source} hardly show it: take dark frames (--dark)"]
 
 
 def _colour_warnings(colour: ColourFit, shot: str) -> list[str]:
