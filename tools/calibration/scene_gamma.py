@@ -30,6 +30,7 @@ _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], float)
 _LEAST_NEIGHBOURS = 6
 _AROUND = np.exp(-(np.arange(-2, 3)[:, None] ** 2 + np.arange(-2, 3) ** 2) / 2.0)
 _AROUND[2, 2] = 0  # A block is no instrument of its own.
+_ROUGH = 30.0  # variance around a block, over that of the smoothest tenth at its level: beyond, hardly a site's luminance is known
 _LEVELS, _TEXTURES = 12, 16  # classes of blocks that share a variance
 _HUBER = 6.0  # standard deviations; closer, and the skew of texture is taken for colour
 _ROUNDS = 12
@@ -149,11 +150,16 @@ def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.
     enough = convolve(usable, _NEIGHBOURS, mode="constant") >= _LEAST_NEIGHBOURS
     good = blocks.usable & blocks.wanted & enough & (level > _DARK)
     level, texture = level[good], blocks.texture[good]
-    classes = np.zeros(level.size, int)
+    classes = np.full(level.size, -1)
     for bright, at_level in enumerate(np.array_split(np.argsort(level), _LEVELS)):
-        for rough, alike in enumerate(np.array_split(at_level[np.argsort(texture[at_level])], _TEXTURES)):
+        if not at_level.size:
+            continue
+        by_texture = at_level[np.argsort(texture[at_level])]
+        even = by_texture[texture[by_texture] <= _ROUGH * np.quantile(texture[at_level], 0.1)]
+        for rough, alike in enumerate(np.array_split(even, _TEXTURES)):
             classes[alike] = bright * _TEXTURES + rough
-    return blocks.level[good], blocks.colours[good], instruments[good], classes
+    chosen = classes >= 0
+    return blocks.level[good][chosen], blocks.colours[good][chosen], instruments[good][chosen], classes[chosen]
 
 
 def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:
