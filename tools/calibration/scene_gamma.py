@@ -133,8 +133,8 @@ def _luminance(mosaic: Mosaic) -> DoubleArray:
     plain = replace(
         mosaic.calibration, gamma=(1.0,) * len(mosaic.pattern.channels)
     )  # What the file says of gamma is not looked at.
-    luminance: DoubleArray = recover_luminance(Mosaic(mosaic.codes, mosaic.pattern, plain), PAPER.luminance) / plain.full_scale
-    return luminance.astype(np.float64)
+    luminance = recover_luminance(Mosaic(mosaic.codes, mosaic.pattern, plain), PAPER.luminance)
+    return luminance.astype(np.float64) / plain.full_scale
 
 
 def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
