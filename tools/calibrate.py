@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     flat = work.all(flats, lambda: measure_flats(flat_frames, read)) if flat_frames else None
     noise, dead, alone = flat if flat is not None else (None, [], [])
     for index in alone:
-        console.note(f"flat frame {index + 1}: no other has its exposure, or it is clipped; it is left out")
+        console.note(f"flat frame {index + 1}: no partner of its exposure is left, or it is clipped; it is left out")
 
     def measure(name: str, mosaic: Mosaic) -> Any:
         with console.progress(name) as progress:

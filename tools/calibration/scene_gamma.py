@@ -130,9 +130,8 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
 
 def _luminance(mosaic: Mosaic) -> DoubleArray:
     """Panchromatic levels everywhere, parts of full scale: where texture is, a plane through the ring would miss the sites' own."""
-    plain = replace(
-        mosaic.calibration, gamma=(1.0,) * len(mosaic.pattern.channels)
-    )  # What the file says of gamma is not looked at.
+    # What the file says of gamma is not looked at.
+    plain = replace(mosaic.calibration, gamma=(1.0,) * len(mosaic.pattern.channels))
     luminance = recover_luminance(Mosaic(mosaic.codes, mosaic.pattern, plain), PAPER.luminance)
     return luminance.astype(np.float64) / plain.full_scale
 
