@@ -31,7 +31,7 @@ _GOOD_READ = 0.05  # half width over read noise
 _SIGMAS = 1.96  # of a 95 % interval
 _GOOD_GAMMA = 0.02  # half width over gamma
 _GOOD_COLOUR, _BAD_COLOUR = 4.0, 6.0  # mean dE2000: a fair chart in fair light, and no use
-_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "colour blocks all over ordinary scenes"}
+_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,9 +200,9 @@ def _colour(
 
 
 def _covered(place: ChartPlace, shape: tuple[int, int]) -> BoolArray:
-    """Pixels of the measured parts of the patches."""
+    """Pixels of the chart, with the card around it."""
     covered = np.zeros(shape, bool)
-    for region in place.regions():
+    for region in place.regions(1.4):
         top, left = max(region.top, 0), max(region.left, 0)
         mask = region.mask[top - region.top :, left - region.left :]
         window = covered[top : top + mask.shape[0], left : left + mask.shape[1]]

@@ -1,22 +1,19 @@
 """Gamma from an ordinary scene: every colour block beside the panchromatic samples around it.
 
 A single block is noisy, so its own colour must not choose how it counts: least squares would take noise for colour and come out
-too small. The colours of the neighbour blocks, which share none of its noise, stand in as *instruments* z (O. Reiersøl, 1945;
+too small. The colours of the eight neighbour blocks, which share none of its noise, stand in as *instruments* z (O. Reiersøl, 1945;
 W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.4):
 
     sum_j w_j z_j (l_j - gamma . c_j) = 0
 
-holds for the true gamma whatever the noise is. For the same reason a block's weight follows the level of its neighbours, and the
-texture of the panchromatic samples around it, never its colours.
+holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block are read off its neighbours.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import convolve
 
-from offline import PAPER
-from offline.luminance import recover_luminance
 from shared import Mosaic
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
@@ -28,43 +25,38 @@ _REACH = 2  # pixels around a block: the ring of panchromatic samples
 _DARK = 0.0015  # of full scale: darker places say nothing, and an error of the black level is large there
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], float)
 _LEAST_NEIGHBOURS = 6
-_AROUND = np.exp(-(np.arange(-2, 3)[:, None] ** 2 + np.arange(-2, 3) ** 2) / 2.0)
-_AROUND[2, 2] = 0  # A block is no instrument of its own.
-_ROUGH = 30.0  # variance around a block, over that of the smoothest tenth at its level: beyond, hardly a site's luminance is known
-_LEVELS, _TEXTURES = 12, 16  # classes of blocks that share a variance
-_HUBER = 6.0  # standard deviations; closer, and the skew of texture is taken for colour
+_SMOOTH = 2.0  # roughness of a smooth place, over that of the smoothest tenth at its level
+_LEVELS, _TEXTURES = 10, 8  # classes of blocks that share a variance
+_HUBER = 4.0  # standard deviations; closer, and the skew of texture is taken for colour
 _ROUNDS = 12
-_FLOOR = 0.002  # of gamma: what texture leaves behind on photographs, however many blocks there are
+_FLOOR = 0.004  # of gamma: what texture leaves behind on photographs, however many blocks there are
 LEAST_BLOCKS = 300
 LEAST_STRENGTH = 12.0  # of the instruments in the weakest direction, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Per block on its grid.
-
-    Panchromatic level of its sites; the channels there; variance of the ring about a plane; whether the block is well exposed, and
-    whether gamma is to be taken from it.
-    """
+    """Per block on its grid: panchromatic level at the centre, channels there, variance about a plane, whether it can be used."""
 
     level: DoubleArray
     colours: DoubleArray
     texture: DoubleArray
     usable: BoolArray
-    wanted: BoolArray
 
 
 def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaFit:
-    """Gamma from all places of a shot, textured ones counting less; any number of channels.
+    """Gamma from the smooth places of a shot, any number of channels.
 
-    excluded: (H, W), pixels whose blocks are left out (patches that are measured by themselves).
+    excluded: (H, W), pixels whose blocks are left out (a chart that is measured by itself).
     Raises InputError, saying what to shoot instead, when there are too few blocks, or too little colour.
     """
     blocks = _measured(mosaic, excluded)
     level, colours, instruments, classes = _chosen(blocks)
     channels = colours.shape[1]
     if len(level) < LEAST_BLOCKS:
-        raise InputError(f"gamma: only {len(level)} colour blocks are well exposed, and {LEAST_BLOCKS} are needed: {INSTEAD}")
+        raise InputError(
+            f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
+        )
     gamma, *_ = np.linalg.lstsq(colours, level, rcond=None)
     deviation = weight = np.ones(len(level))
     for _ in range(_ROUNDS):
@@ -107,55 +99,49 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
     ring = [place for place in around if place not in site]
     middle = np.array([(high - 1) / 2, (wide - 1) / 2])
 
-    def at(values: DoubleArray, row: int, column: int) -> DoubleArray:
-        return values[np.ix_(rows + row, columns + column)]
+    def at(row: int, column: int) -> DoubleArray:
+        return levels[np.ix_(rows + row, columns + column)]
 
-    white = np.stack([at(levels, *place) for place in ring], axis=-1) if rows.size and columns.size else np.zeros((0, 0, len(ring)))
+    white = np.stack([at(*place) for place in ring], axis=-1) if rows.size and columns.size else np.zeros((0, 0, len(ring)))
     design = np.concatenate([np.ones((len(ring), 1)), np.array(ring) - middle], axis=1)
-    texture = ((white - white @ np.linalg.pinv(design).T @ design.T) ** 2).sum(axis=-1) / (len(ring) - 3)
-    luminance = _luminance(mosaic)
-    colours = np.zeros((rows.size, columns.size, len(pattern.channels)))
-    below = np.zeros_like(colours)
+    plane = white @ np.linalg.pinv(design).T
+    texture = ((white - plane @ design.T) ** 2).sum(axis=-1) / (len(ring) - 3)
+    level = plane[..., 0]
+    colours, shading = np.zeros((*level.shape, len(pattern.channels))), np.zeros((*level.shape, len(pattern.channels)))
     brightest = white.max(axis=-1, initial=0)
     for (row, column), channel in site.items():
-        sample = at(levels, row, column)
+        slope = plane[..., 1:] @ (np.array([row, column]) - middle)
+        sample = at(row, column)
         colours[..., channel] += sample
-        below[..., channel] += at(luminance, row, column)
+        shading[..., channel] += np.clip(1 + slope / np.maximum(level, 1e-6), 0.5, 2)  # Light falls off alike in all planes.
         brightest = np.maximum(brightest, sample)
-    level = np.mean([at(luminance, *place) for place in site], axis=0)
-    colours *= level[..., None] / np.maximum(below, 1e-6)  # Light varies over the block alike in all planes.
-    wanted = np.ones(level.shape, bool) if excluded is None else ~excluded[np.ix_(rows, columns)]
-    return _Blocks(level, colours, texture, brightest < CLIPPED, wanted)
-
-
-def _luminance(mosaic: Mosaic) -> DoubleArray:
-    """Panchromatic levels everywhere, parts of full scale: where texture is, a plane through the ring would miss the sites' own."""
-    # What the file says of gamma is not looked at.
-    plain = replace(mosaic.calibration, gamma=(1.0,) * len(mosaic.pattern.channels))
-    luminance = recover_luminance(Mosaic(mosaic.codes, mosaic.pattern, plain), PAPER.luminance)
-    return luminance.astype(np.float64) / plain.full_scale
+    usable = brightest < CLIPPED
+    if excluded is not None:
+        usable &= ~excluded[np.ix_(rows, columns)]
+    return _Blocks(level, colours / shading, texture, usable)
 
 
 def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
-    """Level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks that gamma is taken from."""
+    """Level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places."""
     usable = blocks.usable.astype(np.float64)
+    number = convolve(usable, _NEIGHBOURS, mode="constant")
 
     def around(values: DoubleArray) -> DoubleArray:
-        total: DoubleArray = convolve(values * usable, _AROUND, mode="constant")
-        return total / np.maximum(convolve(usable, _AROUND, mode="constant"), 1e-9)
+        total: DoubleArray = convolve(values * usable, _NEIGHBOURS, mode="constant")
+        return total / np.maximum(number, 1)
 
     level = around(blocks.level)
+    roughness = around(blocks.texture) + np.maximum(around(blocks.level**2) - level**2, 0) / 10
     instruments = np.stack([around(plane) for plane in np.moveaxis(blocks.colours, -1, 0)], axis=-1)
-    enough = convolve(usable, _NEIGHBOURS, mode="constant") >= _LEAST_NEIGHBOURS
-    good = blocks.usable & blocks.wanted & enough & (level > _DARK)
-    level, texture = level[good], blocks.texture[good]
+    good = blocks.usable & (number >= _LEAST_NEIGHBOURS) & (level > _DARK)
+    level, roughness = level[good], roughness[good]
     classes = np.full(level.size, -1)
     for bright, at_level in enumerate(np.array_split(np.argsort(level), _LEVELS)):
         if not at_level.size:
             continue
-        by_texture = at_level[np.argsort(texture[at_level])]
-        even = by_texture[texture[by_texture] <= _ROUGH * np.quantile(texture[at_level], 0.1)]
-        for rough, alike in enumerate(np.array_split(even, _TEXTURES)):
+        by_roughness = at_level[np.argsort(roughness[at_level])]
+        smooth = by_roughness[roughness[by_roughness] <= _SMOOTH * np.quantile(roughness[at_level], 0.1)]
+        for rough, alike in enumerate(np.array_split(smooth, _TEXTURES)):
             classes[alike] = bright * _TEXTURES + rough
     chosen = classes >= 0
     return blocks.level[good][chosen], blocks.colours[good][chosen], instruments[good][chosen], classes[chosen]
