@@ -56,13 +56,19 @@ def read_reference(path: Path) -> DoubleArray:
 
 
 def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
-    """A .ti3 of camera RGB (24, 3), 1 = white, beside reference XYZ (24, 3): what Argyll's colprof makes a profile from."""
+    """A .ti3 of camera RGB (24, 3), 1 = white, beside reference XYZ (24, 3): what Argyll's colprof makes a profile from.
+
+    colprof takes device values from 0 to 100 alone; a camera's have no scale of their own, so brighter ones darken all.
+    """
+    camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
     lines = [
         "CTI3",
         "",
         'DESCRIPTOR "Panchroma chart measurement"',
         'ORIGINATOR "Panchroma"',
+        'KEYWORD "DEVICE_CLASS"',  # CGATS wants words that are not its own declared
         'DEVICE_CLASS "INPUT"',
+        'KEYWORD "COLOR_REP"',
         'COLOR_REP "XYZ_RGB"',
         "",
         "NUMBER_OF_FIELDS 7",
