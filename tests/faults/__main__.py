@@ -68,8 +68,10 @@ def main() -> int:
 
     results: dict[str, list[list[str]]] = {}
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        for (what, _), found in zip(todo, pool.map(tried, todo), strict=True):
+        for done, ((what, _), found) in enumerate(zip(todo, pool.map(tried, todo), strict=True), 1):
             results.setdefault(what, []).append(found)
+            if done % 20 == 0:
+                print(f"{done} of {len(todo)} trials", file=sys.stderr, flush=True)
             for fault in found:
                 print(f"{what}: {fault}", file=sys.stderr, flush=True)
     print(f"{'':28}{'trials':>8}{'faults':>8}")
