@@ -52,8 +52,8 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
     coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
     if noise is not None and settings.pooling.passes:
-        sums = pooling.statistics(signal, light, pattern, gamma, noise)
-        coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light, settings.pooling.radius)
+        sums = pooling.statistics(signal, light, pattern, gamma, noise, settings.pooling.doubt)
+        coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
