@@ -54,7 +54,7 @@ class DenoisingSettings:
     strength: float = 0.0
     sizes: tuple[int, ...] = (4, 8, 12)
     threshold: float = 2.6
-    share: float = 0.3
+    share: float = 0.35
     similarity: float = 0.5
     radius: int = 8
 
