@@ -90,7 +90,7 @@ class DenoisingSettings:
     strength: float = 0.0
     sizes: tuple[int, ...] = (4, 8, 12)
     threshold: float = 2.6
-    share: float = 0.3
+    share: float = 0.35
     similarity: float = 0.5
     radius: int = 8
 
@@ -126,20 +126,22 @@ class ChromaticitySettings:
 class PoolingSettings:
     """Averaging of the sums of Eqs. 8-9 over blocks of like chromaticity; the paper has none.
 
-    passes: of each the standard deviation of the Gaussian that smooths the chromaticities compared, in blocks, and how far apart
-    they may be, as a multiple of the variance of their difference; none: no pooling. light: how far apart in luminance,
-    standard deviation of its natural logarithm; radius: of the window, in blocks.
+    passes: of each the standard deviation of the Gaussian that smooths the chromaticities compared, in blocks; how far apart they
+    may be, as a multiple of the variance of their difference; and the radius of the window, in blocks. None: no pooling. light:
+    how far apart in luminance, standard deviation of its natural logarithm. doubt: error of filled luminance, as a multiple of its
+    curvature there.
     """
 
-    passes: tuple[tuple[float, float], ...] = ()
+    passes: tuple[tuple[float, float, int], ...] = ()
     light: float = 0.3
-    radius: int = 10
+    doubt: float = 0.3
 
     def __post_init__(self) -> None:
-        allowed = all(len(each) == 2 and each[0] >= 0 and each[1] > 0 for each in self.passes)
-        _require(allowed, "pooling.passes", self.passes, "pairs of a blur, 0 or more, and a tolerance, more than 0")
+        allowed = all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in self.passes)
+        expected = f"threes of a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}"
+        _require(allowed, "pooling.passes", self.passes, expected)
         _require(self.light > 0, "pooling.light", self.light, "more than 0")
-        _require(1 <= self.radius <= _WIDEST, "pooling.radius", self.radius, f"1 to {_WIDEST}")
+        _require(self.doubt >= 0, "pooling.doubt", self.doubt, "0 or more")
 
 
 @dataclass(frozen=True)
@@ -218,7 +220,7 @@ BEST = RenderSettings(
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(trust=4.0),
-    pooling=PoolingSettings(passes=((0.7, 0.3), (0.4, 0.12))),
+    pooling=PoolingSettings(passes=((0.7, 0.3, 10), (0.4, 0.12, 10), (0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
 )

@@ -42,15 +42,13 @@ def models(pattern: CfaPattern) -> list[NoiseModel]:
 
 
 @every_case
-@pytest.mark.parametrize("settings", [SETTINGS, PoolingSettings(((0.0, 0.5),), 0.1, 1)], ids=["best", "one pass"])
+@pytest.mark.parametrize("settings", [SETTINGS, PoolingSettings(((0.0, 0.5, 1),), light=0.1, doubt=1.0)], ids=["best", "one pass"])
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], settings: PoolingSettings) -> None:
     for noise in models(pattern):
         mosaic, light, coarse = blocks_of(pattern, shape, noise)
         gamma = mosaic.calibration.gamma
-        sums = pooling.statistics(mosaic.signal.astype(np.float64), light.astype(np.float64), pattern, gamma, noise)
-        expected = chromaticity.extend(
-            pooling.pool(coarse, sums, gamma, settings.passes, settings.light, settings.radius), pattern, shape
-        )
+        sums = pooling.statistics(mosaic.signal.astype(np.float64), light.astype(np.float64), pattern, gamma, noise, settings.doubt)
+        expected = chromaticity.extend(pooling.pool(coarse, sums, gamma, settings.passes, settings.light), pattern, shape)
         given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
         found = pool_blocks(given, mosaic, light, noise, settings)
         assert found.dtype == np.float32

@@ -8,11 +8,11 @@ from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
 
 from .gaussian import blur
-from .geometry import block_sites, is_whole, patch_counts
+from .geometry import block, block_sites, is_whole, mirrored, patch_counts
 
 
 def statistics(
-    signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel
+    signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel, doubt: float
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """sum l^2 / v and sum l m / v per channel, and mean luminance, of whole blocks: (rows, columns, C) twice, (rows, columns)."""
     shape = (signal.shape[0], signal.shape[1])
@@ -27,10 +27,20 @@ def statistics(
             for y, x, name in sites:
                 channel, value = pattern.channels.index(name), luminance[y, x]
                 variance = noise.sigma(value / sum(gamma), channel) ** 2
+                variance += (doubt * curvature(luminance, (y, x), pattern) / sum(gamma)) ** 2
                 weight[i, j, channel] += value**2 / variance
                 product[i, j, channel] += value * signal[y, x] / variance
             light[i, j] = np.mean([luminance[y, x] for y, x, _ in sites])
     return weight, product, light
+
+
+def curvature(luminance: DoubleArray, place: tuple[int, int], pattern: CfaPattern) -> float:
+    """How far a pixel is from the mean of the two at either side, as far away as the block is large; the worse direction."""
+    (y, x), (height, width) = place, luminance.shape
+    found, here = block(pattern), luminance[place]
+    above, below = (luminance[mirrored(y + step, height), x] for step in (-found.height, found.height))
+    left, right = (luminance[y, mirrored(x + step, width)] for step in (-found.width, found.width))
+    return float(max(abs((above + below) / 2 - here), abs((left + right) / 2 - here)))
 
 
 def solve(weight: DoubleArray, product: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
@@ -49,15 +59,14 @@ def pool(
     coarse: DoubleArray,
     sums: tuple[DoubleArray, DoubleArray, DoubleArray],
     gamma: tuple[float, ...],
-    passes: tuple[tuple[float, float], ...],
+    passes: tuple[tuple[float, float, int], ...],
     light: float,
-    radius: int,
 ) -> DoubleArray:
     weight, product, luminance = sums
     variance = 1 / weight.mean(axis=2)
     brightness = np.log(np.maximum(luminance, 1e-3))
     places = list(np.ndindex(*luminance.shape))
-    for std, tolerance in passes:
+    for std, tolerance, radius in passes:
         smooth = np.stack([blur(plane, std) for plane in np.moveaxis(coarse, 2, 0)], axis=2) if std else coarse
         following = np.empty_like(coarse)
         for here in places:

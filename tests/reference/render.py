@@ -56,8 +56,8 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         known = max(sigma_of_colour(mosaic), 1e-6)
         coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.trust)
     if noise is not None and settings.pooling.passes:
-        sums = pooling.statistics(signal, light, pattern, gamma, noise)
-        coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light, settings.pooling.radius)
+        sums = pooling.statistics(signal, light, pattern, gamma, noise, settings.pooling.doubt)
+        coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
