@@ -219,7 +219,7 @@ BEST = RenderSettings(
     highlights=HighlightSettings(restored=True),
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
-    chromaticity=ChromaticitySettings(trust=4.0),
+    chromaticity=ChromaticitySettings(trust=3.0),
     pooling=PoolingSettings(passes=((0.7, 0.3, 10), (0.4, 0.12, 10), (0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
