@@ -19,6 +19,7 @@ _MOST_LINES = 2048  # of each direction looked at
 _CLIPPED = 0.95  # of full scale: noise is cut off above
 _BINS, _LEAST_TILES = 16, 20  # of brightness, and tiles in each
 _SHARE = 0.1  # of the tiles of a bin that vary less than the figure taken for it
+_NORMAL_QUANTILE = -1.2816  # standard deviations from the mean of a normal distribution below which that share lies
 _TEXTURED = 1.5  # times the variance of the line: a bin without smooth tiles
 _ROUNDS = 4
 
@@ -74,9 +75,6 @@ def _quietest(mean: DoubleArray, variance: DoubleArray) -> tuple[DoubleArray, Do
     bins = np.array_split(order, min(_BINS, mean.size // _LEAST_TILES))
     levels = np.array([mean[each].mean() for each in bins])
     return levels, np.array([np.quantile(variance[each], _SHARE) for each in bins]) / below
-
-
-_NORMAL_QUANTILE = -1.2816  # of the normal distribution, below which lie _SHARE of it
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
