@@ -273,7 +273,7 @@ NEUTRAL: dict[str, Callable[..., Any]] = {
     "clipping_level": lambda _: np.inf,
     "mend_defects": lambda mosaic, *_: mosaic,
     "restore_highlights": lambda mosaic, *_: mosaic,
-    "recover_luminance": lambda mosaic, *_: mosaic.signal,
+    "recover_luminance": lambda mosaic, *_: mosaic.signal.copy(),  # kernels are compiled anew for arrays that are read-only
     "denoise_luminance": lambda filled, *_: filled,
     "estimate_chromaticities": grey_blocks,
     "pool_blocks": lambda measured, *_: measured,
