@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from shared.errors import InputError
-from shared.pattern import CfaPattern
+from shared.pattern import PERIODS, CfaPattern
 
 OPSET = 17
 IR_VERSION = 8  # as old as the opset: onnx writes by default what no onnxruntime in use reads
@@ -31,6 +31,7 @@ MOSAIC, BLACK, SCALE, GAMMA, NOISE, WHITE, MATRIX = "mosaic", "black", "scale", 
 PICTURE = "picture"
 
 _PREFIX = "panchroma."
+_WIDEST_HALO = 256  # pixels; ours have less than three periods
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ class Description:
         for name, ours, theirs in (("pattern", self.tile, tile_name(pattern)), ("channels", self.channels, pattern.channels)):
             if ours != theirs:
                 raise InputError(f"the preview graph is for the {name} {ours}, the mosaic has {theirs}")
+        if pattern.period % self.scale:
+            raise InputError(f"the preview graph has scale {self.scale}, which is no divisor of the period {pattern.period}")
 
     def to_metadata(self) -> dict[str, str]:
         """As strings, for the file."""
@@ -77,10 +80,15 @@ def parse(metadata: Mapping[str, str]) -> Description:
         )
     try:
         above, below, left, right = (int(side) for side in metadata[_PREFIX + "halo"].split())
+        scale = int(metadata[_PREFIX + "scale"])
+        if not 1 <= scale < PERIODS.stop:
+            raise ValueError(f"a scale of {scale}")
+        if not 0 <= min(above, below, left, right) <= max(above, below, left, right) <= _WIDEST_HALO:
+            raise ValueError(f"a halo of {above} {below} {left} {right}")
         return Description(
             tile=metadata[_PREFIX + "tile"],
             channels=metadata[_PREFIX + "channels"],
-            scale=int(metadata[_PREFIX + "scale"]),
+            scale=scale,
             linear=metadata[_PREFIX + "output"] == "linear",
             halo=(above, below, left, right),
             builder=metadata[_PREFIX + "builder"],

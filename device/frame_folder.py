@@ -76,7 +76,8 @@ def _look(folder: Path) -> dict[Path, _State]:
 
 def _read(path: Path, state: _State, refused: Callable[[InputError], None]) -> RawFrame | None:
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(state[0] + 1)  # it may have grown since, without end; one byte more, and it is refused
     except OSError as error:
         refused(InputError(f"{path}: cannot be read ({error.strerror or error})"))
         return None

@@ -18,7 +18,9 @@ import numpy as np
 from shared.arrays import CodeArray
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
+from shared.reading import MAX_PIXELS
 
+_MOST_BYTES = 4  # of memory a pixel of the largest frame may take, with all padding
 _STRIP = 16  # rows unpacked at a time: they stay in the cache, which makes it twice as fast
 
 
@@ -91,6 +93,9 @@ class FrameLayout:
             raise InputError(
                 f"the stride is {self.stride} bytes, but a line of {self.width} pixels in {self.format} has {self.line_bytes}"
             )
+
+        if self.frame_bytes > _MOST_BYTES * MAX_PIXELS:
+            raise InputError(f"a frame of {self.height} lines of {self.stride} bytes is larger than any sensor's")
 
     @property
     def bits(self) -> int:

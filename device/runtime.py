@@ -12,18 +12,22 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from shared.arrays import ByteArray, FloatArray
+from shared.arrays import ByteArray, CodeArray, FloatArray
 from shared.calibration import SensorCalibration
 from shared.colour import ColourTransform
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
+from shared.reading import read_whole
 
 from . import contract
 from .border import ExtendedFrame
 
 _STRIP_PIXELS = 1 << 17
 """Of the sensor, at a time, for a full-resolution picture; of a smaller one twice as many. Their planes fit 2 MB of cache."""
+
+_DAMAGED = "it is damaged; write it again: panchroma export-preview"
+_LARGEST_GRAPH = 8 << 20  # bytes; ours have some twenty thousand
 
 
 class Preview:
@@ -38,7 +42,11 @@ class Preview:
         if threads is not None and threads < 1:
             raise InputError(f"a preview with {threads} threads: at least one is needed")
         self._session = _session(model)
-        self.description = contract.parse(self._session.get_modelmeta().custom_metadata_map)
+        try:
+            metadata = self._session.get_modelmeta().custom_metadata_map
+        except UnicodeDecodeError as error:
+            raise InputError(f"the preview graph's description is no text ({error}): {_DAMAGED}") from None
+        self.description = contract.parse(metadata)
         self._threads = threads or _processors()
         self._pool = ThreadPoolExecutor(self._threads, "preview")
 
@@ -69,12 +77,15 @@ class Preview:
         picture = np.empty((rows.size, columns.size, channels), np.float32 if description.linear else np.uint8)
         inputs = self._inputs(mosaic.calibration)
         width = columns.patches * pattern.period
+        strip_size = width // description.scale, channels
 
         def develop(patches: range) -> None:
             count = len(patches) * pattern.period
             codes = np.empty((above + count + below, left + width + right), np.uint16)
             frame.copy_rows(rows.first + patches.start * pattern.period - above, codes)
-            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: codes, **inputs})
+            strip = self._strip(codes, inputs)
+            if strip.dtype != picture.dtype or strip.shape != (count // description.scale, *strip_size):
+                raise InputError(f"the preview graph makes {strip.dtype} {strip.shape} of a strip: {_DAMAGED}")
             begin = patches.start * pattern.period // description.scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
@@ -95,6 +106,15 @@ class Preview:
         for _ in self._pool.map(work, range(self._threads)):
             pass  # an error in a thread comes up here
         return picture
+
+    def _strip(self, codes: CodeArray, inputs: dict[str, NDArray[Any]]) -> NDArray[Any]:
+        try:
+            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: codes, **inputs})
+        except MemoryError:
+            raise
+        except Exception as error:  # as in `_session`
+            raise InputError(f"the preview graph does not run ({error}): {_DAMAGED}") from error
+        return np.asarray(strip)
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
         """All inputs but the mosaic."""
@@ -163,10 +183,10 @@ def _session(model: Path | str | bytes) -> Any:
     options.log_severity_level = 4  # errors are raised too
     name = "the preview graph" if isinstance(model, bytes) else str(model)
     try:
-        data = model if isinstance(model, bytes) else Path(model).read_bytes()
+        data = model if isinstance(model, bytes) else read_whole(model, _LARGEST_GRAPH, "a preview graph")
         return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-    except OSError as error:
-        raise InputError(f"{name}: cannot be read ({error.strerror or error})") from None
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
     except Exception as error:  # onnxruntime has a class of its own for each of its error codes, with no common base
         raise InputError(f"{name}: is not a graph that onnxruntime can run ({error})") from error
 

@@ -3,7 +3,6 @@
 import errno
 import os
 import re
-import secrets
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 from shared import Mosaic, write_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
+from shared.files import part_path, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})\.dng")
 
@@ -29,6 +29,8 @@ class ShotFolder:
         self._latest = latest
         if latest is not None and not latest.is_symlink() and latest.exists():
             raise InputError(f"{latest}: is there and is no link; name another place for the link to the latest shot")
+        if latest is not None:
+            sweep(latest.parent)
         try:
             names = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
         except OSError as error:
@@ -54,7 +56,7 @@ class ShotFolder:
 
 def _point(link: Path, path: Path) -> None:
     """Make `link` lead to `path`, at once: there is no moment without a link, or with a broken one."""
-    part = link.with_name(f".{link.name[:100]}.{secrets.token_hex(4)}.part")
+    part = part_path(link)
     try:
         try:
             # Relative, so that link and shots can be moved together, and mounted elsewhere.

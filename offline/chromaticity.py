@@ -4,8 +4,9 @@ import numpy as np
 
 from shared.arrays import BORDER, DoubleArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
-from shared.pattern import BlockGrid
+from shared.pattern import BlockGrid, CfaPattern
 
+from .detail import give_back
 from .kernels.medians import SLACK, oriented_median
 from .progress import SILENT, Progress
 from .settings import ChromaticitySettings
@@ -27,6 +28,7 @@ def estimate_chromaticities(
     gamma = np.array(mosaic.calibration.gamma)
     weight, product, sigma = block_sums(mosaic, luminance, grid)
     chromaticity = solve_constrained(weight, product, sigma, gamma)
+    own = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
     # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back, but far off the plane,
@@ -36,24 +38,33 @@ def estimate_chromaticities(
     if total.min() <= _LEAST_TOTAL:
         projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
         scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
+    if settings.trust:
+        scaled = give_back(own, scaled, weight, product, sigma, gamma, settings.trust)
     return grid.extend(scaled.astype(np.float32))
 
 
 def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[DoubleArray, DoubleArray, float]:
     """What Eqs. 8-9 need of each whole block: sum l^2 and sum l m per channel, float64 (rows, columns, C), and sigma_z."""
-    rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
-    shape = len(rows), len(columns), len(mosaic.pattern.channels)
+    whole = int(grid.inside.any(axis=1).sum()), int(grid.inside.any(axis=0).sum())
+    shape = *whole, len(mosaic.pattern.channels)
     weight, product = np.zeros(shape), np.zeros(shape)
     level = 0.0
-    for row, column, channel in mosaic.pattern.sites:
-        site = _every(rows + row, grid.period), _every(columns + column, grid.period)
-        light, sample = luminance[site].astype(np.float64), mosaic.signal[site]
+    for channel, *site in block_sites(mosaic.pattern, grid):
+        light, sample = luminance[*site].astype(np.float64), mosaic.signal[*site]
         weight[..., channel] += light**2
         product[..., channel] += light * sample
         level += float(sample.mean()) / len(mosaic.pattern.sites)
     noise = mosaic.calibration.noise
     variances = [noise.sigma(level, plane) ** 2 for plane in range(shape[2])] if noise else [0.0]
     return weight, product, max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
+
+
+def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, slice]]:
+    """(channel, rows, columns) per colour site of a block: the slices of the frame that hold it in all whole blocks."""
+    rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
+    return [
+        (channel, _every(rows + row, grid.period), _every(columns + column, grid.period)) for row, column, channel in pattern.sites
+    ]
 
 
 def _every(places: IndexArray, period: int) -> slice:

@@ -6,16 +6,28 @@ from shared.arrays import FloatArray
 from shared.pattern import CfaPattern
 
 from .kernels.mixing import mix
+from .settings import PAPER, PropagationSettings
 from .tiling import domain_places
 
 
-def propagate(blocks: FloatArray, affinity: FloatArray, luminance: FloatArray, pattern: CfaPattern) -> FloatArray:
+def propagate(
+    blocks: FloatArray,
+    affinity: FloatArray,
+    luminance: FloatArray,
+    pattern: CfaPattern,
+    settings: PropagationSettings = PAPER.propagation,
+) -> FloatArray:
     """c[n], float32 (H, W, C), from block chromaticities (block rows, block columns, C) and the fields of `solve_affinities`."""
-    return propagate_patches(blocks, affinity, luminance, pattern, first=0)
+    return propagate_patches(blocks, affinity, luminance, pattern, settings, first=0)
 
 
 def propagate_patches(
-    blocks: FloatArray, affinity: FloatArray, luminance: FloatArray, pattern: CfaPattern, first: int
+    blocks: FloatArray,
+    affinity: FloatArray,
+    luminance: FloatArray,
+    pattern: CfaPattern,
+    settings: PropagationSettings,
+    first: int,
 ) -> FloatArray:
     """`propagate` for the rows of patches that the fields are of, of which `first` is the first: float32 (their rows, W, C).
 
@@ -29,5 +41,5 @@ def propagate_patches(
     top = max(first * grid.period - above, 0)
     bottom = min(first * grid.period + fields.shape[1] - above, height)
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
-    mix(fields, blocks, luminance, rows, columns, first, (top + above - first * grid.period, left), out)
+    mix(fields, blocks, luminance, rows, columns, first, (top + above - first * grid.period, left), settings.softness, out)
     return out

@@ -1,4 +1,8 @@
-"""The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB."""
+"""The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB.
+
+Mending, restoring, denoising and pooling are not of the paper: they are what the preset BEST adds for defective samples, for too
+much light and for too little.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +14,12 @@ from shared.mosaic import Mosaic
 
 from .affinity import core_patches, solve_affinities, solve_patches
 from .chromaticity import estimate_chromaticities
+from .defects import mend_defects
+from .denoising import denoise_luminance
+from .highlights import clipping_level, restore_highlights
 from .luminance import recover_luminance
+from .noise import noise_of
+from .pooling import pool_blocks
 from .progress import SILENT, Progress
 from .propagation import propagate, propagate_patches
 from .refinement import noise_level, reach, refine, refine_rows
@@ -33,10 +42,15 @@ class Rendering:
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
     """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance."""
-    luminance = recover_luminance(mosaic, settings.luminance, progress)  # l, Eqs. 1-5
-    blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
+    mended = mend_defects(mosaic, clipping, noise, settings.defects, progress)
+    sound = restore_highlights(mended, clipping, settings.highlights, progress)
+    filled = recover_luminance(sound, settings.luminance, progress)  # l, Eqs. 1-5
+    luminance = denoise_luminance(filled, sound, noise, settings.denoising, progress)
+    measured = estimate_chromaticities(sound, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    blocks = pool_blocks(measured, sound, luminance, noise, settings.pooling, progress)
     affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
-    initial = propagate(blocks, affinity, luminance, mosaic.pattern)  # c, Eqs. 10 and 14
+    initial = propagate(blocks, affinity, luminance, mosaic.pattern, settings.propagation)  # c, Eqs. 10 and 14
     refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
     return Rendering(refined * luminance[..., None], luminance, refined)  # Eq. 17
 
@@ -44,10 +58,16 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """The rows of `render(mosaic, settings).rgb` from top to bottom, to the bit, as bands float32 (rows, W, C).
 
-    Beside the mosaic only the luminance is ever there as a whole: eight bytes a pixel with the mosaic's signal.
+    Beside the mosaic only the luminance is there as a whole, and a mended copy of the samples if there was anything to mend: eight
+    or twelve bytes a pixel with the mosaic's signal.
     """
+    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
+    mosaic = mend_defects(mosaic, clipping, noise, settings.defects, progress)
+    mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
     luminance = recover_luminance(mosaic, settings.luminance, progress)
+    luminance = denoise_luminance(luminance, mosaic, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)
+    blocks = pool_blocks(blocks, mosaic, luminance, noise, settings.pooling, progress)
     sigma = noise_level(luminance, mosaic)
     pattern = mosaic.pattern
     steps = _bands(mosaic, settings)
@@ -55,7 +75,7 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
     for band in steps:
         affinity = solve_patches(luminance, pattern, settings.affinity, band.patches)
-        following = propagate_patches(blocks, affinity, luminance, pattern, band.patches[0])
+        following = propagate_patches(blocks, affinity, luminance, pattern, settings.propagation, band.patches[0])
         initial = np.concatenate([initial, following])
         refined = refine_rows(initial, first, luminance, pattern.period, sigma, settings.refinement, band.rows)
         initial, first = initial[band.kept - first :].copy(), band.kept

@@ -12,7 +12,9 @@ import numpy as np
 from shared.arrays import BORDER, IndexArray
 from shared.pattern import BlockGrid
 
-_BAND = 192  # rows at least, so that all threads have something to do
+# Rows of a band at least, so that all threads have something to do; fewer where it is so wide that so many pixels are enough: the
+# planes of a band then stay small, in the cache and in memory that is used again.
+_BAND, _ENOUGH = 192, 400_000
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,8 @@ class Band:
 def bands(grid: BlockGrid, core: int, reach: int) -> list[Band]:
     """The bands of a frame, from top to bottom. core: patches of a region's core; reach: rows that refinement looks up and down."""
     (above, _), _ = grid.padding
-    height, count = grid.frame[0], grid.patches[0]
-    step = -(-_BAND // (core * grid.period)) * core
+    (height, width), count = grid.frame, grid.patches[0]
+    step = -(-min(_BAND, -(-_ENOUGH // width)) // (core * grid.period)) * core
     found, done = [], 0
     for first in range(0, count, step):
         end = min(first + step, count)

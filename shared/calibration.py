@@ -17,6 +17,7 @@ import numpy as np
 from .arrays import DoubleArray
 from .errors import InputError
 from .pattern import PANCHROMATIC, CfaPattern
+from .reading import MAX_PIXELS
 
 SCHEMA = 1
 BITS = range(10, 17)
@@ -215,6 +216,6 @@ def _places(values: Any) -> tuple[tuple[int, int], ...]:
         places = sorted({(operator.index(row), operator.index(column)) for row, column in values})
     except (TypeError, ValueError):
         raise InputError("calibration: defects is not a list of [row, column]") from None
-    if places and min(min(place) for place in places) < 0:
-        raise InputError("calibration: defects holds a negative row or column")
+    if places and not 0 <= min(min(place) for place in places) <= max(max(place) for place in places) < MAX_PIXELS:
+        raise InputError("calibration: defects holds a negative row or column, or one that no sensor has")
     return tuple(places)

@@ -14,6 +14,7 @@ from .calibration import SensorCalibration
 from .errors import InputError
 from .mosaic import Mosaic
 from .pattern import CfaPattern
+from .reading import MAX_DOCUMENT, read_whole
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour")
 """The parts of a calibration that "measured" may tell of; "colour" is camera_to_xyz and neutral."""
@@ -64,14 +65,17 @@ class Camera:
         sensor, other = self.calibration.sensor, calibration.sensor
         if sensor and other and sensor != other:
             raise InputError(f"the shot is from sensor {other!r}, the camera file of sensor {sensor!r}")
+        self.check_pattern(pattern)
+        if calibration.bits != self.calibration.bits:
+            raise InputError(f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}")
+
+    def check_pattern(self, pattern: CfaPattern) -> None:
+        """Raise InputError, naming both, unless the pattern is the one that this camera was measured with."""
         self.calibration.check_pattern(pattern)
         if self.pattern is not None and self.pattern.letters_from() != pattern.letters_from():
             raise InputError(
-                f"the shot's pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: "
-                "they belong to different sensors"
+                f"the pattern is {_shown(pattern)}, the camera file's {_shown(self.pattern)}: they belong to different sensors"
             )
-        if calibration.bits != self.calibration.bits:
-            raise InputError(f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}")
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object from which `from_json` makes an equal camera."""
@@ -102,11 +106,12 @@ class Camera:
 def read_camera(path: Path | str) -> Camera:
     """The camera in a file; raises InputError that names the file and what is wrong in it."""
     try:
-        return Camera.from_json(json.loads(Path(path).read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON ({error})") from None
+        text = read_whole(path, MAX_DOCUMENT, "a camera file")
+        try:
+            document = json.loads(text.decode("utf-8"))
+        except (ValueError, RecursionError) as error:  # ValueError: no UTF-8, no JSON, or a number of thousands of digits
+            raise InputError(f"is not JSON ({error})") from None
+        return Camera.from_json(document)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

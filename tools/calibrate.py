@@ -73,10 +73,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     flat = work.all(flats, lambda: measure_flats(flat_frames, read)) if flat_frames else None
     noise, dead, alone = flat if flat is not None else (None, [], [])
     for index in alone:
-        console.note(f"flat frame {index + 1}: no other has its exposure, or it is clipped; it is left out")
+        console.note(f"flat frame {index + 1}: no partner of its exposure is left, or it is clipped; it is left out")
 
     def measure(name: str, mosaic: Mosaic) -> Any:
-        shot = measure_scene(name, mosaic) if arguments.no_chart else measure_chart(name, mosaic, reference, corners)
+        with console.progress(name) as progress:
+            shot = measure_scene(name, mosaic) if arguments.no_chart else measure_chart(name, mosaic, reference, corners, progress)
         where = f"chart at {_places(shot.chart.place.corners)}, " if shot.chart else ""
         console.say(f"{name}: {where}gamma {_row(shot.fits[0].gamma)} ± {_row(shot.fits[0].half_width)}")
         return shot

@@ -16,6 +16,7 @@ from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY, Matrix
 from shared.errors import InputError
+from shared.reading import MAX_PIXELS
 
 from . import exif
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
@@ -37,7 +38,7 @@ _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
 @guarded
-def camera_raw_scene(path: Path, name: str) -> Scene:
+def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene:
     """The scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...), half as wide and high, not rotated and not white-balanced.
 
     rgb is (sample - black) / (white - black) of the visible area, greens averaged, an odd last row or column left out; black per
@@ -52,7 +53,7 @@ def camera_raw_scene(path: Path, name: str) -> Scene:
         with rawpy.RawPy() as raw:
             raw.open_file(str(path))
             sizes = raw.sizes
-            check_size(sizes.raw_width, sizes.raw_height, 2, path.stat().st_size)
+            check_size(sizes.raw_width, sizes.raw_height, 2, path.stat().st_size, max_pixels)
             raw.unpack()
             rgb = _quads(raw, rawpy)
             neutral, notes = _neutral(raw, rgb)

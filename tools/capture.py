@@ -10,17 +10,15 @@ SIGINT and SIGTERM end it after the file in hand (exit codes 130 and 0).
 
 import argparse
 from pathlib import Path
-from typing import cast
 
-from device import Preview
-from device.capture import PreviewMaker, Refused, Saved, Sensor, capture
+from device.capture import Refused, Saved, capture
 from device.frame_queue import FrameQueue
 from device.shots import ShotFolder
-from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
 
 from .console import Console
 from .frame_source import add_source_options, open_source
+from .preview_graph import add_graph_option, preview_maker
 from .stopping import Stopping
 from .work import FAILED, output_folder
 
@@ -34,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, metavar="N", help="end after N shots (default: with the stream, or when told to)")
     parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a recording that comes by pipe")
     parser.add_argument("--latest", metavar="LINK", help="keep a symbolic link to the latest shot there")
+    add_graph_option(parser)
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
     parser.add_argument("--json", action="store_true", help="one object per frame on stdout")
 
@@ -48,7 +47,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     folder = output_folder(arguments.output)
     source = open_source(arguments)
     shots = ShotFolder(folder, Path(arguments.latest) if arguments.latest else None)
-    preview = preview_maker(source.sensor, threads=arguments.jobs)
+    preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.jobs)
     for note in source.notes:
         console.note(note)
     saved = failed = 0
@@ -80,12 +79,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         lost = queue.dropped + (len(queue) if stopping() else 0)
     console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
-
-
-def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
-    """The camera's preview as a function, ready before the first frame comes."""
-    preview = Preview.for_mosaic(sensor.dark(), scale=scale, threads=threads)
-    return lambda mosaic: cast(ByteArray, preview.run(mosaic))
 
 
 def _report(shot: Saved, dropped: int, source: str, console: Console) -> None:

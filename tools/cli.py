@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from .console import Console, StandardOutputError, fault, program_version
+from .stopping import INTERRUPTED, Terminated, orderly_end
 
 # Verb -> what it does. Each is a module of this package (_ for -) with `add_arguments(parser)` and `run(arguments, console) -> exit
 # code`; only the one that is asked for is imported, so that help comes at once.
@@ -24,7 +25,9 @@ VERBS = {
     "preview": "make the camera's own picture of a shot",
     "render": "make the full-quality picture of a shot",
     "evaluate": "compare this camera with Bayer cameras on scenes: figures, and a page to look at",
+    "bench": "measure how fast everything is, and how fast others are",
     "export-preview": "write the graph that makes a camera's previews",
+    "doctor": "check the installation, and say how to mend it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
 
@@ -36,28 +39,29 @@ class _Help(argparse.ArgumentDefaultsHelpFormatter):
         return action.help if action.default in (None, False) else super()._get_help_string(action)
 
 
-FAILED, USAGE, INTERRUPTED = 1, 2, 130
+FAILED, USAGE = 1, 2
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
-    """Entry point of `panchroma`; leaves with 0 (ok), 1 (some files failed), 2 (usage) or 130 (interrupted)."""
+    """Entry point of `panchroma`; leaves with 0 (ok), 1 (some files failed), 2 (usage), 130 (interrupted) or 143 (terminated)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
     console = Console()
     try:
-        from shared.errors import PanchromaError  # not above: it brings NumPy, and whoever interrupts that is to see no traceback
+        with orderly_end():
+            # Not above: it brings NumPy, and whoever interrupts that is to see no traceback.
+            from shared.errors import PanchromaError
 
-        try:
-            parsed = _parser(arguments).parse_args(arguments)
-            console = Console(json=getattr(parsed, "json", False))
-            if getattr(parsed, "threads", None) is not None:
-                _use_threads(parsed.threads)
-            code: int = _module(parsed.verb).run(parsed, console)
-        finally:
-            console.close()
-    except KeyboardInterrupt:
+            try:
+                parsed = _parser(arguments).parse_args(arguments)
+                console = Console(json=getattr(parsed, "json", False))
+                _set_threads(parsed)
+                code: int = _module(parsed.verb).run(parsed, console)
+            finally:
+                console.close()
+    except KeyboardInterrupt as stop:
         console.error("interrupted; every file that was finished is whole, no other was begun")
-        code = INTERRUPTED
+        code = stop.code if isinstance(stop, Terminated) else INTERRUPTED
     except PanchromaError as error:
         console.error(str(error))
         code = USAGE
@@ -107,8 +111,14 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def _use_threads(count: int) -> None:
-    """Of the renderer: as many, or as there are processors."""
+def _set_threads(parsed: argparse.Namespace) -> None:
+    """How many the renderer has (-j, or as many as there are processors), and what they do while they wait."""
+    if parsed.verb != "bench":  # which measures libraries as they are
+        # They sleep: beside other programs at work, spinning ones cost half the speed. OpenMP reads it when it is loaded.
+        os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    count: int | None = getattr(parsed, "threads", None)
+    if count is None:
+        return
     from offline.kernels.compile import available_threads, use_threads
     from shared.errors import InputError
 

@@ -113,6 +113,9 @@ def one_line(text: str) -> str:
 class StageProgress:
     """`offline.progress.Progress` for one file, ended by leaving the `with` block."""
 
+    def begin(self, steps: int) -> None:
+        """Work that has no stages begins."""
+
     def stage(self, name: str, steps: int) -> None:
         """A stage begins."""
 
@@ -142,7 +145,8 @@ class LineProgress(StageProgress):
         """A line, now and then."""
         if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
             self._remarked = time.monotonic()
-            print(f"{self._title}: {self._name}, {text}", file=sys.stderr, flush=True)
+            name = f"{self._title}: {self._name}" if self._name else self._title
+            _to_stderr(f"{name}, {text}")
 
     def stage(self, name: str, steps: int) -> None:
         """The stage before it has ended: say so."""
@@ -176,9 +180,14 @@ class BarProgress(StageProgress):
         self._name = name
         self._display.reset(self._task, total=steps, description=f"{self._title}: {name}")
 
+    def begin(self, steps: int) -> None:
+        """The bar begins, under the title alone."""
+        self._display.reset(self._task, total=steps, description=self._title)
+
     def remark(self, text: str) -> None:
         """It stands beside the bar."""
-        self._display.update(self._task, description=f"{self._title}: {self._name}, {text}")
+        name = f"{self._title}: {self._name}" if self._name else self._title
+        self._display.update(self._task, description=f"{name}, {text}")
 
     def advance(self, steps: int = 1) -> None:
         """The bar grows."""

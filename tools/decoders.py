@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.colorimetry import as_rows, primaries_to_xyz
 from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from shared.tiff_check import check_directories
 
 from . import exif
 from .icc import LINEAR, SRGB, Encoding, power_curve, read_profile
@@ -26,6 +29,10 @@ from .scene import check_size
 P = ParamSpec("P")
 T = TypeVar("T")
 
+_ICC_PROFILE = 34675  # the tag of TIFF
+_MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples, and profile, texts and capture data
+_LARGEST_WEBP = 64 << 20  # bytes, read whole; its longest side is 16383 pixels
+_NPY_HEADER = 1 << 16
 _PNG_HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
 _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
@@ -81,31 +88,39 @@ def _quiet_libraries() -> Iterator[None]:
 
 
 @guarded
-def decode_png(path: Path) -> Decoded:
+def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """PNG of any kind; Pillow would quietly reduce 16-bit colour to 8, so those go through libpng."""
+    with path.open("rb") as file:
+        header = file.read(_PNG_HEADER)
+    width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
+    size = path.stat().st_size
+    check_size(width, height, 0, size, max_pixels)
+    # Chunks of no interest are read too, whatever length they claim.
+    if size > _MOST_PER_PIXEL * width * height + _MOST_BESIDE:
+        raise InputError(f"{size} bytes for {width} x {height} pixels: the file is damaged, or made to fill the memory")
+    if len(header) < _PNG_HEADER or header[24] != 16:
+        return decode_with_pillow(path, max_pixels)
+    check_size(width, height, 8, size, max_pixels)
     data = path.read_bytes()
-    width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
-    if len(data) < _PNG_HEADER or data[24] != 16:
-        return decode_with_pillow(path)
-    check_size(width, height, 8, len(data))
     import imagecodecs
-    from PIL import Image
 
+    image_module = _pillow()
     pixels, notes = _without_alpha(np.atleast_3d(imagecodecs.png_decode(data)))
-    with Image.open(path) as image:
+    with image_module.open(path) as image:
         encoding, remarks = _png_encoding(image.info)
         return Decoded(pixels, 65535, encoding, exif.from_tags(exif.merged(image.getexif())), notes + remarks)
 
 
 @guarded
-def decode_with_pillow(path: Path) -> Decoded:
+def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """8-bit PNG, JPEG and WebP."""
-    from PIL import Image
-
+    if path.stat().st_size > _LARGEST_WEBP and path.suffix.lower() == ".webp":
+        raise InputError(f"is larger than {_LARGEST_WEBP} bytes, which no WebP needs; it is damaged, or save it as PNG")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Pillow's own size warning; ours is an error
-        with Image.open(path) as image:
-            check_size(*image.size, 4, path.stat().st_size)
+        warnings.simplefilter("ignore")  # of odd capture data
+        with _pillow().open(path) as image:
+            width, height = image.size
+            check_size(width, height, 4, path.stat().st_size, max_pixels)
             if image.mode not in _MODES:
                 raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
             notes: tuple[str, ...] = ()
@@ -118,11 +133,13 @@ def decode_with_pillow(path: Path) -> Decoded:
 
 
 @guarded
-def decode_tiff(path: Path) -> Decoded:
+def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Grey or RGB TIFF, integer or floating point; the first page."""
     import tifffile
 
     size = path.stat().st_size
+    with path.open("rb") as stream:
+        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _ICC_PROFILE})
     with tifffile.TiffFile(path) as file:
         page: Any = file.pages[0]
         if page.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB, tifffile.PHOTOMETRIC.YCBCR}:
@@ -132,9 +149,9 @@ def decode_tiff(path: Path) -> Decoded:
         samples = page.samplesperpixel
         if samples not in {1, 2, 3, 4} or page.imagedepth != 1:
             raise InputError(f"the TIFF has {samples} samples per pixel; expected grey or RGB, with or without transparency")
-        check_size(page.imagewidth, page.imagelength, samples * max(1, page.bitspersample // 8), size)
+        check_size(page.imagewidth, page.imagelength, samples * max(1, page.bitspersample // 8), size, max_pixels)
         if page.is_tiled:
-            check_size(page.tilewidth, page.tilelength)
+            check_size(page.tilewidth, page.tilelength, max_pixels=max_pixels)
         # tifffile fills what is missing with zeros: that would be a black stripe in a scene, not an error.
         extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
         if not extents or any(count == 0 or offset + count > size for offset, count in extents):
@@ -143,16 +160,16 @@ def decode_tiff(path: Path) -> Decoded:
         if page.axes.startswith("S"):
             pixels = np.moveaxis(pixels, 0, -1)
         pixels, notes = _without_alpha(np.atleast_3d(pixels))
-        if len(file.pages) > 1:
+        if several:
             notes += ("of several pages only the first is used",)
         peak = (1 << page.bitspersample) - 1 if pixels.dtype.kind == "u" else None
-        profile = page.tags.get(34675)
+        profile = page.tags.get(_ICC_PROFILE)
         encoding, remarks = _profile_encoding(profile and profile.value)
     return Decoded(pixels, peak, encoding, exif.from_tags(exif.tiff_tags(path)), notes + remarks)
 
 
 @guarded
-def decode_exr(path: Path) -> Decoded:
+def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """OpenEXR: the channels R, G, B or Y of the first part; linear by definition."""
     import OpenEXR
 
@@ -163,7 +180,7 @@ def decode_exr(path: Path) -> Decoded:
         wanted = ("R", "G", "B") if {"R", "G", "B"} <= names else ("Y",)
         if not set(wanted) <= names or "RY" in names:
             raise InputError(f"the EXR has the channels {', '.join(sorted(names))}; expected R, G, B, or Y alone")
-        check_size(right - left + 1, bottom - top + 1, 4 * len(names), path.stat().st_size)
+        check_size(right - left + 1, bottom - top + 1, 4 * len(names), path.stat().st_size, max_pixels)
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
     pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
     if "chromaticities" not in header:
@@ -174,17 +191,30 @@ def decode_exr(path: Path) -> Decoded:
 
 
 @guarded
-def decode_npy(path: Path) -> Decoded:
+def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """A NumPy array (H, W) or (H, W, C) of unsigned integers or floating point; pickled objects are refused."""
+    with path.open("rb") as file:
+        start = file.read(12)
+    # NumPy reads a header as long as the file says it is: two bytes of it in version 1, four since.
+    if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
+        raise InputError("the array's header claims to be longer than any is: the file is damaged, or made to fill the memory")
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not 1 <= stored.shape[2] <= 4):
         raise InputError(
             f"the array is {stored.dtype} of shape {stored.shape}; "
             "expected unsigned integers or floating point, (rows, columns) or (rows, columns, 3)"
         )
-    check_size(stored.shape[1], stored.shape[0])
+    check_size(stored.shape[1], stored.shape[0], max_pixels=max_pixels)
     pixels, notes = _without_alpha(np.atleast_3d(np.array(stored)))
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes)
+
+
+def _pillow() -> ModuleType:
+    """Pillow's module of pictures, without a bound of its own: `check_size` is asked before anything is decoded."""
+    from PIL import Image
+
+    Image.MAX_IMAGE_PIXELS = None
+    return Image
 
 
 def _without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

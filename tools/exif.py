@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from shared import CaptureMetadata
+from shared.tiff_check import check_directories
 
 # TIFF 6.0 section 8 and Exif 2.3 section 4.6
 DESCRIPTION, MAKE, MODEL, ORIENTATION, DATE_TIME, ARTIST, EXIF_IFD = 270, 271, 272, 274, 306, 315, 34665
@@ -50,6 +51,7 @@ def tiff_tags(path: Path) -> dict[int, Any]:
         warnings.simplefilter("ignore")  # as above
         try:
             with path.open("rb") as file:
+                check_directories(file)
                 exif.load_from_fp(file)
                 return merged(exif)
         except Exception:

@@ -12,7 +12,7 @@ from pathlib import Path
 from device.capture import Sensor
 from device.frame_folder import watch_folder
 from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from shared import SensorCalibration, read_camera
+from shared import CfaPattern, SensorCalibration, read_camera
 from shared.calibration import BITS, encoding
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
@@ -73,8 +73,8 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
         for option in ("--width", "--height", "--format", "--stride", "--bits"):
             _refuse(arguments, True, option, "the built-in sensor says it itself")
         return _builtin(source, arguments)
-    layout, calibration, notes = _described(arguments)
-    sensor = Sensor(layout, pattern_of(arguments), calibration)
+    sensor, notes = _described(arguments)
+    layout = sensor.layout
     if is_stream:
         if sys.stdin is None or sys.stdin.isatty():
             raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
@@ -100,8 +100,8 @@ def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str
         raise InputError(f"{option} does not go with {arguments.source}: {reason}")
 
 
-def _described(arguments: argparse.Namespace) -> tuple[FrameLayout, SensorCalibration, tuple[str, ...]]:
-    """Layout and calibration of the frames that the options describe, and notes."""
+def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
+    """The sensor whose frames the options describe, and notes."""
     missing = [option for option in ("width", "height", "format") if not getattr(arguments, option)]
     if missing:
         raise InputError(
@@ -113,12 +113,23 @@ def _described(arguments: argparse.Namespace) -> tuple[FrameLayout, SensorCalibr
     if arguments.camera:
         if arguments.bits:
             raise InputError("--bits does not go with --camera: the camera file knows")
-        return layout, read_camera(arguments.camera).calibration, ()
+        return Sensor(layout, *_known(arguments)), ()
     black, _ = encoding(arguments.bits or bits)
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration(black_level=(float(black),) * 4, white_level=(1 << (arguments.bits or bits)) - 1)
     note = f"no --camera: black is taken to be {black}, white {calibration.white_level}, and the colours stay unknown"
-    return layout, calibration, (note,)
+    return Sensor(layout, pattern_of(arguments), calibration), (note,)
+
+
+def _known(arguments: argparse.Namespace) -> tuple[CfaPattern, SensorCalibration]:
+    """Pattern and calibration of the camera in --camera; raises InputError when the options name another pattern."""
+    camera = read_camera(arguments.camera)
+    pattern = pattern_of(arguments, camera.pattern)
+    try:
+        camera.check_pattern(pattern)
+    except InputError as error:
+        raise InputError(f"{arguments.camera}: {error}") from None
+    return pattern, camera.calibration
 
 
 def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
@@ -127,8 +138,9 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
     if not found or not rate:
         raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
     if arguments.camera:
-        camera = read_camera(arguments.camera).calibration
+        pattern, camera = _known(arguments)
     else:
+        pattern = pattern_of(arguments)
         black, _ = encoding(_BUILTIN_BITS)
         camera = SensorCalibration(black_level=(float(black),) * 4, white_level=(1 << _BUILTIN_BITS) - 1, sensor="simulated")
     # The colours are the scene's where the camera's are unknown.
@@ -138,7 +150,7 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
         camera_to_xyz=camera.camera_to_xyz or SRGB_TO_XYZ,
         neutral=camera.neutral or (1.0,) * 3,
     )
-    sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern_of(arguments), camera)
+    sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, camera)
 
     def frames(*_: object) -> Iterator[RawFrame]:
         from .moving_scene import moving_scene

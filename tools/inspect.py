@@ -1,6 +1,6 @@
 """Say what is in shots (pattern, levels, calibration, capture data) and in camera files.
 
-Reading checks a shot's samples against their digest, and a camera file field by field.
+Reading checks a shot's samples against their digest, and a camera file field by field; --verify does that for whole archives.
 """
 
 import argparse
@@ -12,30 +12,38 @@ import numpy as np
 
 from shared import Mosaic, read_camera, read_dng
 from shared.dng import read_preview
+from shared.errors import InputError
 
 from .console import Console, one_line
-from .work import Job, run_jobs
+from .verification import verify
+from .work import FAILED, Job, add_limit, processors, run_jobs
 
 _COLUMN = 14  # characters of a name on the page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Of `panchroma inspect`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma, or a camera.json")
-    parser.add_argument("--verify", action="store_true", help="only say whether each shot is whole")
+    parser.add_argument(
+        "shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma, or a camera.json; with --verify a folder of DNGs too"
+    )
+    parser.add_argument("--verify", action="store_true", help="only count the whole ones and name the damaged")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="of --verify, files at a time (default: one per core)")
+    add_limit(parser)
     parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Returns the exit code."""
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise InputError(f"--jobs is {arguments.jobs}, expected 1 or more")
+    if arguments.verify:
+        jobs = arguments.jobs or processors()
+        return FAILED if verify(arguments.shots, console, jobs=jobs, max_pixels=arguments.max_pixels) else 0
 
     def work(job: Job) -> dict[str, Any]:
         if Path(job.source).suffix.lower() == ".json":
-            return _camera(job.source, console, verify=arguments.verify)
-        mosaic = read_dng(job.source)
-        if arguments.verify:
-            console.say(f"{job.source}: whole")
-            return {"width": mosaic.shape[1], "height": mosaic.shape[0]}
+            return _camera(job.source, console)
+        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         facts = _facts(mosaic, len(read_preview(job.source)))
         console.say(_page(job.source, facts))
         return facts
@@ -43,12 +51,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return run_jobs([Job(shot, ()) for shot in arguments.shots], work, console)
 
 
-def _camera(source: str, console: Console, *, verify: bool) -> dict[str, Any]:
+def _camera(source: str, console: Console) -> dict[str, Any]:
     """Facts about a camera file, said to people too."""
     camera = read_camera(source)
-    if verify:
-        console.say(f"{source}: whole")
-        return {"calibration_id": camera.calibration.id}
     calibration, pattern = camera.calibration, camera.pattern
     document = calibration.to_json()
     rows = {

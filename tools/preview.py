@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from shared import Mosaic, read_dng
+from shared import Mosaic, read_camera, read_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError
 from shared.files import write_durably
@@ -17,7 +17,8 @@ from shared.tiff import encode_tiff
 from .console import Console
 from .encoders import encode_jpeg
 from .exif_directory import jpeg_directory
-from .work import Job, output_folder, plan, run_jobs
+from .preview_graph import add_graph_option, load_graph
+from .work import Job, add_limit, output_folder, plan, run_jobs
 
 if TYPE_CHECKING:
     from device import Preview
@@ -34,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="sensor pixels per pixel of the picture, each way; a divisor of the period",
     )
-    parser.add_argument("--graph", metavar="FILE", help="what export-preview wrote, for patterns that none came along for")
+    add_graph_option(parser)
+    parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
+    add_limit(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
 
@@ -43,10 +46,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Returns the exit code."""
     folder = output_folder(arguments.output)
     previews = Previews(arguments.scale, arguments.graph)
+    camera = read_camera(arguments.camera) if arguments.camera else None
 
     def work(job: Job) -> dict[str, Any]:
         (output,) = job.outputs
-        mosaic = read_dng(job.source)
+        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
+        if camera is not None:
+            mosaic = camera.calibrated(mosaic)
         start = time.monotonic()
         picture = previews(mosaic)
         milliseconds = (time.monotonic() - start) * 1e3
@@ -72,7 +78,7 @@ class Previews:
             raise InputError(f"--scale is {scale}, expected 1 or more")
         self._scale = scale
         self._loaded: dict[str, Preview] = {}
-        self._given = _load(graph, scale) if graph else None
+        self._given = load_graph(graph, scale) if graph else None
 
     def __call__(self, mosaic: Mosaic) -> ByteArray:
         """The picture, uint8 sRGB (h, w, 3), turned like the samples. Raises InputError when no graph fits the pattern."""
@@ -85,14 +91,3 @@ class Previews:
         if pattern not in self._loaded:
             self._loaded[pattern] = Preview.for_mosaic(mosaic, self._scale)
         return cast(ByteArray, self._loaded[pattern].run(mosaic))
-
-
-def _load(graph: str, scale: int) -> "Preview":
-    from device import Preview
-
-    preview = Preview(graph)
-    if preview.description.linear:
-        raise InputError(f"{graph}: makes scene units, no picture; write one without --linear: panchroma export-preview")
-    if scale not in (1, preview.description.scale):
-        raise InputError(f"{graph}: has scale {preview.description.scale}, not {scale}; leave --scale out")
-    return preview

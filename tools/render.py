@@ -11,14 +11,16 @@ from collections.abc import Sequence
 
 from shared import read_camera
 from shared.errors import InputError, PanchromaError
+from shared.files import sweep
 
 from .batch.run import Hands, passes, render_shots
 from .batch.sources import Shard, Shot, expand
 from .batch.task import Order
 from .console import Console
+from .defect_list import read_defects
 from .memory import allowed_memory
 from .picture_writer import POSSIBLE, PictureKind, check_gain
-from .work import FAILED, fail, identity, output_folder, refuse_existing, refuse_loss
+from .work import FAILED, add_limit, fail, identity, output_folder, refuse_existing, refuse_loss
 
 _PRESETS = ("best", "paper")
 
@@ -33,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--space", choices=spaces, help="colours (default: the format's; camera: scene units as measured)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="gain of a display picture")
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
+    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
+    add_limit(parser)
     run_ = parser.add_argument_group("the run")
     run_.add_argument("--resume", action="store_true", help="keep results that are current, make anew those of ours that are not")
     run_.add_argument("--overwrite", action="store_true", help="replace results that exist, whosever they are")
@@ -64,6 +68,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for source, what in failures:
         fail(source, (), what, console)
     shots, all_possible = _possible(found, shard, order, console)
+    for below in {shot.output.parent for shot in shots} - {order.folder}:
+        sweep(below)
     if (arguments.scheduler or arguments.scheduler_file) and not arguments.dry_run:
         from .batch import cluster
 
@@ -79,12 +85,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 def _order(arguments: argparse.Namespace) -> Order:
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space)
     check_gain(kind, arguments.exposure)
+    if arguments.defects and arguments.preset == "paper":
+        raise InputError("--defects needs --preset best: the published method takes every sample for good")
     return Order(
         folder=output_folder(arguments.output),
         kind=kind,
         preset=arguments.preset,
         exposure=arguments.exposure,
         camera=read_camera(arguments.camera) if arguments.camera else None,
+        defects=read_defects(arguments.defects) if arguments.defects else (),
+        max_pixels=arguments.max_pixels,
         run=secrets.token_hex(8),
         resume=arguments.resume,
         overwrite=arguments.overwrite,

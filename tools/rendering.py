@@ -20,12 +20,12 @@ from .picture_writer import PictureKind, write_picture
 if TYPE_CHECKING:
     from offline import RenderSettings
 
-# Bytes, measured and rounded up (`tests/tools/test_rendering.py` measures again).
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/test_rendering.py` measures again).
 _PROGRAM = 250 * 2**20  # with its libraries and kernels
-_FRAME = 11.0  # per pixel: codes, signal and luminance
-_BLOCK = 220.0  # per colour block
-_BAND = 48.0, 28.0  # per pixel of a band, and per channel of it: four fields, then the same rows again at several stages
-_ENCODING = {"png": 36.0, "jpg": 30.0, "dng": 46.0, "exr": 52.0, "npy": 40.0}  # per pixel beside the picture itself
+_MOSAIC, _LUMINANCE = 6.0, 5.0  # per pixel: codes and signal, and what is made of them
+_BLOCK = 220.0  # per colour block, while their chromaticities are estimated
+_BAND = 48.0, 28.0  # per pixel of a band, and per channel of it: four fields, then the same rows at several stages
+_ENCODING = {"png": 36.0, "jpg": 20.0, "dng": 30.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself
 
 
 def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings") -> int:
@@ -34,11 +34,12 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings")
 
     (height, width), channels = mosaic.shape, len(mosaic.pattern.channels)
     pixels = height * width
-    rows = min(band_rows(mosaic, settings), height)
-    need = _PROGRAM + (_FRAME + _BLOCK / mosaic.pattern.period**2) * pixels + (_BAND[0] + _BAND[1] * channels) * rows * width
-    if kind.format != FORMAT:
-        need += (4 * channels + _ENCODING[kind.format]) * pixels
-    return round(need)
+    picture = 0 if kind.format == FORMAT else 4 * channels * pixels
+    blocks = _BLOCK * pixels / mosaic.pattern.period**2
+    band = (_BAND[0] + _BAND[1] * channels) * min(band_rows(mosaic, settings), height) * width
+    rendering = _LUMINANCE * pixels + max(blocks, band)
+    encoding = _ENCODING.get(kind.format, 0.0) * pixels
+    return round(_PROGRAM + _MOSAIC * pixels + picture + max(rendering, encoding))
 
 
 def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int) -> None:
@@ -99,20 +100,24 @@ def _fill(rgb: FloatArray, bands: Iterator[FloatArray]) -> None:
         top += len(band)
 
 
-def check_light(mosaic: Mosaic) -> None:
-    """Raise InputError for a frame that holds no picture: all black, or all saturated."""
+def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
+    """Raise InputError for a frame that holds no picture for these settings: all black, or all saturated.
+
+    Where luminance is restored from colour samples, it takes these to be saturated as well.
+    """
     panchromatic, (height, width) = len(mosaic.pattern.channels), mosaic.shape
     lowest, highest = [], []
     for rows in strips(height):
         planes = mosaic.pattern.filter_map((rows.stop - rows.start, width), (rows.start, 0))
         measured = mosaic.signal[rows][planes == panchromatic]
         if measured.size:
-            lowest.append(measured.min())
+            lowest.append((mosaic.signal[rows] if settings.highlights.restored else measured).min())
             highest.append(measured.max())
     if highest and max(highest) <= 0:
         raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
     if lowest and min(lowest) >= mosaic.calibration.full_scale:
-        raise InputError("every panchromatic sample is saturated: there is no picture in it; expose less")
+        which = "sample" if settings.highlights.restored else "panchromatic sample"
+        raise InputError(f"every {which} is saturated: there is no picture in it; expose less")
 
 
 @contextmanager

@@ -7,8 +7,8 @@ import numpy as np
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from shared.reading import MAX_PIXELS
 
-MAX_PIXELS = 2**27  # 134 million: more than any camera has, and 1.6 GB as float32 RGB
 MAX_EXPANSION = 300  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
 SMALL = 256 * 2**20  # decoded bytes that harm nobody, however well they are compressed
 DARKEST = -1e-3  # of the brightest value: what rounding and resampling leave below zero; more is not light
@@ -60,15 +60,15 @@ class Scene:
         return self.rgb.shape[0], self.rgb.shape[1]
 
 
-def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0) -> None:
+def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0, max_pixels: int = MAX_PIXELS) -> None:
     """Refuse (InputError) a picture by its declared size, before anything is decoded: empty, too large, or a decompression bomb.
 
     pixel_bytes, file_bytes: decoded bytes of a pixel, and the length of the file; 0 = do not compare them.
     """
     if width < 1 or height < 1:
         raise InputError(f"the picture is {width} x {height} pixels: it is empty")
-    if width * height > MAX_PIXELS:
-        raise InputError(f"{width} x {height} pixels are more than the {MAX_PIXELS // 10**6} million that fit; cut or reduce it")
+    if width * height > max_pixels:
+        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels lifts it")
     decoded = width * height * pixel_bytes
     if decoded > max(SMALL, MAX_EXPANSION * file_bytes) and file_bytes:
         raise InputError(

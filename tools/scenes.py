@@ -7,6 +7,8 @@ from typing import Any
 
 from shared.dng.tags import MAKER
 from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from shared.tiff_check import check_directories
 
 from .builtin_scene import builtin_scene
 from .camera_raw import camera_raw_scene
@@ -24,17 +26,18 @@ _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _DNG_VERSION, _DNG_PRIVATE_DATA = 50706, 50740
 
 # How a file of each kind begins (a pattern), what its name ends in, and who decodes it.
-_KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path], Decoded]], ...] = (
+_KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]], ...] = (
     ("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png),
     ("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_with_pillow),
     ("WebP", rb"RIFF....WEBP", (".webp",), decode_with_pillow),
     ("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr),
     ("NPY", rb"\x93NUMPY", (".npy",), decode_npy),
 )
+_PIECE = 16 << 20
 _TIFF_SUFFIXES = (".tif", ".tiff")
 
 
-def load_scene(source: str, *, linear: bool = False) -> Scene:
+def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS) -> Scene:
     """The scene in a file, or the built-in one.
 
     source: the path of
@@ -43,11 +46,11 @@ def load_scene(source: str, *, linear: bool = False) -> Scene:
         otherwise; linear=True makes any of them linear; Gehler's data set as Shi and Funt publish it is recognised),
     or "builtin:WxH" (see `builtin_scene`), "chart:WxH" (see `chart_scene`).
 
-    The content decides what a file is, and its ending has to agree. Raises InputError that says what came and what to do; it does
-    not name the file.
+    The content decides what a file is, and its ending has to agree. Raises InputError that says what came and what to do, for more
+    than `max_pixels` too; it does not name the file.
     """
     if is_drawn(source):
-        return _draw(source)
+        return _draw(source, max_pixels)
     path = Path(source)
     start = _first_bytes(path)
     suffix = path.suffix.lower()
@@ -55,7 +58,7 @@ def load_scene(source: str, *, linear: bool = False) -> Scene:
         if re.match(pattern, start, re.DOTALL):
             if suffix not in suffixes:
                 raise InputError(f"is a {kind} picture by its content; if that is meant, name it {path.stem}{suffixes[0]}")
-            picture = decode(path)
+            picture = decode(path, max_pixels)
             if kind == "PNG" and (known := sample_range(picture, path.stem)):
                 return sampled_scene(picture, path.stem, known)
             return picture_scene(picture, path.stem, linear=linear)
@@ -64,8 +67,8 @@ def load_scene(source: str, *, linear: bool = False) -> Scene:
         if ours:
             raise InputError("this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render")
         if suffix in _TIFF_SUFFIXES and not dng:
-            return picture_scene(decode_tiff(path), path.stem, linear=linear)
-    return camera_raw_scene(path, path.stem)
+            return picture_scene(decode_tiff(path, max_pixels), path.stem, linear=linear)
+    return camera_raw_scene(path, path.stem, max_pixels)
 
 
 def is_drawn(source: str) -> bool:
@@ -73,13 +76,13 @@ def is_drawn(source: str) -> bool:
     return source.startswith(tuple(_DRAWN))
 
 
-def _draw(source: str) -> Scene:
+def _draw(source: str, max_pixels: int) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
     if not size:
         raise InputError(f"is no built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
     width, height = int(size[1]), int(size[2])
-    check_size(width, height)
+    check_size(width, height, max_pixels=max_pixels)
     return _DRAWN[kind](width, height)
 
 
@@ -109,6 +112,8 @@ def _look_into(path: Path) -> tuple[bool, bool]:
     import tifffile
 
     try:
+        with path.open("rb") as stream:
+            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _DNG_PRIVATE_DATA})
         with tifffile.TiffFile(path) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
@@ -118,4 +123,12 @@ def _look_into(path: Path) -> tuple[bool, bool]:
     except (
         Exception
     ):  # a damaged directory: the decoder that comes next says what is wrong, unless that is LibRaw and the file ours
-        return MAKER.encode() in path.read_bytes(), False
+        return _mentions(path, MAKER.encode()), False
+
+
+def _mentions(path: Path, word: bytes) -> bool:
+    """Whether a file holds a word near its beginning or its end, where directories and what belongs to them are."""
+    with path.open("rb") as file:
+        start = file.read(_PIECE)
+        file.seek(max(0, path.stat().st_size - _PIECE))
+        return word in start or word in file.read(_PIECE)

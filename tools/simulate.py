@@ -22,7 +22,7 @@ from .picture_writer import PictureKind, write_picture
 from .preview import Previews
 from .scene import Scene
 from .scenes import is_drawn, load_scene
-from .work import Job, output_folder, plan, run_jobs
+from .work import Job, add_limit, output_folder, plan, run_jobs
 
 _DEFAULT_BITS = 12
 _TRUTH = PictureKind("tif", 32, "camera")
@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light.add_argument("--seed", type=int, default=0, help="of the noise; the same for every scene")
     parser.add_argument("--linear", action="store_true", help="the pictures' numbers are light, whatever the files say")
     parser.add_argument("--truth", action="store_true", help="write STEM.truth.tif too: float32, scene units")
+    add_limit(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
     parser.add_argument("--json", action="store_true", help="one object per scene on stdout")
 
@@ -87,7 +88,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def work(job: Job) -> dict[str, Any]:
         with console.progress(job.source) as progress:
             progress.stage("reading", 1)
-            scene = load_scene(job.source, linear=arguments.linear)
+            scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels)
             progress.stage("sampling", 1)
             mosaic = photograph(scene, pattern, camera, arguments)
             shot, *truth = job.outputs

@@ -1,9 +1,43 @@
-"""SIGINT and SIGTERM for commands that run until they are told to stop: what is in hand gets finished."""
+"""What the signals that end a program do: an orderly exit, and for commands that run until they are told to stop, a good end."""
 
 import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 
-from .cli import INTERRUPTED
+INTERRUPTED = 130
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM or SIGHUP has come: all that an interruption leaves in order, this does too."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.code = 128 + number
+
+
+@contextmanager
+def orderly_end() -> Iterator[None]:
+    """In the `with` block SIGTERM and SIGHUP raise Terminated; by default they would leave temporary files behind.
+
+    Where somebody has decided otherwise (nohup), and in another thread than the first, nothing is changed.
+    """
+    free = [number for number in _ENDING if signal.getsignal(number) == signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        free = []
+    for number in free:
+        signal.signal(number, _terminate)
+    try:
+        yield
+    finally:
+        for number in free:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise Terminated(number)
 
 
 class Stopping:

@@ -14,9 +14,9 @@ from device.shots import ShotFolder
 from shared import CfaPattern
 from shared.errors import InputError
 
-from .capture import preview_maker
 from .console import Console
 from .frame_source import add_source_options, open_source
+from .preview_graph import add_graph_option, preview_maker
 from .stopping import Stopping
 from .viewfinder import Viewfinder
 from .viewfinder_server import ViewfinderServer
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scale", type=int, metavar="S", help=f"one pixel for S x S of the sensor (default: 1 up to {_WIDEST} pixels of width)"
     )
+    add_graph_option(parser)
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
 
 
@@ -49,9 +50,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     shots = None
     if arguments.output:
         folder = ShotFolder(output_folder(arguments.output), Path(arguments.latest) if arguments.latest else None)
-        shots = folder, preview_maker(sensor, threads=1)  # a shot must not hold up the picture on other cores
-    scale = _scale(sensor.layout.width, sensor.pattern) if arguments.scale is None else arguments.scale
-    preview = preview_maker(sensor, scale=scale, threads=arguments.jobs)
+        # One thread: a shot must not hold up the picture on other cores.
+        shots = folder, preview_maker(sensor, graph=arguments.graph, threads=1)
+    scale = arguments.scale
+    if scale is None:
+        scale = 1 if arguments.graph else _scale(sensor.layout.width, sensor.pattern)
+    preview = preview_maker(sensor, graph=arguments.graph, scale=scale, threads=arguments.jobs)
     for note in source.notes:
         console.note(note)
     failed = False

@@ -1,5 +1,6 @@
 """Many files, one after the other: where each result goes, and what happens when one fails."""
 
+import argparse
 import os
 import shlex
 from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
@@ -8,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError, OutputError, PanchromaError
+from shared.files import sweep
+from shared.reading import MAX_PIXELS
 
 from .console import Console, StandardOutputError, fault
 
@@ -22,8 +25,23 @@ class Job:
     outputs: tuple[Path, ...]
 
 
+def add_limit(parser: argparse.ArgumentParser) -> None:
+    """--max-pixels, of commands that read files from anywhere."""
+    parser.add_argument(
+        "--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="of a file that is read; what claims more is refused"
+    )
+
+
+def processors() -> int:
+    """Those this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def output_folder(folder: str) -> Path:
-    """The folder of `-o`; raises OutputError when it is none, or nothing can be written there."""
+    """The folder of `-o`, without what killed processes have left there half written.
+
+    Raises OutputError when it is none, or nothing can be written there.
+    """
     path = Path(folder)
     if not folder:
         raise OutputError("-o is empty: name the folder for the results")
@@ -33,6 +51,7 @@ def output_folder(folder: str) -> Path:
         raise OutputError(f"{folder}: is not a folder; -o names the folder for the results")
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
+    sweep(path)
     return path
 
 

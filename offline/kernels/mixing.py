@@ -6,11 +6,11 @@ from shared.arrays import FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import zeros
-from .lanes import WIDTH, Lanes, load, quotient, store, where_less
+from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
 _LANES = WIDTH
 _CLASSES = 4
-_NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
 
 
@@ -23,13 +23,15 @@ def mix(
     columns: IndexArray,
     first: int,
     corner: tuple[int, int],
+    softness: float,
     out: FloatArray,
 ) -> None:
     """Write the chromaticities of some rows of the frame to `out`, (rows, W, C).
 
     fields: (4, pixel rows, domain columns), of whole rows of patches, of which `first` is the first; blocks: (block rows, block
     columns, C), all of the grid; luminance: (H, W); rows, columns: the frame's row and column at each of the domain's;
-    corner: domain row, counted from the first of `fields`, and domain column of out[0, 0].
+    corner: domain row, counted from the first of `fields`, and domain column of out[0, 0]. softness: alpha (alpha + softness) takes
+    the place of alpha^2 in Eq. 14.
     """
     across = blocks.shape[1] - 1
     period = fields.shape[2] // across
@@ -45,7 +47,7 @@ def mix(
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
             alpha[:, : fields.shape[2]] = fields[:, row + corner[0]]
-            _mix_row(alpha, fields.shape[2], light, colour, line)
+            _mix_row(alpha, fields.shape[2], light, colour, np.float32(softness), line)
             for channel in range(channels):
                 for column in range(out.shape[1]):
                     out[row, column, channel] = line[channel, column + corner[1]]
@@ -77,11 +79,11 @@ def _expand(
 
 
 @kernel
-def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatArray, line: FloatArray) -> None:
+def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatArray, softness: Scalar, line: FloatArray) -> None:
     for column in range(0, columns, _LANES):
         kappa0, kappa1, kappa2, kappa3 = (
-            _kappa(alpha, light, 0, column), _kappa(alpha, light, 1, column),
-            _kappa(alpha, light, 2, column), _kappa(alpha, light, 3, column),
+            _kappa(alpha, light, 0, column, softness), _kappa(alpha, light, 1, column, softness),
+            _kappa(alpha, light, 2, column, softness), _kappa(alpha, light, 3, column, softness),
         )  # fmt: skip
         total = kappa0 + kappa1 + kappa2 + kappa3
         share = quotient(_ONE, total)
@@ -98,7 +100,8 @@ def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatAr
 
 
 @kernel
-def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int) -> Lanes:
+def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softness: Scalar) -> Lanes:
     """Eq. 14, before the weights are scaled to a sum of one."""
     part = load(alpha, (kind, column))
-    return part * part * load(light, (kind, column))
+    part = greater(part, _MINUS * part)  # the solver leaves values a little below zero, too
+    return part * (part + softness) * load(light, (kind, column))

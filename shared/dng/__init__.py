@@ -2,7 +2,7 @@
 
 from .codec import Layout, decode_dng, decode_preview, encode_dng
 from .exif import exif_block, metadata_directory
-from .file import read_dng, read_preview, write_dng
+from .file import read_dng, read_preview, verify_dng, write_dng
 from .picture import encode_picture_dng
 
 __all__ = [
@@ -15,5 +15,6 @@ __all__ = [
     "metadata_directory",
     "read_dng",
     "read_preview",
+    "verify_dng",
     "write_dng",
 ]

@@ -1,21 +1,23 @@
 """Mosaic <-> the bytes of a DNG 1.4 file. Pure: no file is touched here (Adobe, Digital Negative Specification 1.4.0.0)."""
 
-from typing import Literal
+from typing import IO, Literal
 
+import imagecodecs
 import numpy as np
 
-from ..arrays import ByteArray
+from ..arrays import ByteArray, CodeArray
 from ..calibration import BITS, SensorCalibration
 from ..errors import ForeignFileError, InputError
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
+from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour import colour_fields
 from .container import main_directory, raw_digest, raw_directory
 from .exif import read_metadata
 from .reader import DngReader, damaged, opened
 from .record import decode_record, encode_record, is_record
-from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, MAX_PIXELS, Photometric, Tag
+from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
 
 Layout = Literal["auto", "cfa", "linear"]
 
@@ -47,26 +49,56 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     return encode_tiff(main)
 
 
-def decode_dng(data: bytes, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
-    """The mosaic in a DNG of ours: uint16 codes, pattern and calibration as they were written.
+def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosaic:
+    """The mosaic in a DNG of ours, its bytes or a file of them: uint16 codes, pattern and calibration as they were written.
 
     Capture data come from the TIFF and Exif fields, which other programs may have edited since. Raises InputError for anything
     but a whole file of ours, before decoding more than `max_pixels`.
     """
     with opened(data) as dng:
-        record = dng.stored(Tag.DNG_PRIVATE_DATA)
-        if not is_record(record):
-            raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
-        pattern, calibration = decode_record(record)
-        _check_cfa(dng, pattern)
-        samples = dng.samples(max_pixels)
-        digest = dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)
-        if digest != raw_digest(samples):
-            raise damaged("the samples differ from those that were written (NewRawImageDigest)")
-        return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
+        return _mosaic(dng, max_pixels)
 
 
-def decode_preview(data: bytes) -> bytes:
+def _mosaic(dng: DngReader, max_pixels: int) -> Mosaic:
+    record = dng.stored(Tag.DNG_PRIVATE_DATA)
+    if not is_record(record):
+        raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+    pattern, calibration = decode_record(record)
+    _check_cfa(dng, pattern)
+    samples = dng.samples(max_pixels)
+    _check_digest(dng, samples)
+    return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
+
+
+def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
+    """(rows, columns) of a whole DNG of ours, mosaic or rendered picture; InputError for any other and for a damaged one.
+
+    Every sample is held against the digest, the record against its own; the preview has none and must be decodable.
+    """
+    with opened(data) as dng:
+        rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
+        if rendered and dng.planes() == PICTURE_PLANES:
+            samples = dng.samples(max_pixels, PICTURE_PLANES)
+            _check_digest(dng, samples)
+        else:
+            samples = _mosaic(dng, max_pixels).codes
+        _check_preview(dng.preview())
+        return samples.shape[0], samples.shape[1]
+
+
+def _check_preview(jpeg: bytes) -> None:
+    try:
+        imagecodecs.jpeg8_decode(jpeg)
+    except Exception:  # a class of its own for each of the library's versions
+        raise damaged("the preview is not a whole JPEG") from None
+
+
+def _check_digest(dng: DngReader, samples: CodeArray) -> None:
+    if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST) != raw_digest(samples):
+        raise damaged("the samples differ from those that were written (NewRawImageDigest)")
+
+
+def decode_preview(data: bytes | IO[bytes]) -> bytes:
     """The JPEG preview of a DNG, as it lies there. Raises InputError when there is none."""
     with opened(data) as dng:
         return dng.preview()

@@ -8,9 +8,11 @@ from ..arrays import ByteArray
 from ..errors import InputError
 from ..files import write_durably
 from ..mosaic import Mosaic
-from .codec import Layout, decode_dng, decode_preview, encode_dng
+from ..reading import MAX_PIXELS, opened_file
+from .codec import Layout, decode_dng, decode_preview, encode_dng, verify
 
 _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
+_KIND = "a DNG of Panchroma"
 
 
 def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: Layout = "auto", overwrite: bool = False) -> None:
@@ -24,19 +26,25 @@ def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: L
     write_durably(path, data, overwrite=overwrite)
 
 
-def read_dng(path: Path | str) -> Mosaic:
+def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
     """The mosaic that `write_dng` saved: uint16 codes, equal pattern and calibration, capture data as last edited.
 
-    Raises InputError for any other, damaged or missing file.
+    Raises InputError for any other, damaged or missing file, and for one of more than `max_pixels`.
     """
-    with _naming(path):
-        return decode_dng(_read(Path(path)))
+    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
+        return decode_dng(file, max_pixels=max_pixels)
+
+
+def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
+    """(rows, columns) of a whole DNG of ours, mosaic or rendered picture; see `codec.verify`. Raises InputError for any other."""
+    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
+        return verify(file, max_pixels=max_pixels)
 
 
 def read_preview(path: Path | str) -> bytes:
     """The preview of a DNG, a JPEG, as it lies in the file. Raises InputError when there is none."""
-    with _naming(path):
-        return decode_preview(_read(Path(path)))
+    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
+        return decode_preview(file)
 
 
 @contextmanager
@@ -45,18 +53,3 @@ def _naming(path: Path | str) -> Iterator[None]:
         yield
     except InputError as error:
         raise type(error)(f"{path}: {error}") from error
-
-
-def _read(path: Path) -> bytes:
-    try:
-        if path.is_dir():
-            raise InputError("is a folder; give the DNG file itself")
-        if path.exists() and not path.is_file():
-            raise InputError("is a pipe or a device, not a file; save the shot first")  # a pipe or device would never end
-        if path.stat().st_size > _LARGEST_FILE:
-            raise InputError("is larger than the 4 GiB of a TIFF, so it is not a DNG of Panchroma")
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError("there is no such file; check the name") from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})") from error

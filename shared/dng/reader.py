@@ -7,9 +7,9 @@ import logging
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from io import BytesIO
+from io import SEEK_END, BytesIO
 from itertools import product
-from typing import Any
+from typing import IO, Any
 
 import imagecodecs
 import numpy as np
@@ -17,6 +17,7 @@ from tifffile import TiffFile, TiffPage
 
 from ..arrays import CodeArray
 from ..errors import InputError, PanchromaError
+from ..tiff_check import check_directories
 from .tags import Compression, Photometric, Tag
 
 # tifffile tells its log about every odd field. An application may listen; by default nobody does.
@@ -25,22 +26,27 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 _TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
 _LOSSLESS_FRAME = 0xFFC3  # SOF3, the only JPEG process that DNG allows for raw samples
+_MOST_BYTES, _SMALL = 4, 1 << 20  # of a sample: lossless JPEG makes three of the worst; and of a file that harms nobody
+_LARGEST_PREVIEW = 256 << 20
 _BEFORE_FRAME = {0xFFC4, 0xFFDB, 0xFFDD, 0xFFFE, *range(0xFFE0, 0xFFF0)}  # tables, restart interval, comment, applications
 
 
 @contextmanager
-def opened(data: bytes) -> Iterator["DngReader"]:
+def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
     """The DNG in `data`, for the time of a `with` block; whatever goes wrong with it inside the block is an InputError."""
-    if not data:
+    stream = BytesIO(data) if isinstance(data, bytes) else data
+    start = stream.read(4)
+    if not start:
         raise InputError("the file is empty; copy it again")
-    if data.startswith(_JPEG_START):
+    if start.startswith(_JPEG_START):
         raise InputError("a JPEG picture, not a DNG; `panchroma simulate` makes a shot of a picture")
-    if not data.startswith(_TIFF_STARTS):
+    if start not in _TIFF_STARTS:
         raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
+    check_directories(stream)
     try:
-        with TiffFile(BytesIO(data)) as file:
-            yield DngReader(data, file)
-    except PanchromaError:
+        with TiffFile(stream) as file:
+            yield DngReader(stream, file)
+    except (PanchromaError, MemoryError):
         raise
     except Exception as error:
         # On purpose all of them: tifffile and imagecodecs raise a dozen kinds on bytes like these, and none speaks to people.
@@ -55,12 +61,10 @@ def damaged(what: str) -> InputError:
 class DngReader:
     """The two directories of a DNG. Methods raise InputError, or what `opened` makes one of."""
 
-    def __init__(self, data: bytes, file: TiffFile) -> None:
-        self._data = data
-        try:
-            self._main = file.pages.first
-        except IndexError:
-            raise damaged(f"the file ends after {len(data)} bytes, before its directory") from None
+    def __init__(self, stream: IO[bytes], file: TiffFile) -> None:
+        self._stream = stream
+        self._size = stream.seek(0, SEEK_END)
+        self._main = file.pages.first
 
     def value(self, tag: int) -> Any:
         """What tifffile reads of a tag in the first directory; None when there is none."""
@@ -78,11 +82,11 @@ class DngReader:
     def preview(self) -> bytes:
         """The JPEG of the first directory, as it lies in the file."""
         page = self._main
-        self._check_segments(page)
-        jpeg = b"".join(self._segments(page))
-        if page.compression != Compression.JPEG or len(page.dataoffsets) != 1 or not jpeg.startswith(_JPEG_START):
-            raise InputError("the file has no JPEG preview")
-        return jpeg
+        if self._check_segments(page) <= _LARGEST_PREVIEW and page.compression == Compression.JPEG and len(page.dataoffsets) == 1:
+            (jpeg,) = self._segments(page)
+            if jpeg.startswith(_JPEG_START):
+                return jpeg
+        raise InputError("the file has no JPEG preview")
 
     def raw(self) -> TiffPage:
         """The directory of the raw samples: the main picture below the first directory."""
@@ -90,6 +94,10 @@ class DngReader:
             if isinstance(page, TiffPage) and page.subfiletype == 0:
                 return page
         raise damaged("the file has no raw picture")
+
+    def planes(self) -> int:
+        """Raw samples of a pixel."""
+        return int(self.raw().samplesperpixel)
 
     def cfa(self) -> tuple[tuple[int, ...], ...] | None:
         """The CFA codes of one period, row by row; None for a file that shows its mosaic as a grey picture."""
@@ -105,19 +113,22 @@ class DngReader:
                 return tuple(tuple(codes[start : start + columns]) for start in range(0, len(codes), columns))
         raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
 
-    def samples(self, max_pixels: int) -> CodeArray:
-        """The raw samples, uint16 (H, W); checked to be so many before any is decoded."""
+    def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
+        """The raw samples, uint16 (H, W), or (H, W, planes) of several; checked to be so many before any is decoded."""
         page = self.raw()
-        if len(page.shape) != 2 or page.dtype is None or page.dtype.kind != "u" or page.dtype.itemsize > 2:
-            raise damaged(f"the raw samples are {page.dtype} {page.shape}, expected whole numbers (rows, columns)")
-        rows, columns = page.shape
+        kind, depth = page.dtype, () if planes == 1 else (planes,)
+        if len(page.shape) < 2 or page.shape[2:] != depth or kind is None or kind.kind != "u" or kind.itemsize > 2:
+            raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
+        rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
-            raise InputError(f"the file declares {columns} x {rows} pixels; {max_pixels} are the limit")
+            raise InputError(f"the file declares {columns} x {rows} pixels; {max_pixels} are the limit, which --max-pixels lifts")
         held = self._check_segments(page)
+        if held > _MOST_BYTES * rows * columns * planes + _SMALL:
+            raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
         if page.compression not in tuple(Compression):
             raise InputError(f"compression {page.compression:d}; a mosaic is lossless JPEG or uncompressed; export it again so")
         bits = 1 if page.compression == Compression.JPEG else page.bitspersample  # a Huffman code has at least one bit
-        if held * 8 < rows * columns * bits:
+        if held * 8 < rows * columns * planes * bits:
             raise damaged(f"the file declares {columns} x {rows} pixels, its {held} bytes of samples cannot hold them")
         samples = self._decoded(page) if page.compression == Compression.JPEG else page.asarray(maxworkers=1)
         return np.ascontiguousarray(samples, np.uint16)
@@ -127,33 +138,37 @@ class DngReader:
 
         Not by tifffile: where libjpeg-turbo refuses a damaged JPEG, it turns to a second decoder, which crashes on some.
         """
-        rows, columns = page.shape
+        rows, columns, *planes = page.shape
         tall, wide = (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
-        samples = np.empty((rows, columns), np.uint16)
+        samples = np.empty(page.shape, np.uint16)
         corners = product(range(0, rows, tall), range(0, columns, wide))
         for (top, left), segment in zip(corners, self._segments(page), strict=True):
             if _frame_samples(segment) > 8 * len(segment):
                 raise damaged("a JPEG declares more samples than its bytes can hold")
             room = samples[top : top + tall, left : left + wide]
             # Some writers store the same samples as a JPEG of twice the components and half the width.
-            room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide)[: room.shape[0], : room.shape[1]]
+            room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
         return samples
 
     def _check_segments(self, page: TiffPage) -> int:
         """The bytes that strips or tiles hold together; all must lie in the file, and not one upon another."""
         ends = [offset + size for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
         held = sum(page.databytecounts)
-        if max(ends, default=0) > len(self._data) or held > len(self._data):
-            raise damaged(f"the file ends before its samples do, after {len(self._data)} bytes")
+        if max(ends, default=0) > self._size or held > self._size:
+            raise damaged(f"the file ends before its samples do, after {self._size} bytes")
         return held
 
     def _segments(self, page: TiffPage) -> Iterator[bytes]:
         for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True):
-            yield self._data[offset : offset + size]
+            yield self._bytes(offset, size)
 
     def _stored(self, page: TiffPage, tag: int) -> bytes:
         field = page.tags.get(tag)
-        return b"" if field is None else self._data[field.valueoffset : field.valueoffset + field.valuebytecount]
+        return b"" if field is None else self._bytes(field.valueoffset, field.valuebytecount)
+
+    def _bytes(self, offset: int, size: int) -> bytes:
+        self._stream.seek(offset)
+        return self._stream.read(size)
 
 
 def _frame_samples(jpeg: bytes) -> int:

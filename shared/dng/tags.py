@@ -15,11 +15,11 @@ LONGEST_CFA_PERIOD = 8
 # libjpeg's JPEG_MAX_DIMENSION: rows or columns of one JPEG.
 LONGEST_SIDE = 65500
 
-# Pixels that a reader accepts unless told otherwise: 512 Mpixel, more than any single sensor has.
-MAX_PIXELS = 1 << 29
-
 # Colours that CFAPattern and CFAPlaneColor can name. 3, 4, 5 are cyan, magenta, yellow: no letters of ours.
 CFA_CODES = {"R": 0, "G": 1, "B": 2, PANCHROMATIC: 6}
+
+
+PICTURE_PLANES = 3  # of a rendered picture: red, green, blue
 
 
 class Tag(IntEnum):

@@ -128,10 +128,10 @@ def test_a_file_of_another_size_is_told_once_and_taken_when_it_is_mended(tmp_pat
 def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put(tmp_path, "frame.raw")
 
-    def fail(_: Path) -> bytes:
+    def fail(*_: object) -> bytes:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_bytes", fail)
+    monkeypatch.setattr(Path, "open", fail)
     watch = Watch(tmp_path)
     assert watch.rest() == []
     assert watch.refused == [f"{tmp_path / 'frame.raw'}: cannot be read (Permission denied)"]

@@ -27,6 +27,9 @@ PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
 FLOAT32 = 5e-5
 TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
+TIGHT_BEST = replace(BEST, affinity=TIGHT.affinity)
+# Luminance 5e-5 off moves the weights of pooling, whose exponents it is divided by the noise in.
+DENOISED = 1e-3
 # The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a hundredth, the picture is not.
 RENDERED, RENDERED_RMS = 2e-2, 1e-3
 # What hole filling leaves after its last iteration is of the size of the last threshold; the corner of a frame is the worst place.
@@ -48,6 +51,16 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma
     rendered = render(mosaic, PAPER).rgb
     assert_close(rendered, expected.rgb, RENDERED)
     assert np.sqrt(np.mean((rendered - expected.rgb) ** 2)) < RENDERED_RMS
+
+
+@every_case
+def test_best_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    mosaic = shot(pattern, shape, 0.05)
+    expected = reference.render(mosaic, BEST)
+    found = render(mosaic, TIGHT_BEST)
+    assert_close(found.luminance, expected.luminance, FLOAT32)
+    assert_close(found.chromaticity, expected.chromaticity, DENOISED)
+    assert_close(found.rgb, expected.rgb, DENOISED)
 
 
 @pytest.mark.parametrize("case", ["odd", "five channels"])
@@ -122,6 +135,7 @@ def test_the_same_mosaic_gives_the_same_bytes() -> None:
 
 def test_the_presets() -> None:
     assert RenderSettings() == PAPER
+    assert (PAPER.denoising.strength, PAPER.pooling.passes, PAPER.noise.estimate) == (0, (), False)
     assert PAPER.luminance.iterations == 50
     assert PAPER.luminance.decay == 2**-0.25
     assert PAPER.chromaticity.taps == 5
@@ -158,18 +172,55 @@ def test_progress_is_reported_stage_by_stage() -> None:
 # ---- no dead knobs, no dead stages
 
 Change = tuple[Any, float | None]
-# Every field of every part of the settings -> another value, and the noise that the calibration admits.
+PRESETS = {"paper": PAPER, "best": BEST}
+# Every field of every part of the settings -> another value, and the noise of the shot: what its calibration admits (None: that it
+# has none and knows nothing of it), or with BLIND, what it does not know.
+BLIND = -0.05
 MOVED: dict[str, dict[str, Change]] = {
+    "noise": {"estimate": (False, BLIND)},
+    "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
+    "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
     "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
-    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02)},
+    "denoising": {
+        "strength": (0.5, 0.02),
+        "sizes": ((12,), 0.02),
+        "threshold": (2.0, 0.02),
+        "share": (0.6, 0.02),
+        "similarity": (1.0, 0.02),
+        "radius": (1, 0.2),
+    },
+    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "trust": (1e3, None)},
+    "pooling": {"passes": (((1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "doubt": (0.0, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
+    "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
 }
+# What is switched off in a preset, but for the setting that switches it on.
+# Parts that only a damaged shot has need of.
+BEYOND = ("defects", "highlights")
+OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling"}, "best": {"refinement"}}
 
 
 def busy_shot(sigma: float | None) -> Mosaic:
-    """Enough blocks, and enough errors among them, that every stage has something to do."""
-    return shot(CfaPattern.bayer(4, origin=(1, 2)), (45, 50), sigma)
+    """Enough blocks, and enough errors among them, that every stage has something to do; a negative sigma is kept secret."""
+    pattern = CfaPattern.bayer(4, origin=(1, 2))
+    if sigma is None or sigma >= 0:
+        return shot(pattern, (45, 50), sigma)
+    secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame
+    return Mosaic(secret.signal, pattern, replace(secret.calibration, noise=None))
+
+
+def damaged_shot(sigma: float | None) -> Mosaic:
+    """Sensor codes of a ramp that the panchromatic pixels cannot follow, hot pixels at its foot, and a listed row of dead ones."""
+    pattern, shape = CfaPattern.bayer(4, origin=(1, 2)), (45, 50)
+    scene = np.linspace(0.2, 1.6, shape[1])[:, None] * np.broadcast_to([1.0, 0.9, 0.7], (*shape, 3))
+    noise = np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
+    mosaic = observe(scene, pattern, gamma_of(pattern), sigma, noise)
+    signal = np.minimum(mosaic.signal, mosaic.calibration.full_scale)
+    signal[20, 8] = signal[31, 12] = signal[33, 7] = mosaic.calibration.full_scale
+    signal[8, 9:12] = 0
+    calibration = replace(mosaic.calibration, defects=((8, 9), (8, 10), (8, 11)))
+    return Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
 
 
 def test_every_setting_is_moved() -> None:
@@ -178,18 +229,28 @@ def test_every_setting_is_moved() -> None:
     }
 
 
-@pytest.mark.parametrize("preset", [PAPER, BEST], ids=["paper", "best"])
-@pytest.mark.parametrize(("part", "knob"), [(part, knob) for part, knobs in MOVED.items() for knob in knobs])
-def test_every_setting_matters(part: str, knob: str, preset: RenderSettings) -> None:
+@pytest.mark.parametrize(
+    ("preset", "part", "knob"),
+    [(name, part, knob) for name, off in OFF.items() for part, knobs in MOVED.items() if part not in off for knob in knobs],
+)
+def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
     value, sigma = MOVED[part][knob]
-    mosaic = busy_shot(sigma)
-    moved = replace(preset, **{part: replace(getattr(preset, part), **{knob: value})})
-    assert moved != preset
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(sigma) if part in BEYOND else busy_shot(sigma)
+    moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
+    assert moved != settings
     if (part, knob) == ("affinity", "iterations"):  # it bounds the work, never the result
         with pytest.raises(ConvergenceError):
             render(mosaic, moved)
         return
-    assert np.abs(render(mosaic, moved).rgb - render(mosaic, preset).rgb).max() > SEEN
+    assert np.abs(render(mosaic, moved).rgb - render(mosaic, settings).rgb).max() > SEEN
+
+
+@pytest.mark.parametrize("sigma", [None, 0.0])
+def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> None:
+    mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
+    off = replace(plain, denoising=PAPER.denoising, pooling=PAPER.pooling)
+    assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
 
 
 def even_affinities(luminance: FloatArray, pattern: CfaPattern, *_: Any) -> FloatArray:
@@ -207,9 +268,15 @@ def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: An
     return np.broadcast_to(mean, (*luminance.shape, mean.size)).copy()
 
 
-NEUTRAL: dict[str, Callable[..., FloatArray]] = {
-    "recover_luminance": lambda mosaic, *_: mosaic.signal,
+NEUTRAL: dict[str, Callable[..., Any]] = {
+    "noise_of": lambda *_: None,
+    "clipping_level": lambda _: np.inf,
+    "mend_defects": lambda mosaic, *_: mosaic,
+    "restore_highlights": lambda mosaic, *_: mosaic,
+    "recover_luminance": lambda mosaic, *_: mosaic.signal.copy(),  # kernels are compiled anew for arrays that are read-only
+    "denoise_luminance": lambda filled, *_: filled,
     "estimate_chromaticities": grey_blocks,
+    "pool_blocks": lambda measured, *_: measured,
     "solve_affinities": even_affinities,
     "propagate": mean_block,
     "refine": lambda initial, *_: initial,
@@ -221,11 +288,19 @@ def test_every_stage_of_the_page_has_a_neutral_one() -> None:
     assert called == set(NEUTRAL)
 
 
-@pytest.mark.parametrize("stage", NEUTRAL)
-def test_every_stage_matters(stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    mosaic = busy_shot(0.02)
-    whole = render(mosaic, PAPER).rgb
+# In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
+IDLE = {"paper": {*DAMAGED, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"refine"}}
+
+
+@pytest.mark.parametrize(
+    ("preset", "stage"), [(name, stage) for name, idle in IDLE.items() for stage in NEUTRAL if stage not in idle]
+)
+def test_every_stage_matters(preset: str, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(0.02) if stage in DAMAGED else busy_shot(0.02)
+    whole = render(mosaic, settings).rgb
     monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
-    idle = render(mosaic, PAPER).rgb
+    idle = render(mosaic, settings).rgb
     assert np.abs(idle - whole).max() > SEEN
     assert np.abs(idle - whole).mean() > SEEN

@@ -6,12 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline import PAPER, render, render_bands
+from offline import BEST, PAPER, band_rows, render, render_bands
 from offline import tiling as product
 from offline.kernels.compile import available_threads, threads, use_threads
-from offline.settings import RefinementSettings
+from offline.settings import RefinementSettings, RenderSettings
 from offline.tiling import bands, domain_places
-from shared import CfaPattern
+from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tests.reference import geometry
 
@@ -39,11 +39,28 @@ def test_bands_are_the_whole(period: int, shape: tuple[int, int]) -> None:
     found = list(render_bands(mosaic, PAPER))
     assert len(found) > 1 or shape[0] < 300
     assert np.array_equal(np.concatenate(found), render(mosaic, PAPER).rgb)
+    assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(6, 500, seed=5))
 def test_bands_of_any_pattern_are_the_whole(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape)
+    assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
+
+
+def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
+    pattern, shape = CfaPattern.bayer(6, origin=(2, 2)), (437, 60)
+    whole = shot(pattern, shape)
+    signal = np.minimum(whole.signal * np.float32(1.6), whole.calibration.full_scale)
+    calibration = replace(whole.calibration, defects=((3, 3), (200, 31), (300, 2)))
+    mosaic = Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
+    assert np.array_equal(np.concatenate(list(render_bands(mosaic, BEST))), render(mosaic, BEST).rgb)
+    assert not np.array_equal(render(mosaic, replace(BEST, highlights=PAPER.highlights)).rgb, render(mosaic, BEST).rgb)
+
+
+def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
+    mosaic = shot(CfaPattern.bayer(6, origin=(1, 0)), (290, 3500))
+    assert band_rows(mosaic, PAPER) == 120 + 2 * 6
     assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
@@ -55,18 +72,19 @@ def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
     assert np.array_equal(stitched(mosaic, refinement=refinement), render(mosaic, replace(PAPER, refinement=refinement)).rgb)
 
 
+@pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 @pytest.mark.parametrize("period", [4, 6])
-def test_threads_leave_no_trace(period: int) -> None:
+def test_threads_leave_no_trace(period: int, settings: RenderSettings) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), (301, 290))
-    whole = render(mosaic, PAPER)
+    whole = render(mosaic, settings)
     before = threads()
     try:
         for count in range(1, available_threads() + 1):
             use_threads(count)
-            again = render(mosaic, PAPER)
+            again = render(mosaic, settings)
             for name in ("rgb", "luminance", "chromaticity"):
                 assert np.array_equal(getattr(again, name), getattr(whole, name))
-            assert np.array_equal(stitched(mosaic), whole.rgb)
+            assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
     finally:
         use_threads(before)
 

@@ -9,7 +9,10 @@ from .affinity import domain
 from .geometry import first_patch
 
 
-def propagate(blocks: DoubleArray, affinity: DoubleArray, luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
+def propagate(
+    blocks: DoubleArray, affinity: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, softness: float = 0.0
+) -> DoubleArray:
+    """softness is not of the paper: |alpha| (|alpha| + softness) in place of alpha^2."""
     period, area, (top, left) = pattern.period, domain(luminance, pattern), first_patch(pattern)
     result = np.empty((*luminance.shape, blocks.shape[-1]))
     for row in range(luminance.shape[0]):
@@ -19,9 +22,9 @@ def propagate(blocks: DoubleArray, affinity: DoubleArray, luminance: DoubleArray
             corners = [(a, b) for a in (0, 1) for b in (0, 1)]
             kappa = []
             for a, b in corners:
-                alpha = affinity[(i + a) % 2, (j + b) % 2, y, x]
+                alpha = abs(affinity[(i + a) % 2, (j + b) % 2, y, x])
                 light = area[i * period + a * (period - 1), j * period + b * (period - 1)]  # l[n_j]
-                kappa.append(alpha**2 * max(light, 0.0))  # Eq. 14
+                kappa.append(alpha * (alpha + softness) * max(light, 0.0))  # Eq. 14
             if sum(kappa) == 0:
                 kappa = [1.0] * 4
             result[row, column] = sum(

@@ -1,4 +1,4 @@
-"""The whole of section 3, in float64: from the mosaic to Eq. 17."""
+"""The whole of section 3, in float64: from the mosaic to Eq. 17, with denoising and pooling where the settings have them."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
 
-from . import affinity, chromaticity, propagation, refinement
+from . import affinity, chromaticity, denoising, pooling, propagation, refinement
 from . import luminance as wavelets
 from .geometry import block_sites, is_whole, letter, patch_counts
 
@@ -45,12 +45,23 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     part = settings.luminance
     light = wavelets.recover(signal, measured, part.iterations, part.decay, part.threshold)
 
+    noise, clean = mosaic.calibration.noise, settings.denoising
+    if noise is not None and clean.strength * max(noise.shot[-1], noise.read[-1]) > 0:
+        light = denoising.denoise_luminance(light, ~measured, noise.shot[-1], noise.read[-1], clean)
+
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
-    coarse = chromaticity.oriented_medians(coarse, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
+    own = coarse
+    coarse = chromaticity.oriented_medians(own, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
+    if settings.chromaticity.trust:
+        known = max(sigma_of_colour(mosaic), 1e-6)
+        coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.trust)
+    if noise is not None and settings.pooling.passes:
+        sums = pooling.statistics(signal, light, pattern, gamma, noise, settings.pooling.doubt)
+        coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
-    initial = propagation.propagate(blocks, alpha, light, pattern)
+    initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
 
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)

@@ -64,7 +64,7 @@ def test_what_is_wrong_in_a_file_is_named(change: dict[str, Any], words: str, tm
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="there is no such file"):
         read_camera(tmp_path / "absent.json")
     (tmp_path / "torn.json").write_text('{"schema": 1,')
     with pytest.raises(InputError, match="not JSON"):

@@ -1,11 +1,17 @@
 import errno
+import fcntl
 import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import IO
 
 import pytest
 
 from shared.errors import OutputError
-from shared.files import write_durably
+from shared.files import durable_file, sweep, write_durably
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_writes_the_parts_in_order_and_nothing_else(tmp_path: Path) -> None:
@@ -145,3 +151,56 @@ def test_a_read_only_folder_is_named(tmp_path: Path) -> None:
     folder.chmod(0o500)
     with pytest.raises(OutputError, match=r"no permission to write in .*locked"):
         write_durably(folder / "shot.dng", b"")
+
+
+def left_behind(folder: Path) -> Path:
+    """The temporary file of a process that was killed while it wrote."""
+    script = (
+        "import os, signal, sys\nfrom shared.files import durable_file\n"
+        "with durable_file(sys.argv[1]) as file:\n"
+        "    file.write(b'half')\n    file.flush()\n    os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    subprocess.run([sys.executable, "-c", script, str(folder / "shot.dng")], cwd=ROOT, check=False)
+    (part,) = folder.iterdir()
+    return part
+
+
+def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
+    part = left_behind(tmp_path)
+    assert part.read_bytes() == b"half"
+    others = [".shot.dng.part", "shot.dng.12345678.panchroma.part", ".hidden", ".x.1234567.panchroma.part", "shot.dng"]
+    for name in others:
+        (tmp_path / name).write_bytes(b"theirs")
+    fresh, old = (tmp_path / f".link.0000000{number}.panchroma.part" for number in (1, 2))
+    for link in (fresh, old):
+        link.symlink_to("nowhere")
+    os.utime(old, (0, 0), follow_symlinks=False)
+    assert sweep(tmp_path) == 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, fresh.name])
+    assert sweep(tmp_path / "absent") == 0
+
+
+def test_what_is_being_written_is_not_swept(tmp_path: Path) -> None:
+    with durable_file(tmp_path / "shot.dng") as file:
+        file.write(b"whole")
+        assert len(list(tmp_path.iterdir())) == 1
+        assert sweep(tmp_path) == 0
+    assert (tmp_path / "shot.dng").read_bytes() == b"whole"
+    assert list(tmp_path.iterdir()) == [tmp_path / "shot.dng"]
+
+
+def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flock = fcntl.flock
+    swept: list[Path] = []
+
+    def late(file: IO[bytes], operation: int) -> None:
+        if not swept:
+            swept.extend(tmp_path.iterdir())
+            swept[0].unlink()
+        flock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    write_durably(tmp_path / "shot.dng", b"whole")
+    assert len(swept) == 1
+    assert (tmp_path / "shot.dng").read_bytes() == b"whole"
+    assert list(tmp_path.iterdir()) == [tmp_path / "shot.dng"]

@@ -9,13 +9,16 @@ import time
 from pathlib import Path
 from typing import Any
 
+import imagecodecs
 import numpy as np
 import pytest
 
 from device import frame_folder
-from shared import Mosaic, SensorCalibration, read_camera, read_dng
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray
+from shared.dng import read_preview
 from tests.device.packer import pack, random_codes
+from tests.tools.command import run as command
 from tools import capture as verb
 from tools.cli import main
 
@@ -210,6 +213,41 @@ def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
     assert not np.array_equal(two.codes, three.codes)
 
 
+def test_the_camera_file_s_pattern_is_the_sensor_s(out: Path, tmp_path: Path) -> None:
+    file = tmp_path / "camera.json"
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(8, "BGGR")).to_json()))
+    assert run("builtin:64x48@50", "-o", str(out), "--frames", "1", "--camera", str(file)) == 0
+    assert read_dng(shots(out)[0]).pattern == CfaPattern.bayer(8, "BGGR")
+
+
+@pytest.mark.parametrize("source", ["builtin:64x48@50", "-"])
+def test_another_pattern_than_the_camera_file_s_is_refused(
+    source: str, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "camera.json"
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(6)).to_json()))
+    layout = [] if source != "-" else LAYOUT
+    assert run(source, "-o", str(out), "--camera", str(file), "--period", "8", *layout) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"panchroma: {file}: the pattern is RGB period 8")
+    assert "the camera file's RGB period 6" in error
+    assert shots(out) == []
+
+
+def test_a_graph_of_ones_own_makes_the_preview(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    graph = tmp_path / "mine.onnx"
+    assert command("export-preview", "-o", graph, "--period", "10", "--scale", "5").code == 0
+    assert run("builtin:60x40@50", "-o", str(out), "--frames", "1", "--period", "10", "--graph", str(graph)) == 0
+    assert imagecodecs.jpeg8_decode(read_preview(shots(out)[0])).shape == (8, 12, 3)
+    capsys.readouterr()
+    assert run("builtin:60x40@50", "-o", str(out), "--frames", "1", "--period", "6", "--graph", str(graph)) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"panchroma: {graph}: ")
+    assert "the mosaic has" in error
+
+
 def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) -> None:
     camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
     file = tmp_path / "camera.json"
@@ -233,7 +271,8 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
         (["builtin:64x48@9", "--frames", "0"], "--frames is 0, expected 1 or more"),
         (["builtin:64x48@9", "--jobs", "-1"], "--jobs is -1, expected 1 or more"),
         (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),
-        (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: cannot be read"),
+        (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: there is no such file"),
+        (["builtin:64x48@9", "--graph", "missing.onnx"], "missing.onnx: there is no such file"),
         (["builtin:64x48@9", "--latest", "."], "is there and is no link"),
         ([".", "--width", "64", "--height", "48", "--format", "raw14"], "'raw14' is unknown"),
         ([".", "--width", "64", "--height", "48", "--format", "raw12", "--stride", "7"], "the stride is 7 bytes"),

@@ -231,9 +231,9 @@ def test_closed_streams_are_no_trouble_and_not_taken_for_files(closed: str, shot
 def test_file_names_that_no_encoding_holds(shots: Path) -> None:
     (shots / SHOT).rename(shots / "é\udcff.dng")
     for encoding in ("utf-8:strict", "ascii:strict"):
-        outcome = spawn("inspect", "--verify", str(shots / "é\udcff.dng"), env={**os.environ, "PYTHONIOENCODING": encoding})
+        outcome = spawn("inspect", str(shots / "é\udcff.dng"), env={**os.environ, "PYTHONIOENCODING": encoding})
         assert outcome.code == 0, outcome.err
-        assert r"\udcff.dng: whole" in outcome.out
+        assert r"\udcff.dng" in outcome.out.splitlines()[0]
 
 
 def test_people_read_stderr_when_machines_read_stdout(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from shared.arrays import CodeArray
 from shared.calibration import encoding
-from shared.dng import read_preview
+from shared.dng import encode_picture_dng, read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.command import run
 
@@ -142,7 +142,7 @@ def test_other_channels_than_three(tmp_path: Path) -> None:
 def test_verify_says_no_more_than_needed(tmp_path: Path) -> None:
     paths = [save(tmp_path / name, mosaic()) for name in ("one.dng", "two.dng")]
     outcome = run("inspect", "--verify", *paths)
-    assert (outcome.code, outcome.out, outcome.err) == (0, "".join(f"{path}: whole\n" for path in paths), "")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "2 whole, 0 damaged\n", "")
     records: list[Any] = run("inspect", "--verify", "--json", *paths).records
     assert records == [{"source": str(path), "ok": True, "width": 53, "height": 37} for path in paths]
 
@@ -152,3 +152,59 @@ def test_a_shot_from_simulate_as_json_is_one_line(tmp_path: Path) -> None:
     out = run("inspect", "--json", tmp_path / "builtin-30x20.dng").out
     assert out.count("\n") == 1
     assert json.loads(out)["calibration"]["noise"] == {"shot": [0.0] * 4, "read": [0.01] * 4}
+
+
+def archive(folder: Path) -> list[Path]:
+    """Shots and a rendered DNG in folders and below, and files that are none of them."""
+    (folder / "a" / "b").mkdir(parents=True)
+    paths = [save(folder / "a" / name, mosaic(shape=(20, 30))) for name in ("1.dng", "2.DNG", "b/3.dng")]
+    picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
+    (folder / "4.dng").write_bytes(encode_picture_dng(picture, METADATA, None, None, preview()))
+    (folder / "note.txt").write_text("no shot")
+    (folder / ".5.dng.12345678.panchroma.part").write_text("no shot")
+    return [*paths, folder / "4.dng"]
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: int) -> None:
+    paths = archive(tmp_path)
+    outcome = run("inspect", "--verify", tmp_path, "-j", str(jobs))
+    assert (outcome.code, outcome.out, outcome.err) == (0, "4 whole, 0 damaged\n", "")
+    damaged = sorted([paths[1], paths[3]])
+    for path in damaged:
+        data = bytearray(path.read_bytes())
+        data[len(data) // 3 if path == paths[1] else len(data) // 2] ^= 1
+        path.write_bytes(data)
+    outcome = run("inspect", "--verify", "--json", tmp_path, "-j", str(jobs))
+    assert outcome.code == 1
+    assert {record["source"] for record in outcome.records} == set(map(str, paths))
+    assert sorted(record["source"] for record in outcome.records if not record["ok"]) == list(map(str, damaged))
+    assert "2 whole, 2 damaged" in outcome.err
+    for path, line in zip(damaged, sorted(outcome.errors), strict=True):
+        assert line.startswith(f"panchroma: {path}: damaged")
+
+
+def test_every_flipped_bit_of_a_rendered_dng_s_samples_is_found(tmp_path: Path) -> None:
+    picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
+    data = encode_picture_dng(picture, METADATA, None, None, preview(8, 8))
+    path = tmp_path / "4.dng"
+    start = data.index(b"\xff\xc3") + 40
+    for bit in np.random.default_rng(2).integers(8 * start, 8 * (start + 1500), 60).tolist():
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(flipped)
+        assert run("inspect", "--verify", path).code == 1, bit
+
+
+def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path) -> None:
+    path = save(tmp_path / "shot.dng", mosaic())
+    jpeg = read_preview(path)
+    path.write_bytes(path.read_bytes().replace(jpeg, jpeg[:20] + bytes(len(jpeg) - 20)))
+    outcome = run("inspect", "--verify", path, tmp_path / "absent.dng")
+    assert outcome.code == 1
+    assert [line.partition(": ")[2] for line in outcome.errors] == [
+        f"{path}: damaged: the preview is not a whole JPEG; copy the file again",
+        f"{tmp_path}/absent.dng: there is no such file; check the name",
+    ]
+    (tmp_path / "empty").mkdir()
+    assert run("inspect", "--verify", tmp_path / "empty").errors == [f"panchroma: {tmp_path}/empty: no DNG in this folder or below"]

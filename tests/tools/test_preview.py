@@ -1,5 +1,7 @@
+import json
 import subprocess
 import sys
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -8,7 +10,7 @@ import pytest
 from PIL import Image
 
 from device import Preview
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview
 from tests.tools.command import ROOT, assert_refused, names, run
@@ -116,6 +118,17 @@ def test_a_graph_of_ones_own(tmp_path: Path) -> None:
     )
     outcome = run("preview", source, "-o", tmp_path, "--graph", graph, "--scale", "5")
     assert (outcome.code, outcome.errors) == (2, [f"panchroma: {graph}: has scale 2, not 5; leave --scale out"])
+
+
+def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
+    source, file = shot(tmp_path), tmp_path / "camera.json"
+    own = read_dng(source)
+    camera = replace(own.calibration, black_level=(900.0,) * 4)
+    file.write_text(json.dumps(Camera(camera).to_json()))
+    assert run("preview", source, "-o", tmp_path, "--camera", file).code == 0
+    mosaic = replace(own, calibration=camera)
+    expected = np.asarray(Preview.for_mosaic(mosaic).run(mosaic), np.uint8)
+    assert distance(decoded(tmp_path / "shot.jpg"), expected) < JPEG_LOSS < distance(expected, picture(source))
 
 
 def test_a_graph_for_measurements_is_refused(tmp_path: Path) -> None:

@@ -176,7 +176,7 @@ def test_the_preset_is_the_librarys(out: Path, shot: Path, monkeypatch: Any, pre
         return render_bands(mosaic, settings)
 
     monkeypatch.setattr(offline, "render_bands", recorded)
-    # So that the two differ, whether or not there is better than the paper yet.
+    # So that only the one that is meant will do, whatever it is like.
     monkeypatch.setattr(offline, chosen, RenderSettings())
     assert run("render", shot, "-o", out, *(["--preset", preset] if preset else [])).code == 0
     assert seen[0] is getattr(offline, chosen)
@@ -208,9 +208,10 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
 
 
 def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
-    words = "the noise is unknown and taken for none"
-    assert words in run("render", save(tmp_path / "shot.dng"), "-o", out).err
-    assert words not in run("render", shot, "-o", out).err
+    words, unknown = "the noise is unknown and ", save(tmp_path / "shot.dng")
+    assert words + "estimated from the shot" in run("render", unknown, "-o", out).err
+    assert words + "taken for none" in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
+    assert words not in run("render", shot, "-o", out, "--overwrite").err
 
 
 @pytest.mark.parametrize(("period", "shape"), list(product((3, 6, 16), ((5, 7), (16, 19), (33, 18)))))
@@ -290,7 +291,7 @@ def test_a_bad_shot_costs_one_line_and_the_rest_goes_on(
 def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
     for verb in (["render", "-o", str(out)], ["inspect"]):
         assert_refused(run(*verb, tmp_path / "x.dng"), "there is no such file", name=str(tmp_path / "x.dng"))
-        said = "no .dng file is in this folder" if verb[0] == "render" else "is a folder; give the DNG file itself"
+        said = "no .dng file is in this folder" if verb[0] == "render" else "is a folder; give a DNG of Panchroma"
         assert_refused(run(*verb, tmp_path), said, name=str(tmp_path))
         assert_refused(run(*verb, "/dev/null"), "is a pipe or a device", name="/dev/null")
         assert_refused(run(*verb, "x" * 300), "cannot be read", name="x" * 300)

@@ -83,5 +83,5 @@ def test_the_colour_pair_is_one_luminance() -> None:
     "source", ["builtin:", "builtin:100", "builtin:0x5", "builtin:5x0", "builtin:-1x4", "builtin:1x1x1", "builtin:99999x99999"]
 )
 def test_bad_sizes_are_refused(source: str) -> None:
-    with pytest.raises(InputError, match=r"builtin:1200x800|empty|cut or reduce"):
+    with pytest.raises(InputError, match=r"builtin:1200x800|empty|lifts it"):
         load_scene(source)

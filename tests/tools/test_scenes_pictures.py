@@ -209,7 +209,11 @@ def test_curves_of_profiles() -> None:
         np.testing.assert_allclose(parsed.curves[2](x), expected, atol=1e-4)
 
 
-@pytest.mark.parametrize("broken", [b"", b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200], profile(b"mft2" + bytes(40))])
+@pytest.mark.parametrize(
+    "broken",
+    [b"", b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200], profile(b"mft2" + bytes(40))],
+    ids=["empty", "no profile", "cut in the header", "cut in the table", "other curves"],  # the profile has a date in it
+)
 def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path, broken: bytes) -> None:
     assert read_profile(broken) is None
     if broken:

@@ -207,7 +207,7 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
         (["--seed", "-1"], "--seed is -1"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the paper's noise"),
         (["--exposure", "2"], "--exposure needs --protocol sensor"),
-        (["--camera", "missing.json"], "missing.json: cannot be read"),
+        (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],
 )
 def test_impossible_options_are_usage(out: Path, options: list[str], words: str) -> None:
@@ -295,7 +295,7 @@ BAD_SCENES: dict[str, tuple[bytes, str]] = {
     "none.npy": (npy(scene()[:0]), "it is empty"),
     "words.npy": (npy(np.array(["a"])), "expected unsigned integers or floating point"),
     "cut.npy": (npy(scene())[:900], "cut short or damaged"),
-    "cut.tif": (tiff(scene())[:900], "cut short"),
+    "cut.tif": (tiff(scene())[:900], "the file ends after 900 bytes"),
     "cut.exr": (exr(scene())[:900], "cut short or damaged"),
     "cut.png": (png()[:60], "cut short or damaged"),
     "cut.jpg": (JPEG[:300], "cut short or damaged"),

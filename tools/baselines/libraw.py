@@ -30,10 +30,18 @@ def demosaic_libraw(mosaic: FloatArray, algorithm: str, order: str = "RGGB") -> 
         raise InputError(f"unknown LibRaw algorithm {algorithm!r}; one of {', '.join(ALGORITHMS)}")
     if min(mosaic.shape) < _LEAST:
         raise InputError(f"a mosaic of {mosaic.shape[1]} x {mosaic.shape[0]} is too small for LibRaw: {_LEAST} pixels each way")
+    levels = Levels.around(mosaic)
+    developed = develop(encode_bayer_dng(levels.encode(mosaic), order), algorithm)
+    if developed.shape != (*mosaic.shape, 3):
+        raise InputError(f"LibRaw made {developed.shape} of a mosaic of {mosaic.shape}")
+    return levels.decode(developed)
+
+
+def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
+    """What LibRaw makes of a Bayer file in memory, with one of its algorithms by name: linear camera colours, uint16 (H, W, 3)."""
     import rawpy
 
-    levels = Levels.around(mosaic)
-    with rawpy.imread(io.BytesIO(encode_bayer_dng(levels.encode(mosaic), order))) as raw:
+    with rawpy.imread(io.BytesIO(data)) as raw:
         developed: Any = raw.postprocess(
             demosaic_algorithm=rawpy.DemosaicAlgorithm[algorithm.upper()],
             output_bps=16,
@@ -46,9 +54,7 @@ def demosaic_libraw(mosaic: FloatArray, algorithm: str, order: str = "RGGB") -> 
             no_auto_bright=True,
             user_flip=0,
         )
-    if developed.shape != (*mosaic.shape, 3):
-        raise InputError(f"LibRaw made {developed.shape} of a mosaic of {mosaic.shape}")
-    return levels.decode(np.asarray(developed, np.uint16))
+    return np.asarray(developed, np.uint16)
 
 
 def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:

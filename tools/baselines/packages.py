@@ -1,6 +1,7 @@
 """Demosaicing by packages that users have: colour-demosaicing and OpenCV. Each is imported when it is asked for."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
 
@@ -36,12 +37,17 @@ def demosaic_opencv(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
     (H, W) -> float32 (H, W, 3), scene units. Raises InputError for an unknown order or a frame of less than 2 x 2.
     """
     _check(mosaic, order)
+    levels = Levels.around(mosaic)
+    return levels.decode(edge_aware(levels.encode(mosaic), order))
+
+
+def edge_aware(codes: NDArray[np.uint16], order: str) -> NDArray[np.uint16]:
+    """OpenCV's edge-aware interpolation itself: 16-bit codes (H, W) -> (H, W, 3)."""
     import cv2
 
-    levels = Levels.around(mosaic)
     # By the old names, which are of the second row's second and third pixel: those every version has.
     code = getattr(cv2, f"COLOR_Bayer{order[3]}{order[2]}2RGB_EA")
-    return levels.decode(np.asarray(cv2.demosaicing(levels.encode(mosaic), code), np.uint16))
+    return np.asarray(cv2.demosaicing(codes, code), np.uint16)
 
 
 def _check(mosaic: FloatArray, order: str) -> None:

@@ -105,6 +105,7 @@ class _Member(Generic[P, R]):
 def _serve(connection: Connection, work: Callable[[P, Note], R]) -> None:
     """In the process: work till there is no more, or the one who gives it is gone; what is in hand then is finished."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is for the one who waits, who stops the others
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # and so is the end of the terminal
     signal.signal(signal.SIGTERM, _stop)
 
     def note(text: str) -> None:

@@ -15,13 +15,13 @@ _LONGEST = 100  # bytes of the output's name in the lock's: with what is added, 
 def making(output: Path, *, wait: bool) -> Iterator[bool]:
     """Whether this process may make `output`, for the time of a `with` block; if `wait` is set, as soon as no other does.
 
-    The lock is a file beside the output, removed at the end; one that a killed process has left is taken over. Where the file
-    system knows no locks everybody may: two processes then may make the same file, each whole. Raises OSError when the lock
+    The lock is a file beside the output, removed at the end; one that a killed process has left is taken over, or swept. Where the
+    file system knows no locks everybody may: two processes then may make the same file, each whole. Raises OSError when the lock
     cannot be made.
     """
     name = os.fsencode(output.name)
     shown = name[:_LONGEST].decode(errors="ignore")
-    path = output.with_name(f".{shown}.{hashlib.sha256(name).hexdigest()[:8]}.lock")
+    path = output.with_name(f".{shown}.{hashlib.sha256(name).hexdigest()[:8]}.panchroma.lock")
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:

@@ -12,8 +12,10 @@ from typing import Any, Literal
 
 from shared import Camera, Mosaic, read_dng
 from shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
+from shared.reading import MAX_PIXELS
 
 from ..console import StageProgress, fault
+from ..defect_list import Places, with_defects
 from ..picture_writer import PictureKind, check_output
 from ..rendering import check_light, check_memory, needed_memory, render_to, telling_compilation
 from ..work import refuse_existing
@@ -27,8 +29,9 @@ Note = Callable[[str], None]
 @dataclass(frozen=True)
 class Order:
     """What all pictures of a run have in common. folder: of the journal; camera: in place of the shots' own calibration; run: names
-    this run in the journal. resume: pictures that are current stay, those that were made here and are not are made anew.
-    overwrite: files that are in the way are replaced, whosever they are. dry_run: nothing is made, only found out.
+    this run in the journal; defects: besides those of the calibration; max_pixels: of a shot. resume: pictures that are current
+    stay, those that were made here and are not are made anew. overwrite: files that are in the way are replaced, whosever they are.
+    dry_run: nothing is made, only found out.
     """
 
     folder: Path
@@ -37,6 +40,8 @@ class Order:
     exposure: float
     camera: Camera | None
     run: str
+    defects: Places = ()
+    max_pixels: int = MAX_PIXELS
     resume: bool = False
     overwrite: bool = False
     dry_run: bool = False
@@ -50,11 +55,13 @@ class Order:
 
     def read(self, source: str) -> Mosaic:
         """A shot, calibrated, that can become such a picture. Raises InputError."""
-        mosaic = read_dng(source)
+        mosaic = read_dng(source, max_pixels=self.max_pixels)
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)
+        if self.defects:
+            mosaic = with_defects(mosaic, self.defects)
         check_output(self.kind, mosaic.calibration, mosaic.shape)
-        check_light(mosaic)
+        check_light(mosaic, self.settings)
         return mosaic
 
     def name(self, output: Path) -> str:
@@ -70,6 +77,7 @@ class Order:
             settings=asdict(self.settings),
             picture=[self.kind.format, self.kind.bits, self.kind.space, self.exposure],
             calibration=self.camera.calibration.id if self.camera else None,  # the shot's own is part of the shot
+            defects=self.defects,
             algorithm=ALGORITHM,
             output=self.name(output),
         )
@@ -188,7 +196,8 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
                 return Outcome("postponed")
             check_memory(mosaic, order.kind, settings, share.memory)  # says so
         if mosaic.calibration.noise is None:
-            note(f"{source}: the noise is unknown and taken for none; calibrate the camera for better colour")
+            taken = "estimated from the shot" if settings.noise.estimate else "taken for none"
+            note(f"{source}: the noise is unknown and {taken}; calibrate the camera for better colour")
         if standing.changed:
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 

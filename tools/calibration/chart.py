@@ -1,13 +1,15 @@
 """Find the ColorChecker in a shot, and believe it only when it behaves like one."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
+from offline.progress import SILENT, Progress
 from shared import Mosaic
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.errors import InputError
@@ -21,7 +23,7 @@ from .picture import displayed, linear_picture
 
 # Of the detector: pieces of the frame per side, longer side of what it gets; the likeliest first.
 _SEARCHES = (*((1, size) for size in (600, 850, 1200, 420, 1700, 2400)), (2, 600), (2, 1200))
-_LARGEST_SCALE = 4
+_LARGEST_SCALE = 2.0  # a chart large enough for any period is seen at twice its size at the latest: more takes time alone
 _MOST = 30  # candidates of one search
 LARGEST_DIFFERENCE = 8.0  # mean dE2000 after the fit: real charts stay below 5, brick walls above 15
 _ALIKE, _SURELY_ALIKE = 0.5, 0.9  # correlation of log luminances; half in shade a chart still has 0.8
@@ -31,6 +33,7 @@ _ENOUGH = 4.5  # a candidate as good as that ends the search
 _PROBE = 5  # points across a patch when its place is refined
 _BESIDE = 0.045  # of a cell: from the middle of a gap, which is 0.12 to 0.16 wide
 _EDGE = 0.78  # of a cell: what refinement holds uniform, nearly the whole patch
+_SAME = 0.3  # of a patch: corners nearer to those of a place that was refined and refused lead to it again
 _ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches: more is no chart
 
 
@@ -42,7 +45,7 @@ class FoundChart:
     difference: float
 
 
-def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
+def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILENT) -> FoundChart:
     """The ColorChecker Classic in a shot; reference: (24, 3) XYZ (D50).
 
     The detector proposes, at several scales and on parts of the frame; a proposal is accepted when its corners lie inside the
@@ -52,15 +55,19 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray) -> FoundChart:
     picture = linear_picture(mosaic)
     best: FoundChart | None = None
     faults: list[tuple[float, str]] = []
-    for proposals in _searches(picture):
-        for corners in proposals:
-            judged = _judge(picture, corners, reference)
+    judge = _Judge(picture, reference)
+    searches = _searches(picture)
+    progress.stage("looking for the chart", len(searches))
+    for search in searches:
+        for corners in search():
+            judged = judge(corners)
             if isinstance(judged, FoundChart):
                 best = judged if best is None or judged.difference < best.difference else best
                 if best.difference < _ENOUGH:
                     break
             else:
                 faults.append(judged)
+        progress.advance()
         if best:
             break
     needed = least_pitch(mosaic.pattern.period)
@@ -120,16 +127,22 @@ def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
     return shown
 
 
-def _searches(picture: FloatArray) -> Iterator[Iterable[DoubleArray]]:
-    """Corners of the patch area as proposed by the detector and by lattices of blobs, the cheapest searches first."""
+def _searches(picture: FloatArray) -> list[Callable[[], Iterable[DoubleArray]]]:
+    """Each proposes corners of the patch area, by the detector or by lattices of blobs; the cheapest first.
+
+    What would only enlarge the picture further is left out.
+    """
     shown = displayed(picture)
     variants = (shown, calmed(shown))
-    sizes = iter(SIZES)
+    longest = max(picture.shape[:2])
+    sizes = [size for smaller, size in zip((0, *SIZES), SIZES, strict=False) if smaller < longest]
+    searches: list[Callable[[], Iterable[DoubleArray]]] = []
     for number, (parts, size) in enumerate(_SEARCHES):
-        for variant in variants:
-            yield _detected(variant, parts, size)
-        if number % 2 == 0 and (next_size := next(sizes, None)):
-            yield lattice_corners(picture, next_size)
+        if size * parts <= _LARGEST_SCALE * longest:
+            searches += [partial(_detected, variant, parts, size) for variant in variants]
+        if number % 2 == 0 and sizes:
+            searches.append(partial(lattice_corners, picture, sizes.pop(0)))
+    return searches
 
 
 def _detected(picture: ByteArray, parts: int, size: int) -> list[DoubleArray]:
@@ -140,9 +153,8 @@ def _detected(picture: ByteArray, parts: int, size: int) -> list[DoubleArray]:
         top, left = down * height // (2 * parts), across * width // (2 * parts)
         piece = picture[top : top + -(-height // parts), left : left + -(-width // parts)]
         scale = size / max(piece.shape[:2])
-        if scale <= _LARGEST_SCALE:
-            corner = np.array([left, top])
-            found += [_patch_area(box / scale) + corner for box in detect(resized(piece, scale), _MOST)]
+        corner = np.array([left, top])
+        found += [_patch_area(box / scale) + corner for box in detect(resized(piece, scale), _MOST)]
     return found
 
 
@@ -158,29 +170,47 @@ def _patch_area(box: DoubleArray) -> DoubleArray:
     return np.stack([x, y], axis=-1)
 
 
-def _judge(picture: FloatArray, corners: DoubleArray, reference: DoubleArray) -> FoundChart | tuple[float, str]:
-    """The chart at proposed corners, turned the right way and refined; or how bad it is (dE2000) and why it is refused."""
-    try:
-        place = ChartPlace(tuple(map(tuple, corners.tolist())))
-    except InputError as error:
-        return (np.inf, str(error))
-    best: FoundChart | tuple[float, str] = (np.inf, "no way round shows a ColorChecker")
-    for quarter in (0, 2):
-        turned = place.turned(quarter)
-        if not _near(turned, picture.shape[:2]):
-            if _looks_alike(picture, turned, reference, partly=True) and not isinstance(best, FoundChart):
-                best = min(best, (_DOUBTFUL - 1, _cut_off(turned)))
-            continue
-        rough = _coloured(picture, turned, reference) if _looks_alike(picture, turned, reference) else float("inf")
-        if rough > 3 * LARGEST_DIFFERENCE:
-            if not isinstance(best, FoundChart) and rough < best[0]:
-                best = (rough, _not_its_colours(rough))
-            continue
-        tested = _tested(picture, _refined(picture, turned), reference)
-        if isinstance(tested, FoundChart):
-            return tested
-        best = min(best, tested) if not isinstance(best, FoundChart) else best
-    return best
+class _Judge:
+    """Judges proposed corners in one picture, and refines no place twice: that is what takes time."""
+
+    def __init__(self, picture: FloatArray, reference: DoubleArray) -> None:
+        self._picture, self._reference = picture, reference
+        self._refused: list[tuple[DoubleArray, tuple[float, str]]] = []
+
+    def __call__(self, corners: DoubleArray) -> FoundChart | tuple[float, str]:
+        """The chart there, turned the right way and refined; or how bad it is (dE2000) and why it is refused."""
+        picture, reference = self._picture, self._reference
+        try:
+            place = ChartPlace(tuple(map(tuple, corners.tolist())))
+        except InputError as error:
+            return (np.inf, str(error))
+        worst: tuple[float, str] = (np.inf, "no way round shows a ColorChecker")
+        for quarter in (0, 2):
+            turned = place.turned(quarter)
+            if not _near(turned, picture.shape[:2]):
+                if _looks_alike(picture, turned, reference, partly=True):
+                    worst = min(worst, (_DOUBTFUL - 1, _cut_off(turned)))
+                continue
+            rough = _coloured(picture, turned, reference) if _looks_alike(picture, turned, reference) else float("inf")
+            if rough > 3 * LARGEST_DIFFERENCE:
+                worst = min(worst, (rough, _not_its_colours(rough)))
+                continue
+            judged = self._refined_once(turned)
+            if isinstance(judged, FoundChart):
+                return judged
+            worst = min(worst, judged)
+        return worst
+
+    def _refined_once(self, place: ChartPlace) -> FoundChart | tuple[float, str]:
+        """The place after refinement, or why it is refused; as the time before where it was refused before."""
+        corners = np.array(place.corners)
+        for before, fault in self._refused:
+            if np.hypot(*(corners - before).T).max() < _SAME * place.pitch:
+                return fault
+        judged = _tested(self._picture, _refined(self._picture, place), self._reference)
+        if not isinstance(judged, FoundChart):
+            self._refused.append((corners, judged))
+        return judged
 
 
 def _tested(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart | tuple[float, str]:

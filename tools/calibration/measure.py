@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from offline.progress import SILENT, Progress
 from shared import Camera, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, as_rows
@@ -26,6 +27,8 @@ Corners = tuple[tuple[float, float], ...]
 
 _OFFSET = 4.0  # standard errors: an offset beyond is no chance
 _SPREAD = 2.5  # residuals over noise: beyond, something other than noise is in them
+_GOOD_READ = 0.05  # half width over read noise
+_SIGMAS = 1.96  # of a 95 % interval
 _GOOD_GAMMA = 0.02  # half width over gamma
 _GOOD_COLOUR, _BAD_COLOUR = 4.0, 6.0  # mean dE2000: a fair chart in fair light, and no use
 _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
@@ -76,12 +79,15 @@ class Outcome:
         return "use it with care" if self.warnings else "use it"
 
 
-def measure_chart(name: str, mosaic: Mosaic, reference: DoubleArray, corners: Corners | None = None) -> ShotMeasurement:
+def measure_chart(
+    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Corners | None = None, progress: Progress = SILENT
+) -> ShotMeasurement:
     """Find the chart (or take it at `corners`), measure its patches, and gamma from it and from the scene around it.
 
     Raises InputError with the reason when the shot cannot be used.
     """
-    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference)
+    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference, progress)
+    progress.stage("measuring", 1)
     places = patch_samples(mosaic, chart.place.regions())
     fits = [fit_chart_gamma(places)]
     with suppress(InputError):  # The surroundings are a bonus: a wall behind the chart has no colours.
@@ -138,7 +144,6 @@ def conclude(
         noise = noise_of_places(PlaceSamples.joined([shot.places for shot in charts if shot.places]), base, read)
         warnings.append(
             "noise is measured on the chart's patches, whose texture adds to it: pairs of flat frames (--flat) measure noise alone"
-            + ("" if dark else ", and dark frames (--dark) the read noise")
         )
     if noise:
         changes["noise"] = noise.model(full_scale)
@@ -148,6 +153,7 @@ def conclude(
             "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
+        warnings += _noise_warnings(noise)
     colour, shot, before, camera_rgb = _colour(charts, gamma, reference)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
@@ -241,6 +247,15 @@ def _gamma_warnings(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> list[s
         if left_out > 0:
             warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
     return warnings
+
+
+def _noise_warnings(noise: NoiseResult) -> list[str]:
+    """Of a read noise that is the small rest of a large variance: shot noise hides it in all but the darkest frames."""
+    part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
+    if not part > _GOOD_READ / _SIGMAS:
+        return []
+    known = f"to {100 * _SIGMAS * part:.0f} %" if _SIGMAS * part < 1 else "not at all"
+    return [f"read noise is known {known} (95 %), for {noise.source} hardly show it: take dark frames (--dark)"]
 
 
 def _colour_warnings(colour: ColourFit, shot: str) -> list[str]:

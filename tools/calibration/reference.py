@@ -1,19 +1,21 @@
 """Reference colours of a chart: the built-in ColorChecker, or CGATS files (.ti3, .cie) as Argyll CMS reads and writes them."""
 
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
 
 from shared.arrays import DoubleArray
 from shared.errors import InputError
+from shared.reading import MAX_DOCUMENT, read_whole
 
 from ..charts import COLOR_CHECKER_LAB
 from .delta_e import xyz
 from .geometry import COLUMNS, PATCHES
 
 _PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
+_WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
+_LARGEST = 1000  # of XYZ on a scale of 100, or of L*a*b*: no chart has what is larger
 
 
 def color_checker_xyz() -> DoubleArray:
@@ -28,9 +30,9 @@ def read_reference(path: Path) -> DoubleArray:
     order; without either they come in reading order. Raises InputError that names the file and what is missing.
     """
     try:
-        text = path.read_text("latin-1")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        text = read_whole(path, MAX_DOCUMENT, "a CGATS file").decode("latin-1")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     fields, rows = _table(text, path)
     names = next((name for name in ("XYZ_X", "LAB_L") if name in fields), None)
     if names is None:
@@ -42,6 +44,8 @@ def read_reference(path: Path) -> DoubleArray:
         values = np.array([[float(row[fields.index(column)]) for column in columns] for row in rows])
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
+    if not np.isfinite(values).all() or np.abs(values).max() > _LARGEST:
+        raise InputError(f"{path}: a colour is not within 0 to {_LARGEST}: XYZ of 0..100, or L*a*b*, was expected")
     label = next((name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields), None)
     order = [_index(row[fields.index(label)], number) if label else number for number, row in enumerate(rows)]
     if sorted(order) != list(range(PATCHES)):
@@ -52,13 +56,19 @@ def read_reference(path: Path) -> DoubleArray:
 
 
 def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
-    """A .ti3 of camera RGB (24, 3), 1 = white, beside reference XYZ (24, 3): what Argyll's colprof makes a profile from."""
+    """A .ti3 of camera RGB (24, 3), 1 = white, beside reference XYZ (24, 3): what Argyll's colprof makes a profile from.
+
+    colprof takes device values from 0 to 100 alone; a camera's have no scale of their own, so brighter ones darken all.
+    """
+    camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
     lines = [
         "CTI3",
         "",
         'DESCRIPTOR "Panchroma chart measurement"',
         'ORIGINATOR "Panchroma"',
+        'KEYWORD "DEVICE_CLASS"',  # CGATS wants words that are not its own declared
         'DEVICE_CLASS "INPUT"',
+        'KEYWORD "COLOR_REP"',
         'COLOR_REP "XYZ_RGB"',
         "",
         "NUMBER_OF_FIELDS 7",
@@ -77,16 +87,15 @@ def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
 
 def _table(text: str, path: Path) -> tuple[list[str], list[list[str]]]:
     """Field names and rows of the first table."""
-    layout = re.search(r"BEGIN_DATA_FORMAT\s+(.*?)\s+END_DATA_FORMAT", text, re.DOTALL)
-    data = re.search(r"BEGIN_DATA\s+(.*?)\s+END_DATA\b(?!_)", text, re.DOTALL)
-    if not layout or not data:
-        raise InputError(f"{path}: is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)")
-    fields = layout[1].split()
+    words = [quoted or bare for quoted, bare in _WORD.findall(text)]
     try:
-        words = shlex.split(data[1])
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-    if len(words) % len(fields):
+        begin = words.index("BEGIN_DATA_FORMAT")
+        fields = words[begin + 1 : words.index("END_DATA_FORMAT", begin)]
+        begin = words.index("BEGIN_DATA")
+        words = words[begin + 1 : words.index("END_DATA", begin)]
+    except ValueError:
+        raise InputError(f"{path}: is not a CGATS file (no BEGIN_DATA_FORMAT and BEGIN_DATA)") from None
+    if not fields or len(words) % len(fields):
         raise InputError(f"{path}: {len(words)} values do not fill rows of {len(fields)} fields")
     return fields, [words[start : start + len(fields)] for start in range(0, len(words), len(fields))]
 
@@ -95,4 +104,4 @@ def _index(name: str, number: int) -> int:
     """Reading-order index of a patch's name; -1 for none."""
     if place := _PLACE.fullmatch(name):
         return (int(place[2]) - 1) * COLUMNS + "ABCDEF".index(place[1].upper())
-    return int(name) - 1 if name.isdigit() else -1
+    return int(name) - 1 if re.fullmatch(r"[0-9]{1,3}", name) else -1

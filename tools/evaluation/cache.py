@@ -12,7 +12,7 @@ from shared.files import write_durably
 from .measures import Measures
 
 FOLDER = "results"
-_FORMAT = 1
+_FORMAT = 2
 
 
 def key(**parts: Any) -> str:

@@ -124,6 +124,17 @@ class Figures:
             return None
         return rival.method, own.quality.median[plane] - rival.quality.median[plane]
 
+    def best_period(self, group: str, level: float) -> tuple[int, float] | None:
+        """The period at which our best render is best at a level, and by how many dB of median RGB PSNR over the study's own."""
+        found = [
+            f for period in self.study.periods if self.ours and (f := self.pooled(group, level, self.ours, period)) is not None
+        ]
+        own = self.pooled(group, level, self.ours) if self.ours else None
+        if not found or own is None:
+            return None
+        best = max(found, key=lambda figure: figure.quality.median[RGB])
+        return best.period, best.quality.median[RGB] - own.quality.median[RGB]
+
     def wins(self, group: str, level: float) -> tuple[int, int]:
         """(scenes on which we are ahead of every rival in median RGB PSNR, scenes)."""
         margins = [margin for name in self._names(group) if (margin := self._scene_margin(name, level)) is not None]

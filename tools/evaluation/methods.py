@@ -1,14 +1,12 @@
 """The methods compared, each by name: what renders, what it needs, and what its results depend on."""
 
 import hashlib
-import importlib
-import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -24,6 +22,7 @@ from ..baselines.dlmmse import demosaic_dlmmse
 from ..baselines.libraw import ALGORITHMS, demosaic_libraw
 from ..baselines.packages import demosaic_malvar, demosaic_menon, demosaic_opencv
 from .protocol import BayerShot
+from .sources import digest
 
 Demosaic = Callable[[FloatArray, str], FloatArray]
 Neutral = tuple[float, ...]
@@ -35,8 +34,8 @@ class Method:
     """One way from a scene's light to a picture.
 
     title: for people. sparse: renders a shot of ours; None for a rival. demosaic: of a rival, on the samples as they are, or with
-    `balanced` on white-balanced ones; with `denoised` BM3D comes first. modules: sources of ours, and packages: distributions,
-    that its results depend on. seconds: of work per megapixel, roughly, for the time left.
+    `balanced` on white-balanced ones; with `denoised` BM3D comes first. settings, files (a folder of ours) and packages
+    (distributions): what its results depend on besides code of ours. seconds: of work per megapixel, roughly, for the time left.
     """
 
     name: str
@@ -46,7 +45,7 @@ class Method:
     balanced: bool = False
     denoised: bool = False
     settings: str = ""
-    modules: tuple[str, ...] = ("tools/baselines",)
+    files: str = ""
     packages: tuple[str, ...] = ()
     seconds: float = 1.0
 
@@ -66,9 +65,21 @@ class Method:
         return next((package for package in self.packages if _version(package) is None), None)
 
     def identity(self) -> tuple[str, ...]:
-        """What the results depend on; equal for methods that do the same. For ours the name is not part of it."""
+        """What the results depend on, from the photograph to the figures; equal for methods that do the same.
+
+        Of code it is what can be reached: a result outlives changes of everything else.
+        """
         own = self.settings or f"{self.name.removeprefix('bm3d+')} {self.balanced} {self.denoised}"
-        return (own, *(_digest(module) for module in self.modules), *(f"{each} {_version(each)}" for each in self.packages))
+        call = self.sparse or self.demosaic
+        function = call.func if isinstance(call, partial) else call
+        code = digest(f"{function.__module__}:{function.__qualname__}", *(_SPARSE if self.ours else _BAYER)) if function else ""
+        files = (_content(self.files),) if self.files else ()
+        return (own, code, *files, *(f"{each} {_version(each)}" for each in self.packages))
+
+
+_HERE = "tools.evaluation"
+_SPARSE = (f"{_HERE}.protocol:Protocol.sparse_shot", f"{_HERE}.methods:render_sparse", f"{_HERE}.measures:Measures.of")
+_BAYER = (f"{_HERE}.protocol:Protocol.bayer_shot", f"{_HERE}.methods:render_bayer", f"{_HERE}.measures:Measures.of")
 
 
 def _offline(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
@@ -76,9 +87,9 @@ def _offline(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
 
 
 def _preview(mosaic: Mosaic) -> FloatArray:
-    runtime: Any = importlib.import_module("device")
-    picture: FloatArray = runtime.Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1).run(mosaic)
-    return picture
+    from device import Preview
+
+    return cast(FloatArray, Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1).run(mosaic))
 
 
 def _libraw(algorithm: str, samples: FloatArray, order: str) -> FloatArray:
@@ -86,28 +97,29 @@ def _libraw(algorithm: str, samples: FloatArray, order: str) -> FloatArray:
 
 
 def _registry() -> dict[str, Method]:
-    renderer = ("offline", "shared")
     ours = [
-        Method("paper", "Sparse colour, paper", partial(_offline, PAPER), settings=repr(PAPER), modules=renderer, seconds=14),
-        Method("best", "Sparse colour, best", partial(_offline, BEST), settings=repr(BEST), modules=renderer, seconds=14),
-        Method("preview", "Sparse colour, preview", _preview, modules=("device", "shared"), packages=("onnxruntime",), seconds=1),
+        Method("paper", "Sparse colour, paper", partial(_offline, PAPER), settings=repr(PAPER), seconds=0.3),
+        Method("best", "Sparse colour, best", partial(_offline, BEST), settings=repr(BEST), seconds=2),
+        Method("preview", "Sparse colour, preview", _preview, files="device/models", packages=("onnxruntime",), seconds=0.1),
     ]
     colour, bm3d = ("colour-demosaicing",), ("bm3d",)
     plain = [
-        Method("bilinear", "Bayer, bilinear", demosaic=demosaic_bilinear, seconds=0.5),
-        Method("malvar", "Bayer, Malvar 2004", demosaic=demosaic_malvar, packages=colour, seconds=0.6),
-        Method("menon", "Bayer, Menon 2007", demosaic=demosaic_menon, packages=colour, seconds=1.3),
-        Method("menon-wb", "Bayer, Menon, balanced", demosaic=demosaic_menon, balanced=True, packages=colour, seconds=1.3),
-        Method("dlmmse", "Bayer, DLMMSE 2005", demosaic=demosaic_dlmmse, seconds=0.8),
-        Method("dlmmse-wb", "Bayer, DLMMSE, balanced", demosaic=demosaic_dlmmse, balanced=True, seconds=0.8),
+        Method("bilinear", "Bayer, bilinear", demosaic=demosaic_bilinear, seconds=0.05),
+        Method("malvar", "Bayer, Malvar 2004", demosaic=demosaic_malvar, packages=colour, seconds=0.1),
+        Method("menon", "Bayer, Menon 2007", demosaic=demosaic_menon, packages=colour, seconds=0.3),
+        Method("menon-wb", "Bayer, Menon, balanced", demosaic=demosaic_menon, balanced=True, packages=colour, seconds=0.3),
+        Method("dlmmse", "Bayer, DLMMSE 2005", demosaic=demosaic_dlmmse, seconds=0.15),
+        Method("dlmmse-wb", "Bayer, DLMMSE, balanced", demosaic=demosaic_dlmmse, balanced=True, seconds=0.15),
     ]
     libraw = [
-        Method(name, f"Bayer, LibRaw {name.upper()}", demosaic=partial(_libraw, name), balanced=True, packages=("rawpy",))
+        Method(
+            name, f"Bayer, LibRaw {name.upper()}", demosaic=partial(_libraw, name), balanced=True, packages=("rawpy",), seconds=0.2
+        )
         for name in ALGORITHMS
     ]
     # One of several distributions that hold the same module.
     cv = next((name for name in _OPENCV if _version(name)), _OPENCV[0])
-    opencv = [Method("ea", "Bayer, OpenCV edge-aware", demosaic=demosaic_opencv, packages=(cv,), seconds=0.5)]
+    opencv = [Method("ea", "Bayer, OpenCV edge-aware", demosaic=demosaic_opencv, packages=(cv,), seconds=0.05)]
     low_light = [
         Method(
             f"bm3d+{each.name}",
@@ -116,7 +128,7 @@ def _registry() -> dict[str, Method]:
             balanced=each.balanced,
             denoised=True,
             packages=(*each.packages, *bm3d),
-            seconds=13,
+            seconds=each.seconds + DENOISING_SECONDS,
         )
         for each in plain
         if each.name in ("menon", "menon-wb", "dlmmse", "dlmmse-wb")
@@ -124,6 +136,7 @@ def _registry() -> dict[str, Method]:
     return {method.name: method for method in (*ours, *plain, *libraw, *opencv, *low_light)}
 
 
+DENOISING_SECONDS = 40  # per megapixel, once for all methods that begin with it
 _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-contrib-python", "opencv-python")
 
 
@@ -193,18 +206,10 @@ def _version(package: str) -> str | None:
         return None
 
 
-def measurement_identity() -> tuple[str, ...]:
-    """What every result depends on besides scene and method: how it is photographed and measured."""
-    return tuple(
-        _digest(f"tools/{name}.py") for name in ("metrics", "evaluation/measures", "evaluation/ssim", "evaluation/protocol")
-    )
-
-
 @cache
-def _digest(module: str) -> str:
-    """Of all sources of a package of ours, or of one module."""
+def _content(folder: str) -> str:
+    """Digest of the files in a folder of ours."""
     total = hashlib.sha256()
-    place = _ROOT / module
-    for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
-        total.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())
+    for path in sorted((_ROOT / folder).iterdir()):
+        total.update(path.name.encode() + b"\0" + path.read_bytes())
     return total.hexdigest()[:16]

@@ -215,7 +215,7 @@ def _how(figures: Figures) -> str:
         "intensities in scene units (1 = the white level of the scene's source); luminance is the mean of the channels, "
         "chrominance the rest; pooled over all patches of a set, as in Fig. 3 of the paper",
         "Frames": f"cut to whole multiples of {CROP} pixels before sampling",
-        "Noise": f"seed {study.protocol.seed}, the same scene light for every camera",
+        "Noise": f"seed {study.protocol.seed}, the same scene light for every camera; {study.protocol.conditions}",
         "Sets": "what sensors measured is pooled; developed 8-bit pictures (Kodak, McMaster, others) are linearised and reported "
         "apart, for they were interpolated and sharpened before",
         "Rivals": "get samples with a pedestal, so that no noise is clipped; LibRaw's methods and those called balanced get "

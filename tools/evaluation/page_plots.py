@@ -9,7 +9,7 @@ from .measures import PLANES
 from .methods import methods
 from .plots import Series, line_plot
 from .protocol import ORDER
-from .verdict import capital, heading
+from .verdict import capital, heading, periods
 
 _OURS = ("--ours", "--ours-2", "--ours-3")
 _RIVALS, _LEVELS = 9, 6
@@ -37,6 +37,7 @@ def noise_plots(figures: Figures) -> str:
                     _points(figures, group, each, plane),
                     each in shown[:3],
                     each in shown,
+                    dashed=_dashed(figures, each),
                 )
                 for each in _drawn_last(figures)
             ]
@@ -44,7 +45,7 @@ def noise_plots(figures: Figures) -> str:
         parts.append(f'<div class="plots">{"".join(plots)}</div>')
         boxes = "".join(
             f'<label style="--line:{_colour(figures, each)}"><input type="checkbox" value="{each}"{" checked" * (each in shown)}>'
-            f'<span class="swatch"></span>{escape(title(each))}</label>'
+            f'<span class="swatch{" dashed" * _dashed(figures, each)}"></span>{escape(title(each))}</label>'
             for each in study.methods
         )
         parts.append(f'<fieldset class="legend" hidden>{boxes}</fieldset></div>')
@@ -86,7 +87,8 @@ def period_section(figures: Figures) -> str:
         head = "".join(f'<th scope="col">K = {period}</th>' for period in study.periods)
         table = f'<table><thead><tr><th scope="col">Median RGB, dB</th>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
         parts.append(
-            f'<h3>{escape(heading(figures, group))}</h3><div><div class="plots">{"".join(plots)}</div>'
+            f"<h3>{escape(heading(figures, group))}</h3><p>{escape(periods(figures, group))}</p>"
+            f'<div><div class="plots">{"".join(plots)}</div>'
             f'<fieldset class="legend" hidden>{boxes}</fieldset></div>'
             f'<div class="scroll" tabindex="0" role="region" aria-label="table">{table}</div>'
         )
@@ -129,6 +131,11 @@ def _colour(figures: Figures, name: str) -> str:
         ours.sort(key=lambda each: each != figures.ours)
         return f"var({_OURS[ours.index(name) % len(_OURS)]})"
     return f"var(--r{figures.rivals.index(name) % _RIVALS})"
+
+
+def _dashed(figures: Figures, name: str) -> bool:
+    """Whether a rival's colour is one that another has too."""
+    return name in figures.rivals and figures.rivals.index(name) >= _RIVALS
 
 
 def _points(figures: Figures, group: str, name: str, plane: int) -> tuple[Point, ...]:

@@ -22,6 +22,7 @@ class Series:
     band: bool = False
     shown: bool = True
     marked: int | None = None
+    dashed: bool = False
 
 
 def line_plot(
@@ -81,7 +82,8 @@ def _drawn(series: Series, across: Sequence[float], down: Callable[[float], floa
         lower = " ".join(f"{x:.1f},{down(point[0]):.1f}" for x, point, _ in reversed(known))
         parts.append(f'<polygon class="band" points="{upper} {lower}"/>')
     if len(known) > 1:
-        parts.append(f'<polyline class="line" points="{" ".join(f"{x:.1f},{down(p[1]):.1f}" for x, p, _ in known)}"/>')
+        dashed = " dashed" if series.dashed else ""
+        parts.append(f'<polyline class="line{dashed}" points="{" ".join(f"{x:.1f},{down(p[1]):.1f}" for x, p, _ in known)}"/>')
     for index, (x, (q25, q50, q75), label) in enumerate(known):
         said = f"{series.title}, {label}: {q50:.1f} dB (25 % {q25:.1f}, 75 % {q75:.1f})"
         radius = 5.5 if series.marked == index else 3

@@ -80,6 +80,18 @@ class Protocol:
         """Light that a sparse shot recorded, as a multiple of the scene's."""
         return level if self.kind == "sensor" else 1.0
 
+    @property
+    def conditions(self) -> str:
+        """In words, for people: what the noise is, and what is equal for both cameras."""
+        if self.kind == "paper":
+            return "additive Gaussian, equally strong on every sample, nothing clipped or quantised"
+        shot, read = (figures[0] for figures in (typical_noise(_camera()).shot, typical_noise(_camera()).read))
+        return (
+            f"both cameras expose pixels of the same sensor for the same time: {1 / shot:,.0f} electrons per scene unit at "
+            f"exposure 1, read noise of {read / shot:.0f} electrons, {_BITS} bits; the Bayer camera amplifies more, for its white "
+            "is a third of the panchromatic pixel's; in bright light it could expose longer instead, which is not tried here"
+        )
+
     def describe(self, level: float) -> str:
         """A level in words."""
         if self.kind == "paper":

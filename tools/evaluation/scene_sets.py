@@ -15,14 +15,14 @@ from shared.errors import InputError
 from ..camera_colour import estimate_neutral
 from ..metrics import BORDER, PATCH
 from ..scene import Scene
-from ..scenes import load_scene
+from ..scenes import is_drawn, load_scene
 from .protocol import CROP, cut
 
 # Sets in the order of the report. What a developer program has made (interpolated, sharpened, quantised to 8 bits) is no
 # measurement of light: linearised, but never pooled with what sensors measured.
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
-BUILTIN = "built-in scene"
+BUILTIN = "built-in scenes"
 _KNOWN: tuple[tuple[str, Callable[[str], bool]], ...] = (
     ("Kodak", lambda stem: re.fullmatch(r"kodim\d\d", stem) is not None),
     ("McMaster", lambda stem: re.fullmatch(r"(mcm|mcmaster)[-_]?\d\d?", stem) is not None),
@@ -100,7 +100,7 @@ def expand(sources: list[str]) -> list[str]:
     found: list[str] = []
     for source in sources:
         path = Path(source)
-        if not source.startswith("builtin:") and path.is_dir():
+        if not is_drawn(source) and path.is_dir():
             found += sorted(str(each) for each in path.iterdir() if each.is_file() and not each.name.startswith("."))
         else:
             found.append(source)
@@ -133,7 +133,7 @@ def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
 
 
 def _group(source: str, scene: Scene) -> str:
-    if source.startswith("builtin:"):
+    if is_drawn(source):
         return BUILTIN
     if not _is_developed(Path(source)):
         return MEASURED

@@ -10,11 +10,11 @@ from shared.errors import PanchromaError
 
 from .cache import FOLDER, Cache, key
 from .measures import Measures
-from .methods import Method, choose, denoise, measurement_identity, render_bayer, render_sparse
+from .methods import DENOISING_SECONDS, Method, choose, denoise, render_bayer, render_sparse
 from .protocol import Protocol
 from .scene_sets import Reading, SceneInfo
 
-_MEASURING = 1.2  # seconds per megapixel, roughly
+_MEASURING = 0.3  # seconds per megapixel, roughly
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,6 @@ class Study:
             level=level,
             period=period,
             method=method.identity(),
-            measurement=measurement_identity(),
         )
         return Cell(scene, level, method.name, period, name)
 
@@ -79,9 +78,9 @@ class Task:
     @property
     def seconds(self) -> float:
         """How long it takes, roughly: for the time left, not for a promise."""
-        denoised = [cell for cell in self.cells if _method(cell).denoised]
-        each = sum((1.3 if cell in denoised[1:] else _method(cell).seconds) + _MEASURING for cell in self.cells)
-        return each * self.cells[0].scene.megapixels
+        each = sum(_method(cell).seconds + _MEASURING for cell in self.cells)
+        again = max(0, sum(_method(cell).denoised for cell in self.cells) - 1)  # what is denoised is kept for the next method
+        return (each - again * DENOISING_SECONDS) * self.cells[0].scene.megapixels
 
     @property
     def title(self) -> str:

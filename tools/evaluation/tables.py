@@ -65,6 +65,7 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
     for level in figures.study.levels:
         margin = figures.margin(group, level)
         won, of = figures.wins(group, level)
+        best = figures.best_period(group, level)
         levels.append(
             {
                 "level": level,
@@ -73,6 +74,7 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
                 "margin_rgb": margin and round(margin[1], 4),
                 "scenes_won": won,
                 "scenes": of,
+                "best_period": best and best[0],
             }
         )
     return {

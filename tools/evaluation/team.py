@@ -41,9 +41,9 @@ class Team:
                 failures.append(self._fail(source, _too_large(needed)))
             else:
                 found[source] = info
-                for note in info.notes:
-                    self.console.note(f"{source}: {note}")
-        return [found[source] for source in sources if source in found], failures
+        scenes = [found[source] for source in sources if source in found]
+        self._notes(scenes)
+        return scenes, failures
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
         """Do the work, results into the cache; a line for each result that could not be made, which the person has seen."""
@@ -95,6 +95,15 @@ class Team:
                 progress.remark(str(countdown))
                 ended.append((piece, result))
         return ended
+
+    def _notes(self, scenes: Sequence[SceneInfo]) -> None:
+        """What is to be known of the scenes, each note once."""
+        noted: dict[str, list[str]] = {}
+        for scene in scenes:
+            for note in scene.notes:
+                noted.setdefault(note, []).append(scene.source)
+        for note, (first, *more) in noted.items():
+            self.console.note(f"{first}{f' and {len(more)} more' if more else ''}: {note}")
 
     def _fail(self, source: str, error: object) -> str:
         said = "not enough memory for a picture of this size" if isinstance(error, MemoryError) else str(error)

@@ -3,7 +3,7 @@
 from .figures import Figures, Loss, title
 from .methods import methods
 
-_LOSSES = 5
+_LOSSES = 3  # that are named, of each level
 _EVEN = 0.05  # dB
 
 
@@ -26,6 +26,8 @@ def plain_text(figures: Figures) -> str:
         lines += [f"{claim.text}: {claim.finding} ({claim.why})." for claim in figures.claims(group)]
         if lost := losses(figures, group):
             lines.append(f"Where we lose: {lost}")
+        if best := periods(figures, group):
+            lines.append(best)
         lines.append("")
     return "\n".join(lines).rstrip()
 
@@ -73,12 +75,27 @@ def comparisons(figures: Figures, group: str) -> list[str]:
 
 
 def losses(figures: Figures, group: str) -> str:
-    """Where the best rival of a scene is ahead of us, the worst first."""
+    """Where the best rival of a scene is ahead of us: level by level, for what is lost without noise is lost for another reason."""
     found = figures.losses(group)
     if not found:
         return "On no scene at any level." if figures.ours and figures.rivals else ""
-    worst = "; ".join(_loss(figures, loss) for loss in found[:_LOSSES])
-    return worst + (f"; and {len(found) - _LOSSES} more." if len(found) > _LOSSES else ".")
+    parts = []
+    for level in figures.study.levels:
+        here = [loss for loss in found if loss.level == level]
+        worst = ", ".join(_loss(loss) for loss in here[:_LOSSES])
+        more = f", and {len(here) - _LOSSES} more" if len(here) > _LOSSES else ""
+        parts += [f"{figures.study.protocol.describe(level)}: {worst}{more}"] if here else []
+    return "; ".join(parts) + "."
+
+
+def periods(figures: Figures, group: str) -> str:
+    """Which period wins at which level, in a sentence; nothing when there is only one."""
+    study = figures.study
+    found = [(level, best) for level in study.levels if (best := figures.best_period(group, level)) is not None]
+    if len(study.periods) < 2 or not found:
+        return ""
+    parts = [f"{study.protocol.describe(level)} K = {period} ({ahead:+.1f} dB)" for level, (period, ahead) in found]
+    return f"Best K of {figures.ours}, and its margin over K = {study.period}: {', '.join(parts)}."
 
 
 def capital(text: str) -> str:
@@ -90,5 +107,5 @@ def _listed(texts: list[str]) -> str:
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
-def _loss(figures: Figures, loss: Loss) -> str:
-    return f"{loss.scene}, {figures.study.protocol.describe(loss.level)}: -{loss.margin:.1f} dB ({loss.rival})"
+def _loss(loss: Loss) -> str:
+    return f"{loss.scene} -{loss.margin:.1f} dB ({loss.rival})"

@@ -7,7 +7,6 @@ import pytest
 
 import shared
 from shared.dng import decode_preview, encode_dng, read_dng, read_preview, write_dng
-from shared.dng import file as dng_file
 from shared.errors import InputError, OutputError
 from shared.pattern import CfaPattern
 from tests.shared.dng.examples import METADATA, mosaic, preview, same
@@ -70,7 +69,7 @@ def make_nothing(path: Path) -> None:
     ("make", "reason"),
     [
         (make_nothing, "there is no such file"),
-        (make_folder, "is a folder; give the DNG file itself"),
+        (make_folder, "is a folder; give a DNG of Panchroma"),
         (make_empty, "the file is empty"),
         (make_jpeg, "a JPEG picture, not a DNG"),
         (make_torn, "damaged: the file ends after"),
@@ -94,11 +93,12 @@ def test_a_device_is_not_read() -> None:
         read_dng("/dev/zero")
 
 
-def test_a_file_larger_than_a_tiff_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_larger_than_a_tiff_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "shot.dng"
     write_dng(path, mosaic(), preview())
-    monkeypatch.setattr(dng_file, "_LARGEST_FILE", 100)
-    with pytest.raises(InputError, match="larger than the 4 GiB"):
+    with path.open("r+b") as file:
+        file.truncate((1 << 32) + 1)
+    with pytest.raises(InputError, match="larger than the 4294967296 bytes of a DNG of Panchroma"):
         read_dng(path)
 
 

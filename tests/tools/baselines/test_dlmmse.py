@@ -78,7 +78,8 @@ def test_wrong_mosaics_are_refused() -> None:
 
 
 # CPSNR (dB) that surveys give for DLMMSE, GRBG order, 10 pixels of border left out; after I. Pekkucuksen, Y. Altunbasak,
-# "Multiscale gradients-based color filter array interpolation", IEEE Transactions on Image Processing 22(1), 2013, table I.
+# "Multiscale gradients-based color filter array interpolation", IEEE Transactions on Image Processing 22(1), 2013, table I; rounded
+# to 0.1 dB. Tables that keep the border differ: of kodim23, with lines along its edges, by 1.8 dB, of the others by 0.15 at most.
 PUBLISHED = {"05": 38.1, "08": 36.1, "13": 34.8, "19": 41.0, "23": 43.4, "24": 35.5}
 TOLERANCE = 0.3
 

@@ -199,8 +199,8 @@ def test_two_folders_with_the_same_names_are_refused_before_anything_is_lost(sho
 
 
 def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def late(path: str) -> object:
-        mosaic = read_dng(path)
+    def late(path: str, max_pixels: int) -> object:
+        mosaic = read_dng(path, max_pixels=max_pixels)
         os.utime(path, ns=(1, 1))
         return mosaic
 

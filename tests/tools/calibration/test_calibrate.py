@@ -172,10 +172,17 @@ def test_references_by_name_by_number_and_in_lab(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_reference(path), reference, atol=1e-6)
     path.write_text(text.replace("XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"))
     assert read_reference(path).shape == (24, 3)
-    for wrong, words in (("", "not a CGATS"), (text.replace("A1 ", "A2 "), "once"), (text.replace("XYZ_", "ABC_"), "neither")):
+    for wrong, words in (("CTI3", "not a CGATS"), (text.replace("A1 ", "A2 "), "once"), (text.replace("XYZ_", "ABC_"), "neither")):
         path.write_text(wrong)
         with pytest.raises(InputError, match=words):
             read_reference(path)
+
+
+def test_ti3_keeps_device_values_in_the_range_that_argyll_takes() -> None:
+    camera = np.linspace(-0.01, 1.25, 72).reshape(24, 3)
+    rows = ti3(color_checker_xyz(), camera).split("BEGIN_DATA\n")[1].split("\nEND_DATA")[0].splitlines()
+    device = np.array([[float(word) for word in row.split()[4:]] for row in rows])
+    np.testing.assert_allclose(device, 80 * np.maximum(camera, 0), atol=1e-5)
 
 
 def test_a_calibration_of_the_default_sensor_has_no_name() -> None:

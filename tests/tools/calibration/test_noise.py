@@ -3,8 +3,10 @@ import pytest
 
 from shared import Mosaic
 from shared.errors import InputError
+from tools.calibration.measure import conclude
 from tools.calibration.noise import measure_dark, measure_flats, noise_of_places
 from tools.calibration.photon_transfer import fit_photon_transfer
+from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
 
 from .bench import BLIND, TRUTH, chart, frame, true_place
@@ -58,6 +60,21 @@ def test_gain_and_read_noise_of_flats_and_darks() -> None:
     np.testing.assert_allclose(model.read, TRUTH.noise.read, rtol=0.05)
     assert dead == []
     assert alone == []
+
+
+def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
+    """Shot noise hides it: 5 % are out of reach, but the interval is honest and the warning names the remedy."""
+    assert TRUTH.noise is not None
+    frames = flats(0.02, 0.3, 0.8)
+    noise, _, _ = measure_flats(frames, None)
+    off = np.array([line.read for line in noise.lines]) - np.array(TRUTH.noise.read) / FULL
+    error = np.array([line.read_error for line in noise.lines])
+    assert (np.abs(off) < 4 * error).all()
+    assert (error < 0.5 * np.array(TRUTH.noise.read) / FULL)[-1]
+    blamed = [warning for warning in conclude(frames[0], [], color_checker_xyz(), noise=noise).warnings if "--dark" in warning]
+    assert len(blamed) == 1
+    known, _, _ = measure_flats(frames, np.array(TRUTH.noise.read) / FULL)
+    assert not conclude(frames[0], [], color_checker_xyz(), noise=known).warnings
 
 
 def test_flats_without_partner_and_dead_pixels() -> None:

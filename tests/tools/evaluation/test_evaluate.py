@@ -53,12 +53,12 @@ def test_a_folder_of_mixed_files(tmp_path: Path, mixed: Path, capsys: pytest.Cap
     assert [(Path(record["source"]).name, record["group"]) for record in records if record["ok"]] == [
         ("kodim01.png", "Kodak"),
         ("light.npy", "linear photographs"),
-        ("builtin:60x60", "built-in scene"),
+        ("builtin:60x60", "built-in scenes"),
     ]
     assert sum(not record["ok"] for record in records) == 4
     document = json.loads((out / "evaluation.json").read_text())
     assert len(document["failed"]) == 4
-    assert set(document["verdict"]) == {"linear photographs", "Kodak", "built-in scene"}
+    assert set(document["verdict"]) == {"linear photographs", "Kodak", "built-in scenes"}
     assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q25")
     page = (out / "evaluation.html").read_text()
     assert "notes.txt" in page

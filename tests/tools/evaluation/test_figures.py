@@ -61,7 +61,22 @@ def test_winner_margin_and_losses(study: Study) -> None:
     assert found[0].margin == pytest.approx(double, abs=0.01)
     assert "Worse than the best at no noise" in headline(figures, SET).replace("worse", "Worse")
     assert "6.0 dB worse than the best rival, bilinear; ahead of every rival on 0 of 2 scenes" in comparisons(figures, SET)[0]
-    assert losses(figures, SET).startswith("scene0, no noise: -6.0 dB (bilinear); scene1")
+    assert losses(figures, SET) == "no noise: scene0 -6.0 dB (bilinear), scene1 -6.0 dB (bilinear)."
+
+
+def test_the_best_period_is_named(tmp_path: Path) -> None:
+    study = study_of(tmp_path, periods=(4, 6, 8))
+    error = {(0.0, 4): 0.01, (0.0, 6): 0.02, (0.0, 8): 0.04, (0.03, 4): 0.04, (0.03, 6): 0.02, (0.03, 8): 0.02}
+    results = {
+        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.period), 0.1)) * NOISE, TRUTH) for cell in study.cells()
+    }
+    figures = Figures(study, results)
+    assert figures.best_period(SET, 0.0) == pytest.approx((4, 20 * np.log10(2)), abs=0.01)
+    assert figures.best_period(SET, 0.03) == (6, 0.0)
+    said = "Best K of paper, and its margin over K = 6: no noise K = 4 (+6.0 dB), sigma 0.03 K = 6 (+0.0 dB)."
+    assert said in plain_text(figures)
+    assert [level["best_period"] for level in json.loads(encode_json(figures, "p", []))["verdict"][SET]["levels"]] == [4, 6]
+    assert "Best K" not in plain_text(Figures(study_of(tmp_path), results))
 
 
 def claims(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[str]:

@@ -1,5 +1,6 @@
 """The page, as a browser shows it."""
 
+import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -8,8 +9,11 @@ import pytest
 
 from tests.tools.evaluation.browser import CHROMIUM, Browser
 from tests.tools.evaluation.examples import alone, measured, study_of
+from tools.evaluation.figures import Figures
 from tools.evaluation.gallery import gallery
+from tools.evaluation.methods import methods
 from tools.evaluation.page import page
+from tools.evaluation.page_plots import noise_plots
 
 FAILURE = "<b>odd</b>.png: cannot be read"
 
@@ -59,6 +63,13 @@ def test_the_page_is_one_whole_file(written: Path) -> None:
     assert "Permission is hereby granted" in text
     assert FAILURE not in text
     assert "&lt;b&gt;odd&lt;/b&gt;.png" in text
+
+
+def test_no_two_methods_look_alike(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=tuple(methods()), periods=(6,))
+    text = noise_plots(Figures(study, measured(study_of(tmp_path), tmp_path).results))
+    looks = re.findall(r'<label style="--line:(.*?)"><input.*?<span class="(.*?)">', text)
+    assert len(looks) == len(set(looks)) == len(methods())
 
 
 @pytest.fixture(scope="module")

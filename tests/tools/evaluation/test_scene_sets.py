@@ -30,7 +30,8 @@ def test_pictures_are_told_from_measurements(tmp_path: Path) -> None:
     names |= {"18.tif": "McMaster", "19.tif": DEVELOPED, "17.tif": MEASURED, "kodim08.png": MEASURED, "light.npy": MEASURED}
     for name, group in names.items():
         assert Reading().info(str(tmp_path / name)).group == group, name
-    assert Reading().info("builtin:90x60").group == BUILTIN
+    for source in ("builtin:90x60", "chart:240x180"):
+        assert Reading().info(source).group == BUILTIN
     assert Reading(linear=True).info(str(tmp_path / "kodim07.png")).group == MEASURED
 
 
@@ -68,12 +69,8 @@ def test_folders_stand_for_their_files(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"x")
     (tmp_path / "folder").mkdir()
     single = str(tmp_path / "b.png")
-    assert expand([single, str(tmp_path), "builtin:60x60", "missing"]) == [
-        single,
-        str(tmp_path / "a.txt"),
-        "builtin:60x60",
-        "missing",
-    ]
+    others = ["builtin:60x60", "chart:240x180", "missing"]
+    assert expand([single, str(tmp_path), *others]) == [single, str(tmp_path / "a.txt"), *others]
 
 
 @pytest.mark.parametrize(("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")])

@@ -1,0 +1,94 @@
+"""Luminance past the limit of the panchromatic samples, from the colour samples, which saturate later.
+
+A panchromatic pixel reads all channels together and so reaches full scale about a stop and a half before a colour pixel does. Each
+block measures every channel: by Eq. 7 they add up to the luminance that the clipped samples around it would have read. What channel
+clips as well is what a white surface would read there, and where all do, it is white at the limit of the last of them.
+"""
+
+import numpy as np
+
+from shared.arrays import BoolArray, DoubleArray
+from shared.mosaic import Mosaic
+
+from .blocks import gather
+from .kernels.highlights import interpolate, raise_clipped
+from .progress import SILENT, Progress
+from .settings import HighlightSettings
+
+_WIDTH = 1 / 3  # periods: standard deviation of what an unclipped sample has to say of its surroundings
+_REACH = 3  # standard deviations
+_BRIGHT = 0.6  # of the limit: what is darker beside a clipped sample is something else
+_APART = 0.4  # of the limit: and what differs so much from the blocks, too
+_RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation asks two
+_FAINT = 0.05  # of an unclipped neighbour's weight: so much says that the blocks are right
+
+
+def clipping_level(mosaic: Mosaic) -> float:
+    """Scene units from which on a sample says no more than "at least so much"; infinite for samples that are not sensor codes."""
+    if mosaic.samples.dtype != np.uint16:
+        return np.inf
+    return mosaic.calibration.full_scale - 0.5 * float(mosaic.calibration.scale().max())
+
+
+def restore_highlights(sound: Mosaic, clipping: float, settings: HighlightSettings, progress: Progress = SILENT) -> Mosaic:
+    """The mosaic with samples from `clipping` on (scene units) replaced by estimates that exceed it; itself without any.
+
+    sound: without defects; one hot colour sample would pass for light.
+    """
+    if not settings.restored or not sound.signal.max() >= clipping:
+        return sound
+    progress.stage("highlights", 1)
+    pattern, signal, gamma = sound.pattern, sound.signal, np.array(sound.calibration.gamma)
+    blocks = gather(sound, signal)
+    count = np.bincount(blocks.channels)
+    means = np.stack([blocks.samples[..., blocks.channels == channel].mean(axis=2) for channel in range(len(count))], axis=2)
+    whole = unclipped(means, clipping, sound.calibration.neutral or (1.0,) * len(gamma), settings.shoulder)
+    result = signal.copy()
+    # In proportion, so that two sites of a channel keep their difference.
+    result[blocks.places] = blocks.samples * (whole / np.where(means > 0, means, 1))[..., blocks.channels]
+    light = whole @ gamma
+    light = spread(light, blocks.lowest >= _BRIGHT * clipping)
+    plane = np.empty_like(signal)
+    middle = [float(origins[0]) + (size - 1) / 2 for origins, size in zip(blocks.origins, pattern.block_shape, strict=True)]
+    interpolate(light.astype(np.float32), (middle[0], middle[1]), pattern.period, plane)
+    width = _WIDTH * pattern.period
+    fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
+    raise_clipped(signal, blocks.panchromatic, clipping, _APART * clipping, plane, fall, _FAINT, result)
+    progress.advance()
+    return Mosaic(result, pattern, sound.calibration, sound.metadata)
+
+
+def spread(light: DoubleArray, bright: BoolArray) -> DoubleArray:
+    """`light` of blocks (rows, columns) with those that are not `bright` replaced by the mean of the bright ones near them.
+
+    A dark block beside a clipped region is beyond an edge; interpolating towards it would darken the region's rim.
+    """
+    known, values = bright.astype(np.float64), np.where(bright, light, 0)
+    for _ in range(_RINGS):
+        total, weight = (_three_by_three(plane) for plane in (values * known, known))
+        grown = (known == 0) & (weight > 0)
+        values = np.where(grown, total / np.where(weight > 0, weight, 1), values)
+        known = np.where(grown, 1, known)
+    return np.where(known > 0, values, light)
+
+
+def _three_by_three(plane: DoubleArray) -> DoubleArray:
+    wide = np.pad(plane, 1)
+    rows, columns = plane.shape
+    shifted = [wide[down : down + rows, across : across + columns] for down in range(3) for across in range(3)]
+    return np.sum(shifted, axis=0)  # type: ignore[no-any-return]
+
+
+def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...], shoulder: float) -> DoubleArray:
+    """Readings of the channels (..., C) with clipped ones raised to what white would read beside the others, same units.
+
+    clipping: their limit; neutral: what white reads in each channel, up to scale; shoulder: the part of the range below the limit
+    over which a reading goes from measured to clipped. Nothing is lowered.
+    """
+    white = np.array(neutral)
+    gone = np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
+    all_gone = gone.prod(axis=-1, keepdims=True)
+    level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True) + all_gone * clipping / white.min()
+    level /= (1 - gone).sum(axis=-1, keepdims=True) + all_gone
+    raised: DoubleArray = readings + gone * np.maximum(white * level - readings, 0)
+    return raised

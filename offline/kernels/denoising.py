@@ -1,0 +1,267 @@
+"""Shrinkage of sliding-window DCT coefficients in two passes, in windows that stay in the cache.
+
+Every n x n block of pixels is transformed, at every place and for each size n: first with a hard threshold, and again with the
+Wiener gains that the first result suggests. Blocks that need few coefficients say more, and count more where they overlap.
+
+The transform is separable. Its vertical half is that of a row of blocks, done once per column; what the blocks of a row add to
+the picture is summed in that half-transformed state, and taken back once per column, too. Sixteen blocks lie side by side in
+lanes, each one pixel to the right of the one before. A DCT's rows are even or odd, so sums and differences of opposite pixels
+halve the products.
+"""
+
+import numpy as np
+
+from shared.arrays import BoolArray, FloatArray, IndexArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import mirrored, zeros
+from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
+
+_LANES = WIDTH
+_ROWS, _COLUMNS = 128, 256  # of a window
+_TOGETHER = 4  # rows of coefficients at a time: sizes are multiples of it
+_NONE, _ONE = np.float32(0), np.float32(1)
+_LEAST = np.float32(1e-30)
+
+
+@parallel_kernel
+def denoise(
+    noisy: FloatArray,
+    uncertain: BoolArray,
+    rows: tuple[int, int],
+    sizes: IndexArray,
+    transforms: FloatArray,
+    shot: Scalar,
+    read: Scalar,
+    threshold: Scalar,
+    workers: int,
+    out: FloatArray,
+) -> None:
+    """Write rows[0] up to rows[1] of the denoised frame to the same rows of `out`, (H, W).
+
+    noisy: (H, W); uncertain: bool (H, W), samples that the second pass replaces by the first's result; sizes: n of each kind of
+    block, multiples of 4; transforms: (sizes, most, most), in the first n rows and columns of each the orthonormal DCT-II matrix
+    [frequency, pixel]; shot, read: the noise, variance = shot * signal + read**2; threshold: of the first pass, in standard
+    deviations; workers: how many windows are worked on at a time.
+    """
+    height, width = noisy.shape
+    most = transforms.shape[1]
+    halo = 2 * (most - 1)
+    along = (width + _COLUMNS - 1) // _COLUMNS
+    windows = (rows[1] - rows[0] + _ROWS - 1) // _ROWS * along
+    tall, wide = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * _LANES) // _LANES * _LANES
+    for worker in prange(workers):
+        samples = zeros(tall * wide).reshape(tall, wide)
+        pilot = zeros(tall * wide).reshape(tall, wide)
+        sums = zeros(tall * wide).reshape(tall, wide)
+        weights = zeros(tall * wide).reshape(tall, wide)
+        halves = zeros((3 * most + 1) * wide).reshape(3 * most + 1, wide)
+        block = zeros(3 * most * most * _LANES).reshape(3, most * most, _LANES)
+        for window in range(worker, windows, workers):
+            top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
+            down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
+            for row in range(down + 2 * halo):
+                source = mirrored(top - halo + row, height)
+                for column in range(across + 2 * halo):
+                    samples[row, column] = noisy[source, mirrored(left - halo + column, width)]
+            inner = halo // 2
+            area = 0, down + 2 * halo, 0, across + 2 * halo
+            _aggregate(samples, pilot, False, area, sizes, transforms, shot, read, threshold, sums, weights, halves, block)
+            for row in range(inner, down + 2 * halo - inner):
+                source = mirrored(top - halo + row, height)
+                for column in range(inner, across + 2 * halo - inner):
+                    pilot[row, column] = sums[row, column] / weights[row, column]
+                    if uncertain[source, mirrored(left - halo + column, width)]:
+                        samples[row, column] = pilot[row, column]
+            area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
+            _aggregate(samples, pilot, True, area, sizes, transforms, shot, read, _ONE, sums, weights, halves, block)
+            for row in range(down):
+                for column in range(across):
+                    out[top + row, left + column] = sums[row + halo, column + halo] / weights[row + halo, column + halo]
+
+
+@kernel
+def _aggregate(
+    samples: FloatArray,
+    pilot: FloatArray,
+    guided: bool,
+    area: tuple[int, int, int, int],
+    sizes: IndexArray,
+    transforms: FloatArray,
+    shot: Scalar,
+    read: Scalar,
+    threshold: Scalar,
+    sums: FloatArray,
+    weights: FloatArray,
+    halves: FloatArray,
+    block: FloatArray,
+) -> None:
+    """Weighted sums of all shrunk blocks within rows area[0] up to area[1], columns area[2] up to area[3], and their weights."""
+    sums[:] = _NONE
+    weights[:] = _NONE
+    most = transforms.shape[1]
+    for kind in range(len(sizes)):
+        size, transform = sizes[kind], transforms[kind]
+        forward, backward, light = halves[:most], halves[2 * most : 3 * most], halves[3 * most]
+        expected = halves[most : 2 * most]
+        for row in range(area[0], area[1] - size + 1):
+            _down(samples, row, area, size, transform, forward)
+            if guided:
+                _down(pilot, row, area, size, transform, expected)
+            for k in range(size):
+                backward[k] = _NONE
+            light[:] = _NONE
+            for column in range(area[2], area[3] - size + 1, _LANES):
+                _across(forward, column, size, transform, block[1], block[0])
+                if guided:
+                    _across(expected, column, size, transform, block[1], block[2])
+                    weight = _wiener(block, size, shot, read)
+                else:
+                    weight = _hard(block, size, shot, read, threshold)
+                # Lanes past the last block are of no block.
+                last = area[3] - size
+                if column + _LANES - 1 > last:
+                    for lane in range(_LANES):
+                        block[1, 0, lane] = _ONE if column + lane <= last else _NONE
+                    weight = weight * load(block, (1, 0, 0))
+                _back(block[0], column, size, transform, weight, backward)
+                for i in range(size):
+                    store(light, column + i, load(light, column + i) + weight)
+            _up(backward, light, row, area, size, transform, sums, weights)
+
+
+@kernel
+def _down(plane: FloatArray, row: int, area: tuple[int, int, int, int], size: int, transform: FloatArray, out: FloatArray) -> None:
+    """The vertical DCT of rows row .. row + size - 1 at every column."""
+    half = size // 2
+    for column in range(area[2], area[3], _LANES):
+        for k in range(0, size, 2):
+            even, odd = load(plane, (row, column)) * _NONE, load(plane, (row, column)) * _NONE
+            for i in range(half):
+                a, b = load(plane, (row + i, column)), load(plane, (row + size - 1 - i, column))
+                even += transform[k, i] * (a + b)
+                odd += transform[k + 1, i] * (a - b)
+            store(out, (k, column), even)
+            store(out, (k + 1, column), odd)
+
+
+@kernel
+def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
+    """The horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
+    half = size // 2
+    for first in range(0, size, _TOGETHER):
+        for i in range(half):
+            for k in range(_TOGETHER):
+                a, b = load(halves, (first + k, column + i)), load(halves, (first + k, column + size - 1 - i))
+                store(folded, (8 * i + k, 0), a + b)
+                store(folded, (8 * i + 4 + k, 0), a - b)
+        for j in range(0, size, 2):
+            nothing = load(folded, (0, 0)) * _NONE
+            e0, e1, e2, e3, o0, o1, o2, o3 = nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing
+            for i in range(half):
+                even, odd = transform[j, i], transform[j + 1, i]
+                e0 += even * load(folded, (8 * i, 0))
+                e1 += even * load(folded, (8 * i + 1, 0))
+                e2 += even * load(folded, (8 * i + 2, 0))
+                e3 += even * load(folded, (8 * i + 3, 0))
+                o0 += odd * load(folded, (8 * i + 4, 0))
+                o1 += odd * load(folded, (8 * i + 5, 0))
+                o2 += odd * load(folded, (8 * i + 6, 0))
+                o3 += odd * load(folded, (8 * i + 7, 0))
+            place = first * size + j
+            store(out, (place, 0), e0)
+            store(out, (place + 1, 0), o0)
+            store(out, (place + size, 0), e1)
+            store(out, (place + size + 1, 0), o1)
+            store(out, (place + 2 * size, 0), e2)
+            store(out, (place + 2 * size + 1, 0), o2)
+            store(out, (place + 3 * size, 0), e3)
+            store(out, (place + 3 * size + 1, 0), o3)
+
+
+@kernel
+def _hard(block: FloatArray, size: int, shot: Scalar, read: Scalar, threshold: Scalar) -> Lanes:
+    """Drop the coefficients below the threshold; the weight, pixels over kept variance. The mean stays."""
+    mean = load(block, (0, 0, 0))
+    variance = _variance(mean, size, shot, read)
+    limit = variance * (threshold * threshold)
+    kept = limit * _NONE + _ONE
+    for place in range(1, size * size):
+        value = load(block, (0, place, 0))
+        energy = value * value
+        kept += where_less(energy, limit, _NONE, _ONE)
+        store(block, (0, place, 0), where_less(energy, limit, _NONE, value))
+    return quotient(np.float32(size * size), variance * kept)
+
+
+@kernel
+def _wiener(block: FloatArray, size: int, shot: Scalar, read: Scalar) -> Lanes:
+    """Scale coefficients by expected energy over expected energy and noise; the weight. The mean stays."""
+    variance = _variance(load(block, (2, 0, 0)), size, shot, read)
+    kept = variance * _NONE + _ONE
+    for place in range(1, size * size):
+        value = load(block, (2, place, 0))
+        energy = value * value
+        share = quotient(energy, energy + variance)
+        kept += share * share
+        store(block, (0, place, 0), load(block, (0, place, 0)) * share)
+    return quotient(np.float32(size * size), variance * kept)
+
+
+@kernel
+def _variance(mean: Lanes, size: int, shot: Scalar, read: Scalar) -> Lanes:
+    """Of a sample of a block with this first coefficient."""
+    return greater(greater(mean, _NONE) * (shot / np.float32(size)) + read * read, _LEAST)
+
+
+@kernel
+def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weight: Lanes, out: FloatArray) -> None:
+    """Add sixteen weighted blocks, transformed back horizontally, to the half-transformed row.
+
+    Pixel by pixel, all frequencies of each: stores that overlap the one before would wait for it.
+    """
+    half = size // 2
+    for i in range(half):
+        opposite = size - 1 - i
+        for first in range(0, size, _TOGETHER):
+            nothing = weight * _NONE
+            e0, e1, e2, e3, o0, o1, o2, o3 = nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing
+            for j in range(0, size, 2):
+                even, odd, place = transform[j, i], transform[j + 1, i], first * size + j
+                e0 += even * load(block, (place, 0))
+                o0 += odd * load(block, (place + 1, 0))
+                e1 += even * load(block, (place + size, 0))
+                o1 += odd * load(block, (place + size + 1, 0))
+                e2 += even * load(block, (place + 2 * size, 0))
+                o2 += odd * load(block, (place + 2 * size + 1, 0))
+                e3 += even * load(block, (place + 3 * size, 0))
+                o3 += odd * load(block, (place + 3 * size + 1, 0))
+            for k, even, odd in ((first, e0, o0), (first + 1, e1, o1), (first + 2, e2, o2), (first + 3, e3, o3)):
+                store(out, (k, column + i), load(out, (k, column + i)) + weight * (even + odd))
+                store(out, (k, column + opposite), load(out, (k, column + opposite)) + weight * (even - odd))
+
+
+@kernel
+def _up(
+    halves: FloatArray,
+    light: FloatArray,
+    row: int,
+    area: tuple[int, int, int, int],
+    size: int,
+    transform: FloatArray,
+    sums: FloatArray,
+    weights: FloatArray,
+) -> None:
+    """Add a row of blocks, transformed back vertically, to the picture."""
+    for column in range(area[2], area[3], _LANES):
+        weight = load(light, column)
+        for i in range(size // 2):
+            even, odd = weight * _NONE, weight * _NONE
+            for k in range(0, size, 2):
+                even += transform[k, i] * load(halves, (k, column))
+                odd += transform[k + 1, i] * load(halves, (k + 1, column))
+            a, b = row + i, row + size - 1 - i
+            store(sums, (a, column), load(sums, (a, column)) + (even + odd))
+            store(sums, (b, column), load(sums, (b, column)) + (even - odd))
+            store(weights, (a, column), load(weights, (a, column)) + weight)
+            store(weights, (b, column), load(weights, (b, column)) + weight)

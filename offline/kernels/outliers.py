@@ -1,0 +1,183 @@
+"""Samples that stand out from all around them, what their neighbours say instead, and the panchromatic surroundings of a block."""
+
+import numpy as np
+
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+
+from .compile import kernel, parallel_kernel, prange
+
+_NEAR, _WIDE = 1, 2  # pixels from a sample to those it must stand out from, and to those that tell the local contrast
+_FEWEST = 3  # neighbours without which a sample cannot be judged
+_GROWTH = 8  # pixels at most to the nearest good neighbour, where no pair of them lies opposite
+_MOST = (2 * _WIDE + 1) ** 2
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+@parallel_kernel
+def find_outliers(
+    signal: FloatArray,
+    gains: FloatArray,
+    contrast: float,
+    deviations: float,
+    floor: float,
+    noise: tuple[float, float],
+    bad: BoolArray,
+) -> None:
+    """Set `bad` at panchromatic samples that are farther from all their neighbours than contrast and noise explain.
+
+    signal, bad: (H, W); what is bad beforehand is no neighbour. gains: (K, K), the pattern from the frame's corner on: gamma of a
+    colour site, 0 of a panchromatic one. A sample must lie outside the range of its 3 x 3 neighbours by `contrast` times the range
+    of its 5 x 5 neighbours (without the highest and the lowest of them: there may be a second outlier), plus so many standard
+    `deviations` of the noise, plus `floor`. Of a colour site is known that luminance is at least gamma times its sample: it is a
+    neighbour where that is more than the panchromatic ones read, so that a stroke which goes on under a block keeps its end.
+    noise: (shot, read) of the panchromatic plane, scene units.
+    """
+    period = len(gains)
+    height, width = signal.shape
+    found = np.zeros((height, width), np.bool_)
+    for row in prange(height):
+        around = np.empty(_MOST, np.float32)
+        for column in range(width):
+            if gains[row % period, column % period] > 0 or bad[row, column]:
+                continue
+            value = signal[row, column]
+            count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
+            if count < _FEWEST:
+                continue
+            low, high = around[:count].min(), around[:count].max()
+            if low - floor <= value <= high + floor:
+                continue
+            beyond = value - high if value > high else low - value
+            allowed = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2) + floor
+            if beyond <= allowed:
+                continue
+            count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
+            ordered = np.sort(around[:count])
+            if beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed:
+                found[row, column] = True
+    for row in prange(height):
+        for column in range(width):
+            if found[row, column]:
+                bad[row, column] = True
+
+
+@kernel
+def _neighbours(
+    signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, column: int, reach: int, around: FloatArray
+) -> int:
+    """Gather what the good samples at most `reach` from one say of luminance, itself left out; how many they are."""
+    period, count = len(gains), 0
+    top, bottom = max(row - reach, 0), min(row + reach + 1, signal.shape[0])
+    left, right = max(column - reach, 0), min(column + reach + 1, signal.shape[1])
+    highest = np.float32(-np.inf)
+    for y in range(top, bottom):
+        for x in range(left, right):
+            if (y != row or x != column) and gains[y % period, x % period] == 0 and not bad[y, x]:
+                around[count] = signal[y, x]
+                highest = max(highest, signal[y, x])
+                count += 1
+    for y in range(top, bottom):
+        for x in range(left, right):
+            least = gains[y % period, x % period] * signal[y, x]
+            if least > highest and gains[y % period, x % period] > 0 and not bad[y, x]:
+                around[count] = least
+                count += 1
+    return count
+
+
+@parallel_kernel
+def mend_panchromatic(
+    signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, rows: IndexArray, columns: IndexArray, values: FloatArray
+) -> None:
+    """What the good panchromatic samples around the places (rows, columns) say of each: written to `values`.
+
+    Means of opposite neighbours, of the direction along which luminance changes least above all; without a pair, the mean of the
+    nearest good ones. A place without any within eight pixels keeps its sample.
+    """
+    for place in prange(len(rows)):
+        row, column = rows[place], columns[place]
+        total, weights = 0.0, 0.0
+        for down, across in _STEPS:
+            if _good(panchromatic, bad, row - down, column - across) and _good(panchromatic, bad, row + down, column + across):
+                before, after = signal[row - down, column - across], signal[row + down, column + across]
+                change = _change_along(signal, panchromatic, bad, row, column, down, across)
+                weight = 1.0 / ((change * change + 1e-8) * (down * down + across * across))
+                total += weight * 0.5 * (before + after)
+                weights += weight
+        if weights > 0.0:
+            values[place] = total / weights
+        else:
+            values[place] = _nearest(signal, panchromatic, bad, row, column)
+
+
+@kernel
+def _change_along(
+    signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int, down: int, across: int
+) -> float:
+    """Mean difference of neighbours along a direction, over the 5 x 5 pixels around a place; itself left out."""
+    total, count = 0.0, 0
+    for y in range(row - _WIDE, row + _WIDE + 1):
+        for x in range(column - _WIDE, column + _WIDE + 1):
+            inside = abs(y + down - row) <= _WIDE and abs(x + across - column) <= _WIDE
+            if inside and _good(panchromatic, bad, y, x) and _good(panchromatic, bad, y + down, x + across):
+                total += abs(signal[y, x] - signal[y + down, x + across])
+                count += 1
+    return total / count if count else 0.0
+
+
+@kernel
+def _nearest(signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> float:
+    for reach in range(1, _GROWTH + 1):
+        total, count = 0.0, 0
+        for y in range(row - reach, row + reach + 1):
+            for x in range(column - reach, column + reach + 1):
+                if _good(panchromatic, bad, y, x):
+                    total += signal[y, x]
+                    count += 1
+        if count:
+            return total / count
+    return float(signal[row, column])
+
+
+@kernel
+def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> bool:
+    """Whether there is a panchromatic sample that may be trusted."""
+    period = len(panchromatic)
+    inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
+    return inside and panchromatic[row % period, column % period] and not bad[row, column]
+
+
+@parallel_kernel
+def surroundings(
+    signal: FloatArray,
+    panchromatic: BoolArray,
+    rows: IndexArray,
+    columns: IndexArray,
+    extent: tuple[int, int],
+    sites: IndexArray,
+    light: DoubleArray,
+    lowest: DoubleArray,
+    highest: DoubleArray,
+) -> None:
+    """Luminance at the colour sites of blocks, from the panchromatic samples around them, and the range of those.
+
+    rows, columns: of the blocks' first pixels; extent: (rows, columns) of a block; sites: (S, 2), places in it; light: (blocks
+    down, blocks across, S), means weighted by one over the squared distance; lowest, highest: (blocks down, blocks across).
+    """
+    period = len(panchromatic)
+    for i in prange(len(rows)):
+        for j in range(len(columns)):
+            low, high = np.inf, -np.inf
+            for site in range(len(sites)):
+                row, column = rows[i] + sites[site, 0], columns[j] + sites[site, 1]
+                total, weights = 0.0, 0.0
+                for y in range(max(rows[i] - 1, 0), min(rows[i] + extent[0] + 1, signal.shape[0])):
+                    for x in range(max(columns[j] - 1, 0), min(columns[j] + extent[1] + 1, signal.shape[1])):
+                        if panchromatic[y % period, x % period]:
+                            value = signal[y, x]
+                            weight = 1.0 / ((y - row) ** 2 + (x - column) ** 2)
+                            total += weight * value
+                            weights += weight
+                            low, high = min(low, value), max(high, value)
+                light[i, j, site] = total / weights if weights > 0.0 else 0.0
+            lowest[i, j], highest[i, j] = low, high

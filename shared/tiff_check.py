@@ -1,0 +1,87 @@
+"""The directories of a TIFF file (TIFF 6.0, BigTIFF), held against what any picture needs, before a library believes them.
+
+tifffile and Pillow make a Python object of every number that a field claims to have, and follow every directory that another names:
+a file of some megabytes so fills gigabytes, or keeps them busy for hours.
+"""
+
+import struct
+from collections.abc import Container
+from typing import IO
+
+from .errors import InputError
+
+_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY = 330, 34665, 34853, 40965
+_TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
+_OFFSETS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # field types of directories' places: LONG, IFD, and BigTIFF's
+_BYTES = (1, 2, 6, 7)
+_MOST_DIRECTORIES = 64
+_MOST_FIELDS = 1024  # of a directory; the fullest in use have a hundred
+_MOST_NUMBERS = 1 << 18  # of a field: offsets of 16 x 16 tiles of 67 megapixels
+_MOST_BYTES = 16 << 20  # of a field that is read
+
+
+def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bool:
+    """Refuse (InputError) directories that claim what no picture has; returns whether another follows the first.
+
+    file: seekable, left at its beginning; the first directory is looked into, and those below it. read: the fields that will be
+    read; None = all of them.
+    """
+    end = file.seek(0, 2)
+    file.seek(0)
+    try:
+        header = file.read(16)
+        order = {b"II": "<", b"MM": ">"}[header[:2]]
+        big = struct.unpack_from(f"{order}H", header, 2)[0] == 43
+        (first,) = struct.unpack_from(f"{order}Q" if big else f"{order}I", header, 8 if big else 4)
+        todo, following = _directory(file, first, end, order, big, read)
+        seen = {first}
+        while todo:
+            place = todo.pop()
+            if place not in seen:
+                seen.add(place)
+                todo += _directory(file, place, end, order, big, read)[0]
+            if len(seen) > _MOST_DIRECTORIES:
+                raise _excessive(f"more than {_MOST_DIRECTORIES} directories")
+        return following != 0
+    except (KeyError, EOFError, struct.error):
+        raise InputError(f"damaged: the file ends after {end} bytes, before its directory; copy the file again") from None
+    finally:
+        file.seek(0)
+
+
+def _directory(file: IO[bytes], place: int, end: int, order: str, big: bool, read: Container[int] | None) -> tuple[list[int], int]:
+    """Places of the directories below the one at `place`, and of the next; 0 = none."""
+    count_letter, number, entry = ("Q", "Q", struct.Struct(f"{order}HHQ8s")) if big else ("H", "I", struct.Struct(f"{order}HHI4s"))
+    file.seek(place)
+    (count,) = struct.unpack(order + count_letter, file.read(struct.calcsize(order + count_letter)))
+    if count > _MOST_FIELDS:
+        raise _excessive(f"{count} fields in a directory")
+    table = file.read(count * entry.size)
+    if len(table) < count * entry.size:
+        raise EOFError
+    after = file.read(struct.calcsize(order + number))
+    below: list[int] = []
+    for code, kind, length, value in entry.iter_unpack(table):
+        if read is None or code in read or code in _TREE:
+            _check_field(code, kind, length)
+        if code in _TREE and kind in _OFFSETS:
+            size = length * struct.calcsize(order + _OFFSETS[kind])
+            if size > len(value):
+                file.seek(struct.unpack(order + number, value)[0])
+                value = file.read(size)  # noqa: PLW2901  the offsets themselves, in place of where they lie
+            below += struct.unpack_from(f"{order}{length}{_OFFSETS[kind]}", value)
+    # What points past the end leads nowhere: whoever follows it finds nothing to read.
+    return [each for each in below if each < end], struct.unpack(order + number, after)[0] if after else 0
+
+
+def _check_field(code: int, kind: int, length: int) -> None:
+    if code in _TREE and length > _MOST_DIRECTORIES:
+        raise _excessive(f"{length} directories in field {code}")
+    if kind in _BYTES and length > _MOST_BYTES:
+        raise _excessive(f"{length} bytes in field {code}")
+    if kind not in _BYTES and length > _MOST_NUMBERS:
+        raise _excessive(f"{length} numbers in field {code}")
+
+
+def _excessive(what: str) -> InputError:
+    return InputError(f"the file claims {what}, which no picture has: it is damaged, or made to do harm; copy it again")

@@ -1,0 +1,79 @@
+"""How long each kernel takes on one megapixel, with as many threads as there are:
+
+pytest tests/benchmarks/kernels.py                                                     (not part of a plain `pytest`)
+pytest tests/benchmarks/kernels.py --benchmark-autosave --benchmark-compare            against the run before
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from offline import PAPER
+from offline.affinity import solve_affinities
+from offline.chromaticity import block_sums, estimate_chromaticities, oriented_medians, solve_constrained
+from offline.kernels.functions import zeros
+from offline.luminance import fill, recover_luminance
+from offline.propagation import propagate
+from offline.refinement import refine
+from shared.arrays import DoubleArray, FloatArray
+from shared.mosaic import Mosaic
+from tools.benchmark.material import Material, frame_shape
+
+Benchmark = Callable[..., object]
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """What each stage of one rendering takes and gives."""
+
+    mosaic: Mosaic
+    luminance: FloatArray
+    raw: DoubleArray
+    blocks: FloatArray
+    affinity: FloatArray
+    initial: FloatArray
+
+
+@pytest.fixture(scope="module")
+def chain() -> Chain:
+    mosaic = Material(frame_shape(1.0)).mosaic
+    luminance = recover_luminance(mosaic, PAPER.luminance)
+    weight, product, sigma = block_sums(mosaic, luminance, mosaic.pattern.grid(mosaic.shape))
+    raw = solve_constrained(weight, product, sigma, np.array(mosaic.calibration.gamma))
+    blocks = estimate_chromaticities(mosaic, luminance, PAPER.chromaticity)
+    affinity = solve_affinities(luminance, mosaic.pattern, PAPER.affinity)
+    return Chain(mosaic, luminance, raw, blocks, affinity, propagate(blocks, affinity, luminance, mosaic.pattern))
+
+
+def test_holes_of_blocks_that_stand_alone(benchmark: Benchmark, chain: Chain) -> None:
+    benchmark(recover_luminance, chain.mosaic, PAPER.luminance)
+
+
+def test_ten_iterations_of_any_holes(benchmark: Benchmark, chain: Chain) -> None:
+    pattern = chain.mosaic.pattern
+    holes = pattern.filter_map((pattern.period, chain.mosaic.shape[1])) < len(pattern.channels)
+    thresholds = (2.0 ** (-np.arange(10) / 4)).astype(np.float32)
+    benchmark(fill, chain.mosaic.signal, holes, thresholds)
+
+
+def test_oriented_medians(benchmark: Benchmark, chain: Chain) -> None:
+    benchmark(oriented_medians, chain.raw, PAPER.chromaticity.taps, PAPER.chromaticity.repetitions)
+
+
+def test_harmonic_fields(benchmark: Benchmark, chain: Chain) -> None:
+    benchmark(solve_affinities, chain.luminance, chain.mosaic.pattern, PAPER.affinity)
+
+
+def test_mixing(benchmark: Benchmark, chain: Chain) -> None:
+    benchmark(propagate, chain.blocks, chain.affinity, chain.luminance, chain.mosaic.pattern)
+
+
+def test_averaging(benchmark: Benchmark, chain: Chain) -> None:
+    benchmark(refine, chain.initial, chain.luminance, chain.mosaic, PAPER.refinement)
+
+
+def test_fresh_memory(benchmark: Benchmark, chain: Chain) -> None:
+    """What every stage pays besides: a plane of the frame's size, written once."""
+    benchmark(lambda: zeros(chain.luminance.size).fill(1))

@@ -1,0 +1,41 @@
+"""Damage files of every kind that Panchroma reads, and see what reading them comes to.
+
+    python -m tests.fuzz --count 20000 --seed 1 [-j 2] [--keep DIR]
+    python -m tests.fuzz --number 4711 --seed 1 --keep DIR      one of them again, its file kept
+
+same: it reads as before the damage. altered: it reads as something else, in a format that has no digest. refused: with one line
+that says why. FAULT: another exception, a crash, more than 10 s or 300 MB, or a shot that reads as another one.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from tests.fuzz.campaign import run
+from tests.fuzz.child import case
+from tests.fuzz.corpus import corpus
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=1000, metavar="N", help="files")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--number", type=int, help="this one file")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="folder for the files that make faults")
+    parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes")
+    arguments = parser.parse_args()
+    if arguments.keep:
+        arguments.keep.mkdir(parents=True, exist_ok=True)
+    numbers = [arguments.number] if arguments.number is not None else list(range(arguments.count))
+    if arguments.number is not None and arguments.keep:
+        sample, data = case(corpus(), arguments.seed, arguments.number)
+        (arguments.keep / f"file-{arguments.seed}-{arguments.number}{sample.suffix}").write_bytes(data)
+    campaign = run(arguments.seed, numbers, arguments.jobs, arguments.keep)
+    for number, why in sorted(campaign.faults.items()):
+        print(f"seed {arguments.seed} number {number}: {why.strip()}", file=sys.stderr)
+    print(campaign.table())
+    return 1 if campaign.faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

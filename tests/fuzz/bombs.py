@@ -1,0 +1,204 @@
+"""Small files that claim to be huge, and huge ones that hold nothing: each is to be refused at once, with little memory.
+
+python -m tests.fuzz.bombs
+"""
+
+import io
+import json
+import resource
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import tifffile
+
+from device import Preview
+from shared import read_camera, read_dng
+from shared.dng import encode_dng
+from shared.errors import InputError
+from shared.tiff import Directory, FieldType, encode_tiff
+from tests.shared.dng.examples import mosaic, preview
+from tools.calibration.reference import read_reference
+from tools.scenes import load_scene
+
+LIMIT_SECONDS = 1.0
+LIMIT_BYTES = 300 * 2**20
+GIGABYTE = 1 << 30
+
+
+def _scene(path: Path) -> object:
+    return load_scene(str(path))
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    **dict.fromkeys((".tif", ".png", ".jpg", ".webp", ".exr", ".npy"), _scene),
+    ".dng": read_dng,
+    ".json": read_camera,
+    ".onnx": Preview,
+    ".ti3": read_reference,
+}
+
+
+def bombs() -> dict[str, tuple[bytes, int]]:
+    """File name -> its first bytes, and its length: more than those, and a hole follows."""
+    shot = encode_dng(mosaic(), preview())
+    deflate = zlib.compress(bytes(GIGABYTE // 4), 9)
+    png = _png(struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0), b"")
+    return {
+        "declared.dng": (_sides(shot, 16000, 16000), 0),
+        "holes.dng": (shot, (1 << 32) - 1),
+        "offsets.dng": (_many(273, 20_000_000), 90_000_000),
+        "subdirectories.dng": (_many(330, 20_000_000), 90_000_000),
+        "preview.dng": (_many(279, 20_000_000), 90_000_000),
+        "text.dng": (_many(270, GIGABYTE, kind=2), GIGABYTE + 1000),
+        "offsets.tif": (_many(273, 20_000_000), 90_000_000),
+        "text.tif": (_many(270, GIGABYTE, kind=2), GIGABYTE + 1000),
+        "deflate.tif": (_deflated(deflate), 0),
+        "chain.tif": (_chain(300_000), 0),
+        "header.png": (png, 0),
+        "header16.png": (_png(struct.pack(">IIBBBBB", 60000, 60000, 16, 2, 0, 0, 0), b""), 0),
+        "deflate.png": (_png(struct.pack(">IIBBBBB", 16000, 16000, 8, 2, 0, 0, 0), deflate), 0),
+        "deflate16.png": (_png(struct.pack(">IIBBBBB", 9000, 9000, 16, 2, 0, 0, 0), deflate), 0),
+        "holes.png": (_png(struct.pack(">IIBBBBB", 10, 10, 16, 2, 0, 0, 0), b""), 4 * GIGABYTE),
+        "frame.jpg": (_jpeg(65500, 65500), 0),
+        "chunk.png": (_png(struct.pack(">IIBBBBB", 10, 10, 8, 2, 0, 0, 0), b"", (1 << 31) - 1), 4 * GIGABYTE),
+        "chunk16.png": (_png(struct.pack(">IIBBBBB", 10, 10, 16, 2, 0, 0, 0), b"", (1 << 31) - 1), 100 << 20),
+        "holes.webp": (b"RIFF" + struct.pack("<I", (1 << 32) - 10) + b"WEBPVP8 " + struct.pack("<I", 1 << 31), 4 * GIGABYTE),
+        "window.exr": (_exr(), 0),
+        "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
+        "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
+        "shape.npy": (_npy((20000, 20000, 3)), 0),
+        "holes.npy": (_npy((40000, 40000, 3)), 20 * GIGABYTE),
+        "holes.json": (b"{", 2 * GIGABYTE),
+        "deep.json": (b"[" * 4_000_000, 0),
+        "digits.json": (b'{"schema": ' + b"9" * 1_000_000 + b"}", 0),
+        "holes.onnx": (b"\x08\x08", 2 * GIGABYTE),
+        "blanks.ti3": (b"CTI3\nBEGIN_DATA_FORMAT" + b" " * 4_000_000, 0),
+        "holes.ti3": (b"CTI3\n", 2 * GIGABYTE),
+    }
+
+
+def _sides(shot: bytes, rows: int, columns: int) -> bytes:
+    """A shot whose raw directory, the one with 37 rows, claims others."""
+    data = shot
+    for tag, own, claimed in ((256, 53, columns), (257, 37, rows), (278, 37, rows)):
+        entry = struct.pack("<HHI", tag, 4, 1)
+        assert data.count(entry + struct.pack("<I", own)) == 1
+        data = data.replace(entry + struct.pack("<I", own), entry + struct.pack("<I", claimed))
+    return data
+
+
+def _many(tag: int, count: int, kind: int = 4) -> bytes:
+    """A TIFF of one pixel in which one field has very many values."""
+    fields = {256: (4, 1, 1), 257: (4, 1, 1), 258: (3, 1, 8), 259: (3, 1, 1), 262: (3, 1, 1), 273: (4, 1, 8), 277: (3, 1, 1)}
+    fields |= {279: (4, 1, 1), tag: (kind, count, 1000)}
+    table = b"".join(struct.pack("<HHII", code, *entry) for code, entry in sorted(fields.items()))
+    return b"II*\0" + struct.pack("<IH", 8, len(fields)) + table + bytes(4)
+
+
+def _deflated(strip: bytes) -> bytes:
+    fields = {256: 16000, 257: 16000, 258: 8, 259: 8, 262: 1, 277: 1, 278: 16000}
+    return encode_tiff(Directory({tag: (FieldType.LONG, [value]) for tag, value in fields.items()}, strips=[strip]))
+
+
+def _chain(length: int) -> bytes:
+    """A TIFF of very many pages, each an empty directory."""
+    buffer = io.BytesIO()
+    tifffile.imwrite(buffer, np.zeros((4, 4), np.uint8))
+    data = bytearray(buffer.getvalue())
+    (first,) = struct.unpack_from("<I", data, 4)
+    (count,) = struct.unpack_from("<H", data, first)
+    data += bytes(len(data) % 2)
+    struct.pack_into("<I", data, first + 2 + 12 * count, len(data))
+    start = len(data)
+    return bytes(data) + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length)) + bytes(6)
+
+
+def _png(header: bytes, pixels: bytes, claimed: int = 0) -> bytes:
+    """A PNG; claimed: length of a chunk of no known kind, which begins after the header."""
+    if claimed:
+        return _png(header, b"")[: 8 + 25] + struct.pack(">I", claimed) + b"zzZz"
+    chunks = [(b"IHDR", header), (b"IDAT", pixels), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
+    )
+
+
+def _jpeg(rows: int, columns: int) -> bytes:
+    return b"\xff\xd8\xff\xc0" + struct.pack(">HBHHB", 17, 8, rows, columns, 3) + b"\1\x22\0\2\x11\0\3\x11\0\xff\xd9"
+
+
+def _exr() -> bytes:
+    """A picture of 8 x 8 pixels that claims 30000 x 30000."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "a.exr")
+        OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": np.zeros((8, 8, 3), np.float32)}).write(path)
+        data = Path(path).read_bytes()
+    own, claimed = struct.pack("<4i", 0, 0, 7, 7), struct.pack("<4i", 0, 0, 29999, 29999)
+    assert data.count(own) == 2
+    return data.replace(own, claimed)
+
+
+def _npy(shape: tuple[int, ...]) -> bytes:
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    return buffer.getvalue()
+
+
+def write(name: str, folder: Path) -> Path:
+    """The bomb as a file."""
+    start, length = bombs()[name]
+    path = folder / name
+    with path.open("wb") as file:
+        file.write(start)
+        if length:
+            file.truncate(length)
+    return path
+
+
+def measure(path: Path) -> tuple[str, float, int]:
+    """How a bomb is refused ("" = it was read), seconds, and bytes beyond what the process had."""
+    load_scene("builtin:24x18")  # libraries load when they are first needed; that is not the bomb's doing
+    before, began = _peak(), time.perf_counter()
+    try:
+        READERS[path.suffix](path)
+        said = ""
+    except InputError as error:
+        said = str(error).replace(f"{path}: ", "")
+    return said, time.perf_counter() - began, _peak() - before
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def main() -> int:
+    if len(sys.argv) > 1:
+        print(json.dumps(measure(Path(sys.argv[1]))))
+        return 0
+    bad = 0
+    print(f"{'':20}{'s':>6}{'MB':>6}")
+    with tempfile.TemporaryDirectory() as folder:
+        for name in bombs():
+            path = write(name, Path(folder))
+            line = [sys.executable, "-m", "tests.fuzz.bombs", str(path)]
+            done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=100)
+            path.unlink()
+            said, seconds, grown = json.loads(done.stdout) if not done.returncode else (done.stderr[-200:], 99.0, 0)
+            # To read what lies among the holes, quickly, is no harm.
+            harmful = seconds > LIMIT_SECONDS or grown > LIMIT_BYTES
+            bad += harmful
+            print(f"{name:20}{seconds:6.2f}{grown >> 20:6}  {'FAULT ' * harmful}{said[:90] or 'read'}")
+    print(f"{len(bombs())} bombs, {bad} took more than {LIMIT_SECONDS:g} s or {LIMIT_BYTES >> 20} MB")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""Many damaged files, read in processes of their own, which are watched: seconds, memory, and whether they are still there."""
+
+import json
+import select
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case
+from tests.fuzz.corpus import corpus
+
+ROOT = Path(__file__).parents[2]
+CHILD = [sys.executable, "-m", "tests.fuzz.child"]
+OUTCOMES = (SAME, ALTERED, REFUSED, FAULT)
+LIMIT_SECONDS = 10.0
+LIMIT_BYTES = 300 * 2**20  # beyond what the program and its libraries take
+_LOOK = 0.02  # seconds between two looks at a child's memory
+_START_SECONDS = 120.0
+
+
+@dataclass
+class Campaign:
+    """What came of it.
+
+    counts: by kind of file and outcome; faults: number -> what happened; seconds, bytes: the most of one file.
+    """
+
+    counts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    faults: dict[int, str] = field(default_factory=dict)
+    seconds: float = 0.0
+    bytes: int = 0
+
+    def add(self, kind: str, number: int, found: dict[str, Any], beyond: int) -> None:
+        outcome = found["outcome"]
+        self.seconds, self.bytes = max(self.seconds, found["seconds"]), max(self.bytes, beyond)
+        if beyond > LIMIT_BYTES:
+            outcome, found["why"] = FAULT, f"took {beyond >> 20} MB"
+        self.counts[kind, outcome] += 1
+        if outcome == FAULT:
+            self.faults[number] = found["why"]
+
+    def table(self) -> str:
+        """For people."""
+        kinds = list(dict.fromkeys(kind for kind, _ in sorted(self.counts)))
+        rows = [f"{'':12}{'files':>8}" + "".join(f"{name:>10}" for name in OUTCOMES)]
+        for kind in [*kinds, "all"]:
+            figures = [sum(self.counts[each, name] for each in (kinds if kind == "all" else [kind])) for name in OUTCOMES]
+            rows.append(f"{kind:12}{sum(figures):8}" + "".join(f"{figure:10}" for figure in figures))
+        rows.append(f"slowest {self.seconds:.2f} s, most memory beyond the program's own {self.bytes >> 20} MB")
+        return "\n".join(rows)
+
+
+def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = None) -> Campaign:
+    """Read the files of these numbers, `jobs` at a time; those that make faults are kept in the folder `keep`."""
+    campaign = Campaign()
+    samples = corpus()
+    shares = [numbers[start::jobs] for start in range(jobs)]
+    with ThreadPoolExecutor(jobs) as pool:
+        for outcomes in pool.map(lambda share: list(_read(seed, share)), shares):
+            for number, found, beyond in outcomes:
+                campaign.add(samples[number % len(samples)].kind, number, found, beyond)
+    for number in campaign.faults if keep else ():
+        sample, data = case(samples, seed, number)
+        (keep / f"fault-{seed}-{number}{sample.suffix}").write_bytes(data)  # type: ignore[operator]
+    return campaign
+
+
+def _read(seed: int, numbers: Sequence[int]) -> Iterator[tuple[int, dict[str, Any], int]]:
+    """(number, outcome, bytes beyond the program's own) of each; another child whenever one does not answer any more."""
+    child: _Child | None = None
+    for number in numbers:
+        if child is None:
+            child = _Child()
+        found, beyond = child.ask(seed, number)
+        yield number, found, beyond
+        if not child.usable or beyond > LIMIT_BYTES:
+            child.end()
+            child = None
+    if child:
+        child.end()
+
+
+class _Child:
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(CHILD, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        self._own = 0
+        self._own = self._answer(_START_SECONDS)["bytes"]
+        self.usable = True
+
+    def ask(self, seed: int, number: int) -> tuple[dict[str, Any], int]:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(f"{seed} {number}\n".encode())
+            self._process.stdin.flush()
+            found = self._answer(LIMIT_SECONDS)
+        except (OSError, TimeoutError, MemoryError, EOFError) as error:
+            self.usable = False
+            code = self._process.poll()
+            why = f"{error}" if code is None else f"ended with {code}"
+            return {"outcome": FAULT, "why": f"the process that read it {why}", "seconds": 0.0}, 0
+        return found, found["bytes"] - self._own
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def _answer(self, seconds: float) -> dict[str, Any]:
+        """The next line; raises TimeoutError and MemoryError, and EOFError when the process has died."""
+        assert self._process.stdout is not None
+        until = time.monotonic() + seconds
+        while not select.select([self._process.stdout], [], [], _LOOK)[0]:
+            if time.monotonic() > until:
+                raise TimeoutError(f"did not answer for {seconds:g} s")
+            if self._own and (beyond := self._resident() - self._own) > LIMIT_BYTES:
+                raise MemoryError(f"took {beyond >> 20} MB")
+        line = self._process.stdout.readline()
+        if not line:
+            self._process.wait(1)
+            raise EOFError
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def _resident(self) -> int:
+        try:
+            status = Path(f"/proc/{self._process.pid}/status").read_text("ascii")
+        except OSError:
+            return 0
+        return next((int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmRSS")), 0)

@@ -1,0 +1,71 @@
+"""The process that reads damaged files, so that what kills it kills nothing else: numbers come in, outcomes go out."""
+
+import json
+import resource
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from shared.errors import InputError
+from tests.fuzz.corpus import Sample, corpus
+from tests.fuzz.mutations import mutated
+
+SAME, ALTERED, REFUSED, FAULT = "same", "altered", "refused", "FAULT"
+
+
+def case(samples: list[Sample], seed: int, number: int) -> tuple[Sample, bytes]:
+    """The sample and its damaged bytes, by seed and number alone."""
+    random = np.random.default_rng([seed, number])
+    sample = samples[number % len(samples)]
+    others = [each.data for each in samples if each.kind == sample.kind]
+    return sample, mutated(sample.data, random, others)
+
+
+def outcome(sample: Sample, original: bytes, path: Path) -> tuple[str, str]:
+    """What reading a damaged file comes to, and why. A sealed file that reads as another is a fault."""
+    try:
+        read = sample.read(path)
+    except InputError as error:
+        return REFUSED, str(error)
+    except BaseException as error:
+        return FAULT, "".join(traceback.format_exception(error))
+    if read == original:
+        return SAME, ""
+    return (FAULT, "silently wrong: accepted, and not what was written") if sample.sealed else (ALTERED, "")
+
+
+def main() -> None:
+    """Reads lines "SEED NUMBER"; writes a JSON line for each, and one first when it is ready."""
+    samples = corpus()
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        originals = []
+        for sample in samples:
+            path = place / f"original{sample.suffix}"
+            path.write_bytes(sample.data)
+            originals.append(sample.read(path))
+        say = sys.stdout
+        sys.stdout = sys.stderr  # what a library prints is no outcome
+        print(json.dumps({"ready": [sample.kind for sample in samples], "bytes": _peak()}), file=say, flush=True)
+        for line in sys.stdin:
+            seed, number = map(int, line.split())
+            sample, data = case(samples, seed, number)
+            path = place / f"shot{sample.suffix}"
+            path.write_bytes(data)
+            start = time.perf_counter()
+            found, why = outcome(sample, originals[number % len(samples)], path)
+            answer = {"outcome": found, "why": why, "seconds": time.perf_counter() - start, "bytes": _peak()}
+            print(json.dumps(answer), file=say, flush=True)
+
+
+def _peak() -> int:
+    """The most memory this process has had, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+if __name__ == "__main__":
+    main()

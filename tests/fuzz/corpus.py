@@ -1,0 +1,149 @@
+"""What the fuzzer starts from: small files of every kind that Panchroma reads, made by its own writers, and who reads them."""
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tifffile
+
+from device import Preview
+from device.capture import Sensor
+from device.frames import FrameLayout, RawFrame, read_frames
+from device.runtime import find_model
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
+from shared.calibration import encoding
+from shared.dng import encode_dng, read_preview
+from tests.device.packer import pack, random_codes
+from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
+from tools.calibration.reference import color_checker_xyz, read_reference, ti3
+from tools.picture_writer import PictureKind, encode_picture
+from tools.scenes import load_scene
+
+Read = Callable[[Path], Any]
+"""Reads a file; what it returns compares equal (as bytes) exactly when the same was read."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A whole file. sealed: it has a digest, so that nobody may take a changed one for it."""
+
+    kind: str
+    suffix: str
+    data: bytes
+    read: Read
+    sealed: bool = False
+
+
+def corpus() -> list[Sample]:
+    """Every sample; the same ones each time."""
+    return [*_shots(), *_pictures(), *_raws(), *_documents(), *_graphs(), *_streams()]
+
+
+def _shots() -> list[Sample]:
+    patterns = (CfaPattern.bayer(6), CfaPattern.bayer(9), CfaPattern.with_block(("RGB", "XWY"), 9, (2, 3)), CfaPattern.bayer(4))
+    files = [encode_dng(mosaic(pattern), preview(24, 32)) for pattern in patterns]
+    files.append(encode_dng(mosaic(shape=(64, 48)), preview(24, 32), "linear"))
+    return [Sample("DNG", ".dng", data, _read_shot, sealed=True) for data in files]
+
+
+def _read_shot(path: Path) -> bytes:
+    shot = read_dng(path)
+    read_preview(path)
+    return b"".join((repr((shot.pattern, shot.calibration, shot.shape)).encode(), shot.codes.tobytes()))
+
+
+def _pictures() -> list[Sample]:
+    rgb = np.random.default_rng(3).random((23, 31, 3)).astype(np.float32) * np.linspace(0, 1, 31, dtype=np.float32)[:, None]
+    known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
+    kinds = [PictureKind(name, bits, space) for name, bits, space in _KINDS]
+    samples = [
+        Sample(kind.format.upper(), kind.suffix, encode_picture(rgb, kind, calibration=known, metadata=METADATA), _read_scene)
+        for kind in kinds
+    ]
+    for tile, compression in product((None, (16, 16)), ("zlib", "lzw", None)):
+        buffer = io.BytesIO()
+        tifffile.imwrite(buffer, (rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression)
+        samples.append(Sample("TIF", ".tif", buffer.getvalue(), _read_scene))
+    return samples
+
+
+_KINDS = (
+    ("tif", 16, "srgb"),
+    ("tif", 32, "camera"),
+    ("png", 8, "srgb"),
+    ("png", 16, "display-p3"),
+    ("jpg", 8, "srgb"),
+    ("exr", 16, "camera"),
+    ("exr", 32, "camera"),
+    ("npy", 32, "camera"),
+)
+
+
+def _read_scene(path: Path) -> bytes:
+    scene = load_scene(str(path))
+    return repr(scene.shape).encode() + scene.rgb.tobytes()
+
+
+def _raws() -> list[Sample]:
+    """A Bayer camera's DNG, which LibRaw decodes."""
+    codes = random_codes((40, 52), 12)
+    buffer = io.BytesIO()
+    tags: list[Any] = [
+        (50706, 1, 4, bytes([1, 4, 0, 0]), True),
+        (50708, 2, 0, "Camera", True),
+        (33421, 3, 2, (2, 2), True),
+        (33422, 1, 4, bytes([0, 1, 1, 2]), True),
+        (50721, 10, 9, (1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1), True),
+    ]
+    tifffile.imwrite(buffer, codes, photometric=32803, extratags=tags, subfiletype=0)
+    return [Sample("camera RAW", ".dng", buffer.getvalue(), _read_scene)]
+
+
+def _documents() -> list[Sample]:
+    full = Camera(calibration(defects=((3, 4), (5, 6))), CfaPattern.bayer(6), {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}})
+    plain = SensorCalibration()
+    chart = ti3(color_checker_xyz(), np.full((24, 3), 0.5))
+    return [
+        *(Sample("camera.json", ".json", json.dumps(each.to_json()).encode(), _read_camera) for each in (full, plain)),
+        Sample("CGATS", ".ti3", chart.encode(), lambda path: read_reference(path).tobytes()),
+    ]
+
+
+def _read_camera(path: Path) -> bytes:
+    return json.dumps(read_camera(path).to_json()).encode()
+
+
+def _graphs() -> list[Sample]:
+    samples = []
+    for period, scale, linear in ((6, 1, False), (4, 2, False), (6, 3, True)):
+        shot = mosaic(CfaPattern.bayer(period), (24, 30))
+        model = find_model(shot.pattern, scale, linear=linear)
+        data = model if isinstance(model, bytes) else model.read_bytes()
+
+        def read(path: Path, shot: Mosaic = shot) -> bytes:
+            return Preview(path, threads=1).run(shot).tobytes()
+
+        samples.append(Sample("ONNX", ".onnx", data, read))
+    return samples
+
+
+def _streams() -> list[Sample]:
+    samples = []
+    for name, bits, stride in (("raw10", 10, 40), ("raw12", 12, 64), ("u16", 12, 0)):
+        layout = FrameLayout(24, 18, name, stride)
+        black, white = encoding(bits)
+        sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration(black_level=(black,) * 4, white_level=white))
+        data = b"".join(pack(random_codes((18, 24), bits, seed), name, layout.stride) for seed in range(2))
+
+        def read(path: Path, sensor: Sensor = sensor) -> bytes:
+            with path.open("rb", buffering=0) as file:
+                frames: list[RawFrame] = list(read_frames(file, sensor.layout))
+            return b"".join(sensor.mosaic(frame).codes.tobytes() for frame in frames)
+
+        samples.append(Sample("raw stream", ".raw", data, read))
+    return samples

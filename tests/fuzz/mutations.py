@@ -1,0 +1,105 @@
+"""Damage: what disks, cables, editors and enemies do to a file. The same seed does the same damage."""
+
+import re
+import struct
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+Random = np.random.Generator
+Mutation = Callable[[bytearray, Random, Sequence[bytes]], bytearray]
+
+_SIZES = (0, 1, 2, 7, 255, 256, 32767, 65500, 65535, 65536, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) - 1)
+_NUMBERS = (b"0", b"-1", b"1e999", b"NaN", b"9" * 30, b"9" * 6000, b"1e-320", b"null", b"[]", b'"7"', b"65536", b"\xc2\xb2")
+_EDGE = 1500  # bytes at either end: directories and headers lie there
+
+
+def mutated(data: bytes, random: Random, others: Sequence[bytes]) -> bytes:
+    """The file after one misfortune, or up to four; `others`: files of its kind."""
+    changed = bytearray(data)
+    for _ in range(1 if random.integers(2) else int(random.integers(2, 5))):
+        if changed:
+            changed = _MUTATIONS[int(random.integers(len(_MUTATIONS)))](changed, random, others)
+    return bytes(changed)
+
+
+def _place(data: bytearray, random: Random) -> int:
+    """Anywhere, but two times of three near an end."""
+    where, last = int(random.integers(3)), len(data)
+    low, high = ((0, last), (0, min(last, _EDGE)), (max(0, last - _EDGE), last))[where]
+    return int(random.integers(low, high))
+
+
+def _flip(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    for _each in range(int(random.integers(1, 9))):
+        data[_place(data, random)] ^= 1 << int(random.integers(8))
+    return data
+
+
+def _truncate(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    return data[: _place(data, random)]
+
+
+def _size_field(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    letter = "HIQ"[int(random.integers(3))]
+    order = "<>"[int(random.integers(2))]
+    value = _SIZES[int(random.integers(len(_SIZES)))] & (1 << 8 * struct.calcsize(letter)) - 1
+    place = _place(data, random) & ~1
+    packed = struct.pack(order + letter, value)[: len(data) - place]
+    data[place : place + len(packed)] = packed
+    return data
+
+
+def _number(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    """Another number in a text; of a binary file some run of digits."""
+    found = [match.span() for match in re.finditer(rb"\d[\d.]*", data)]
+    if found:
+        start, end = found[int(random.integers(len(found)))]
+        data[start:end] = _NUMBERS[int(random.integers(len(_NUMBERS)))]
+    return data
+
+
+def _block(data: bytearray, random: Random) -> tuple[int, int]:
+    start = _place(data, random)
+    return start, min(len(data), start + int(random.integers(1, 300)))
+
+
+def _duplicate(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    start, end = _block(data, random)
+    return data[:end] + data[start:end] * int(random.integers(1, 40)) + data[end:]
+
+
+def _remove(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    start, end = _block(data, random)
+    return data[:start] + data[end:]
+
+
+def _noise(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
+    start, end = _block(data, random)
+    data[start:end] = random.bytes(end - start) if random.integers(2) else bytes(end - start)
+    return data
+
+
+def _splice(data: bytearray, random: Random, others: Sequence[bytes]) -> bytearray:
+    """The beginning of one file and the end of another, or a piece of another over the same place."""
+    other = others[int(random.integers(len(others)))]
+    place = _place(data, random)
+    if random.integers(2):
+        return data[:place] + bytearray(other[place:])
+    piece = other[place : place + int(random.integers(1, 600))]
+    data[place : place + len(piece)] = piece
+    return data
+
+
+_MUTATIONS: tuple[Mutation, ...] = (
+    _flip,
+    _flip,
+    _truncate,
+    _size_field,
+    _size_field,
+    _number,
+    _duplicate,
+    _remove,
+    _noise,
+    _splice,
+)

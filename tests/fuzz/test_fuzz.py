@@ -1,0 +1,79 @@
+"""A few hundred damaged files, and the fuzzer seen to catch what it is for."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from shared.errors import InputError
+from tests.fuzz import bombs, campaign
+from tests.fuzz.campaign import ROOT
+from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
+from tests.fuzz.corpus import Read, Sample, corpus
+
+
+def test_no_damage_does_harm() -> None:
+    found = campaign.run(seed=2014, numbers=range(450))
+    assert found.faults == {}
+    assert sum(found.counts.values()) == 450
+    kinds = {sample.kind for sample in corpus()}
+    assert {kind for kind, _ in found.counts} == kinds
+    assert min(sum(found.counts[kind, name] for kind in kinds) for name in (SAME, ALTERED, REFUSED)) > 20
+
+
+def test_a_case_is_its_seed_and_number() -> None:
+    samples = corpus()
+    for number in range(0, 90, 7):
+        assert case(samples, 5, number)[1] == case(corpus(), 5, number)[1]
+    assert case(samples, 5, 3)[1] != case(samples, 6, 3)[1]
+
+
+@pytest.mark.parametrize(
+    ("read", "sealed", "expected"),
+    [
+        (lambda _: b"whole", True, SAME),
+        (lambda _: b"other", False, ALTERED),
+        (lambda _: b"other", True, FAULT),
+        (lambda path: {}[path], False, FAULT),
+    ],
+)
+def test_outcomes(read: Read, sealed: bool, expected: str) -> None:
+    sample = Sample("kind", ".x", b"", read, sealed)
+    assert outcome(sample, b"whole", Path("file"))[0] == expected
+
+
+def test_a_refusal_is_none_of_them() -> None:
+    def refuse(path: Path) -> bytes:
+        raise InputError("is odd")
+
+    assert outcome(Sample("kind", ".x", b"", refuse), b"", Path("file")) == (REFUSED, "is odd")
+
+
+@pytest.mark.parametrize(
+    ("does", "says"),
+    [
+        ("os.abort()", "ended with -6"),
+        ("time.sleep(60)", "did not answer for 0.5 s"),
+        ("b'x' * 200_000_000; time.sleep(60)", "took 1"),
+    ],
+)
+def test_a_reader_that_crashes_hangs_or_swells_is_caught(does: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    ready = "print(json.dumps({'ready': 1, 'bytes': 50 << 20}), flush=True)"
+    script = f"import json, os, sys, time\n{ready}\nsys.stdin.readline()\nx = {does}"
+    monkeypatch.setattr(campaign, "CHILD", [sys.executable, "-c", script])
+    monkeypatch.setattr(campaign, "LIMIT_SECONDS", 0.5 if "200" not in does else 30.0)
+    monkeypatch.setattr(campaign, "LIMIT_BYTES", 100 << 20)
+    assert says in campaign.run(seed=0, numbers=[0]).faults[0]
+
+
+def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
+    """All in one process: its peak bounds that of each. The command measures them one by one."""
+    paths = [bombs.write(name, tmp_path) for name in bombs.bombs()]
+    script = (
+        "import sys; from pathlib import Path; from tests.fuzz.bombs import measure\n"
+        "print(max(measure(Path(name))[2] for name in sys.argv[1:]))"
+    )
+    done = subprocess.run([sys.executable, "-c", script, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < bombs.LIMIT_BYTES

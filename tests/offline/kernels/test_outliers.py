@@ -1,0 +1,106 @@
+"""Outliers and what replaces them, against the literal definitions, and the same bytes from any number of threads."""
+
+import numpy as np
+import pytest
+
+from offline.blocks import gather, tile
+from offline.kernels.compile import available_threads, threads, use_threads
+from offline.kernels.outliers import find_outliers, mend_panchromatic
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import BoolArray, FloatArray
+from tests.offline.scenes import every_case, gamma_of
+from tests.reference import geometry
+from tests.reference import outliers as reference
+from tests.reference.compare import assert_close
+
+LIMITS = (1.5, 2.0, 0.01)  # contrast low enough that a random picture has outliers of every kind
+NOISE = (0.01, 0.02)
+ROUNDING = 1e-5  # float32 samples of size one in weighted means
+
+
+def speckled(shape: tuple[int, int], seed: int = 0) -> tuple[FloatArray, BoolArray]:
+    random = np.random.default_rng(seed)
+    signal = random.uniform(0.4, 0.6, shape)
+    signal[random.random(shape) < 0.06] = 2.0
+    signal[random.random(shape) < 0.06] = -0.3
+    return signal.astype(np.float32), random.random(shape) < 0.15
+
+
+@every_case
+def test_outliers_are_those_of_the_definition(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    signal, bad = speckled(shape)
+    gamma = gamma_of(pattern)
+    expected = np.array([reference.stands_out(signal, pattern, bad, gamma, place, *LIMITS, NOISE) for place in np.ndindex(shape)])
+    found = bad.copy()
+    find_outliers(signal, _gains(pattern), *LIMITS, NOISE, found)
+    assert np.array_equal(found, bad | expected.reshape(shape))
+
+
+def test_the_definition_sees_outliers_up_and_down() -> None:
+    signal, bad = speckled((40, 40))
+    pattern = CfaPattern.bayer()
+    gamma = gamma_of(pattern)
+    found = [
+        place for place in np.ndindex(signal.shape) if reference.stands_out(signal, pattern, bad, gamma, place, *LIMITS, NOISE)
+    ]
+    assert {bool(signal[place] > 1) for place in found} == {True, False}
+
+
+@every_case
+def test_replacements_are_those_of_the_definition(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    signal, bad = speckled(shape)
+    bad[: shape[0] // 2, : shape[1] // 2] = True  # more than eight pixels to the nearest good one, in the larger frames
+    rows, columns = np.nonzero(bad)
+    found = np.empty(rows.size, np.float32)
+    mend_panchromatic(signal, _tile(pattern, shape), bad, rows, columns, found)
+    expected = np.array([reference.replacement(signal, pattern, bad, *place) for place in np.argwhere(bad).tolist()])
+    assert_close(found, expected, ROUNDING)
+
+
+@every_case
+def test_surroundings_are_weighted_by_distance(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    signal, _ = speckled(shape)
+    mosaic = Mosaic(signal, pattern, SensorCalibration(pattern.channels))
+    blocks = gather(mosaic, signal)
+    block = geometry.block(pattern)
+    for i, j in np.ndindex(blocks.samples.shape[:2]):
+        top, left = int(blocks.origins[0][i]), int(blocks.origins[1][j])
+        area = np.ndindex(block.height + 2, block.width + 2)
+        places = [(top + y - 1, left + x - 1) for y, x in area]
+        inside = [place for place in places if 0 <= place[0] < shape[0] and 0 <= place[1] < shape[1]]
+        ring = [place for place in inside if geometry.letter(pattern, *place) == "W"]
+        assert blocks.lowest[i, j] == min(signal[place] for place in ring)
+        assert blocks.highest[i, j] == max(signal[place] for place in ring)
+        for site, channel in enumerate(blocks.channels):
+            row, column = int(blocks.places[0][i, j, site]), int(blocks.places[1][i, j, site])
+            assert geometry.letter(pattern, row, column) == pattern.channels[channel]
+            assert blocks.samples[i, j, site] == signal[row, column]
+            weights = [1 / ((y - row) ** 2 + (x - column) ** 2) for y, x in ring]
+            expected = np.dot(weights, [signal[place] for place in ring]) / sum(weights)
+            assert blocks.light[i, j, site] == pytest.approx(expected, abs=ROUNDING)
+
+
+def test_threads_leave_no_trace() -> None:
+    signal, bad = speckled((50, 61))
+    pattern = CfaPattern.bayer()
+    rows, columns = np.nonzero(bad)
+    results = []
+    before = threads()
+    try:
+        for count in range(1, available_threads() + 1):
+            use_threads(count)
+            found, values = bad.copy(), np.empty(len(rows), np.float32)
+            find_outliers(signal, _gains(pattern), *LIMITS, NOISE, found)
+            mend_panchromatic(signal, _tile(pattern, signal.shape), bad, rows, columns, values)
+            results.append((found.tobytes(), values.tobytes()))
+    finally:
+        use_threads(before)
+    assert len(set(results)) == 1
+
+
+def _tile(pattern: CfaPattern, shape: tuple[int, int]) -> BoolArray:
+    return tile(Mosaic(np.zeros(shape, np.float32), pattern, SensorCalibration(pattern.channels)))
+
+
+def _gains(pattern: CfaPattern) -> FloatArray:
+    return np.array((*gamma_of(pattern), 0), np.float32)[pattern.filter_map((pattern.period, pattern.period))]

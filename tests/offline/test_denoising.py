@@ -1,0 +1,63 @@
+"""Denoised luminance: equal to the reference in pieces too, and worth it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from offline import denoising as product
+from offline.denoising import denoise_luminance
+from offline.settings import BEST
+from shared import CfaPattern, Mosaic, NoiseModel
+from shared.arrays import DoubleArray
+from tests.reference import denoising as reference
+from tests.reference.compare import assert_close
+from tests.reference.sensor import observe
+
+from .scenes import gamma_of, materials
+
+# Float32 sums, and weights by light that are even to a thousandth.
+FLOAT32 = 5e-5
+MODELS = [NoiseModel.gaussian(0.05, 4), NoiseModel((2e-3,) * 4, (0.02,) * 4), NoiseModel((3e-3,) * 4, (0.0,) * 4)]
+SETTINGS = BEST.denoising
+
+
+def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArray]:
+    """A mosaic, and a plane of panchromatic samples at all its pixels."""
+    pattern = CfaPattern.bayer(6, origin=(2, 3))
+    mosaic = observe(materials(shape, 3), pattern, gamma_of(pattern))
+    clean = materials(shape, 3) @ np.array(gamma_of(pattern))
+    deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
+    return mosaic, clean + np.random.default_rng(3).normal(size=shape) * deviation
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("piece", [512, 16, 7])
+def test_equals_the_reference_in_any_pieces(model: NoiseModel, piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(product, "_PIECE", piece)
+    mosaic, plane = noisy((45, 38), model)
+    settings = replace(SETTINGS, strength=0.8)
+    uncertain = ~mosaic.pattern.panchromatic_mask(mosaic.shape)
+    expected = reference.denoise_luminance(plane, uncertain, model.shot[-1], model.read[-1], settings)
+    found = denoise_luminance(plane.astype(np.float32), mosaic, model, settings)
+    assert_close(found, expected, FLOAT32)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_noise_goes(model: NoiseModel) -> None:
+    shape = (120, 130)
+    mosaic, _ = noisy(shape, model)
+    row, column = np.indices(shape)
+    clean = 0.6 + 0.4 * np.sin(row / 25) * np.cos(column / 30) + 0.8 * (row + column > 120)
+    deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
+    plane = clean + np.random.default_rng(3).normal(size=shape) * deviation
+    found = denoise_luminance(plane.astype(np.float32), mosaic, model, SETTINGS)
+    assert np.square(found - clean).mean() < np.square(plane - clean).mean() / 10
+
+
+@pytest.mark.parametrize("model", [None, NoiseModel.gaussian(0.0, 4)])
+def test_without_noise_the_samples_are_left_alone(model: NoiseModel | None) -> None:
+    mosaic, plane = noisy((40, 50), MODELS[0])
+    given = plane.astype(np.float32)
+    assert denoise_luminance(given, mosaic, model, SETTINGS) is given
+    assert denoise_luminance(given, mosaic, MODELS[0], replace(SETTINGS, strength=0.0)) is given

@@ -1,0 +1,136 @@
+"""Clipped panchromatic samples: highlights come back as far as colour samples reach, and end in white."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from offline import BEST, PAPER, render
+from offline.highlights import clipping_level, restore_highlights, spread, unclipped
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.sensor import simulate_sensor
+from tests.offline.scenes import every_case, gamma_of, materials
+
+NEUTRAL = (0.5, 1.0, 0.6)
+LIMIT = 3.0
+
+
+def exposed(scene: FloatArray, neutral: tuple[float, ...] | None = NEUTRAL) -> Mosaic:
+    """Sensor codes of a scene, clipped at full scale."""
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095, neutral=neutral)
+    return simulate_sensor(scene, CfaPattern.bayer(), calibration, 1.0, np.random.default_rng(0))
+
+
+def lamp(peak: float, colour: tuple[float, ...], shape: tuple[int, int] = (72, 78)) -> FloatArray:
+    """A soft light on a dim wall; its luminance at the middle is `peak` scene units."""
+    row, column = np.indices(shape)
+    light = 0.5 + (peak - 0.5) * np.exp(-((row - 36) ** 2 + (column - 39) ** 2) / (2 * 14**2))
+    chromaticity = np.array(colour) / sum(colour)
+    return (light[..., None] * chromaticity).astype(np.float32)
+
+
+@pytest.mark.parametrize("colour", [NEUTRAL, (0.9, 0.7, 0.4)])
+def test_a_highlight_comes_back_to_the_limit_of_the_colour_samples(colour: tuple[float, ...]) -> None:
+    peak = 0.9 * LIMIT * sum(colour) / max(colour)
+    scene = lamp(peak, colour)
+    mosaic = exposed(scene)
+    clipped = scene.sum(axis=2) > LIMIT
+    found = render(mosaic, BEST).rgb
+    assert clipped.mean() > 0.05
+    assert found[clipped].max() > 0.95 * scene.max()
+    assert np.sqrt(np.mean((found - scene)[clipped] ** 2)) < 0.03
+    assert np.sqrt(np.mean((render(mosaic, PAPER).rgb - scene)[clipped] ** 2)) > 0.2
+
+
+def test_past_all_limits_it_is_white_and_grows_smoothly() -> None:
+    """The wall is white and the light far too strong: hue stays white, and luminance has no dip on the way up."""
+    scene = lamp(12.0, NEUTRAL)
+    found = render(exposed(scene), BEST).rgb / np.array(NEUTRAL)
+    assert (found.max(axis=2) / found.min(axis=2))[6:-6, 6:-6].max() < 1.15
+    line = found[36, 8:40].mean(axis=1)
+    assert np.diff(line).min() > -0.12
+    assert line.max() > 0.93 * LIMIT / min(NEUTRAL)
+
+
+def test_an_edge_beside_a_highlight_stays_sharp() -> None:
+    """Dark blocks beside a clipped surface do not pull its rim down, nor it theirs up."""
+    scene = np.full((60, 60, 3), 0.05, np.float32)
+    scene[:, 31:] = np.array(NEUTRAL) * 2.5
+    found = render(exposed(scene), BEST).luminance
+    truth = scene.sum(axis=2)
+    assert np.abs(found - truth)[:, 34:].max() < 0.1
+    assert np.abs(found - truth)[:, :29].max() < 0.1
+
+
+def test_what_is_not_clipped_is_not_touched() -> None:
+    mosaic = exposed(lamp(12.0, NEUTRAL))
+    clipping = clipping_level(mosaic)
+    restored = restore_highlights(mosaic, clipping, BEST.highlights)
+    panchromatic = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    changed = restored.signal != mosaic.signal
+    assert (mosaic.signal[changed & panchromatic] >= clipping).all()
+    assert (restored.signal >= mosaic.signal).all()
+    faded = (1 - BEST.highlights.shoulder) * clipping
+    assert (mosaic.signal[changed & ~panchromatic] > 0.9 * faded).all()
+    assert restore_highlights(mosaic, clipping, PAPER.highlights) is mosaic
+
+
+def test_samples_without_a_limit_are_not_clipped() -> None:
+    scene = lamp(12.0, NEUTRAL)
+    mosaic = exposed(scene)
+    floating = Mosaic(mosaic.signal, mosaic.pattern, mosaic.calibration)
+    assert clipping_level(floating) == np.inf
+    assert restore_highlights(floating, np.inf, BEST.highlights) is floating
+    white, below = (np.full(mosaic.shape, code, np.uint16) for code in (4095, 4094))
+    assert Mosaic(white, mosaic.pattern, mosaic.calibration).signal.min() >= clipping_level(mosaic)
+    assert Mosaic(below, mosaic.pattern, mosaic.calibration).signal.max() < clipping_level(mosaic)
+
+
+@every_case
+def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    channels = len(pattern.channels)
+    calibration = SensorCalibration(pattern.channels, gamma_of(pattern), black_level=(256.0,) * (channels + 1), white_level=4095)
+    scene = materials(shape, channels).astype(np.float32)
+    mosaic = simulate_sensor(scene, pattern, calibration, 1.8, np.random.default_rng(0))
+    assert (mosaic.signal >= clipping_level(mosaic)).any()
+    off = replace(BEST, highlights=PAPER.highlights)
+    found, without = (np.square(render(mosaic, settings).rgb - 1.8 * scene).mean() for settings in (BEST, off))
+    assert np.isfinite(found)
+    assert found < 1.01 * without
+
+
+def test_everything_saturated_is_white() -> None:
+    mosaic = exposed(np.full((24, 24, 3), 9.0, np.float32))
+    found = render(mosaic, BEST).rgb
+    assert np.allclose(found / np.array(NEUTRAL), LIMIT / min(NEUTRAL), rtol=0.01)
+
+
+def test_readings_are_raised_to_white_and_never_lowered() -> None:
+    readings = np.random.default_rng(3).uniform(0, LIMIT, (400, 3))
+    found = unclipped(readings, LIMIT, NEUTRAL, 0.05)
+    assert (found >= readings).all()
+    safe = (readings <= 0.95 * LIMIT).all(axis=1)
+    assert np.array_equal(found[safe], readings[safe])
+    # A white surface, brighter and brighter: the channels clip one after the other, and none is lost till the last does.
+    for level in (2.0, 3.5, 4.5, 5.5):
+        read = np.minimum(np.array(NEUTRAL) * level, LIMIT)
+        assert np.allclose(unclipped(read, LIMIT, NEUTRAL, 0.05), np.array(NEUTRAL) * level, rtol=0.01)
+    assert np.allclose(unclipped(np.full(3, LIMIT), LIMIT, NEUTRAL, 0.05), np.array(NEUTRAL) * LIMIT / 0.5)
+    # Red stays red while its other channels are low.
+    assert np.allclose(unclipped(np.array([LIMIT, 0.2, 0.1]), LIMIT, NEUTRAL, 0.05), [LIMIT, 0.2, 0.1])
+
+
+def test_dark_blocks_take_the_light_of_bright_ones_near() -> None:
+    light, bright = np.zeros((9, 9)), np.zeros((9, 9), bool)
+    light[4, 4], bright[4, 4] = 5.0, True
+    found = spread(light, bright)
+    assert np.array_equal(found[1:8, 1:8], np.full((7, 7), 5.0))
+    assert found[0].max() == 0
+    assert np.array_equal(spread(light, np.ones((9, 9), bool)), light)
+
+
+def test_without_a_known_neutral_white_is_equal_readings() -> None:
+    mosaic = exposed(lamp(12.0, (1.0, 1.0, 1.0)), None)
+    same = replace(mosaic, calibration=replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0)))
+    assert np.array_equal(render(mosaic, BEST).rgb, render(same, BEST).rgb)

@@ -1,0 +1,77 @@
+"""The noise of a mosaic, where nothing is known of it but the mosaic."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from offline.noise import estimate_noise, noise_of
+from offline.settings import NoiseSettings
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import FloatArray
+from shared.sensor import sample
+
+from .scenes import CASES, shot
+
+# Of the standard deviation: what 600 x 400 pixels tell.
+ACCURACY = 0.12
+
+
+def smooth(shape: tuple[int, int]) -> FloatArray:
+    row, column = np.indices(shape)
+    light = 0.05 + 0.9 * (row / shape[0] * 0.5 + 0.25 + 0.25 * np.sin(column / 40)) ** 2
+    scene: FloatArray = (light[..., None] * np.array([0.9, 0.7, 0.5])).astype(np.float32)
+    return scene
+
+
+def busy(shape: tuple[int, int]) -> FloatArray:
+    """Two thirds of it under fine texture, much stronger than the noise."""
+    texture = np.random.default_rng(0).uniform(0.7, 1.3, shape)
+    texture[:, : shape[1] // 3] = 1
+    return (smooth(shape) * texture[..., None]).astype(np.float32)
+
+
+def noisy(rgb: FloatArray, pattern: CfaPattern, model: NoiseModel) -> Mosaic:
+    calibration = SensorCalibration()
+    clean = sample(rgb, pattern, calibration)
+    deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
+    samples = clean + np.random.default_rng(1).normal(size=clean.shape) * deviation
+    return Mosaic(samples.astype(np.float32), pattern, calibration)
+
+
+@pytest.mark.parametrize("period", [3, 6, 8])
+@pytest.mark.parametrize(("shot_noise", "read"), [(0.0, 0.02), (1e-3, 0.0), (5e-4, 0.01)])
+@pytest.mark.parametrize("picture", [smooth, busy])
+def test_estimates_are_near(picture: Callable[[tuple[int, int]], FloatArray], shot_noise: float, read: float, period: int) -> None:
+    true = NoiseModel((shot_noise,) * 4, (read,) * 4)
+    found = estimate_noise(noisy(picture((400, 600)), CfaPattern.bayer(period), true))
+    assert found is not None
+    assert len(set(found.shot)) == len(set(found.read)) == 1
+    for signal in (0.2, 0.5, 1.5):
+        assert found.sigma(signal) == pytest.approx(true.sigma(signal), rel=ACCURACY)
+
+
+def test_a_frame_too_small_to_tell_has_unknown_noise() -> None:
+    for pattern, shape in CASES.values():
+        assert estimate_noise(shot(pattern, shape)) is None
+
+
+def test_clipped_parts_do_not_count() -> None:
+    """There the noise is cut off, and would be the quietest of all."""
+    rgb = smooth((400, 600))
+    rgb[:, 300:] = 1
+    mosaic = noisy(rgb, CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
+    cut = Mosaic(np.minimum(mosaic.signal, 2.99), mosaic.pattern, mosaic.calibration)
+    found = estimate_noise(cut)
+    assert found is not None
+    assert found.sigma(0.5) == pytest.approx(0.02, rel=ACCURACY)
+
+
+def test_what_the_calibration_knows_is_not_estimated() -> None:
+    mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
+    assert noise_of(mosaic, NoiseSettings(estimate=False)) is None
+    assert noise_of(mosaic, NoiseSettings(estimate=True)) == estimate_noise(mosaic)
+    model = NoiseModel.gaussian(0.5, 4)
+    known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
+    assert noise_of(known, NoiseSettings(estimate=True)) is model

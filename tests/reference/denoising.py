@@ -1,0 +1,80 @@
+"""Two passes of shrinking every block of a picture in SciPy's DCT, and a mean over similar surroundings."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.fft import dctn, idctn
+
+from offline.settings import DenoisingSettings
+from shared.arrays import BoolArray, DoubleArray
+
+from .gaussian import blur
+
+Gains = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
+Variance = Callable[[float], float]
+
+
+def transformed(plane: DoubleArray, size: int) -> DoubleArray:
+    """[row, column]: the DCT of the block whose first pixel that is."""
+    blocks: DoubleArray = dctn(sliding_window_view(plane, (size, size)), axes=(2, 3), norm="ortho")
+    return blocks
+
+
+def aggregated(plane: DoubleArray, guide: DoubleArray, sizes: tuple[int, ...], variance: Variance, gains: Gains) -> DoubleArray:
+    """The mean of all blocks over each pixel, each weighted by its pixels over what is left of its noise."""
+    sums, weights = np.zeros_like(plane), np.zeros_like(plane)
+    for size in sizes:
+        blocks, guides = transformed(plane, size), transformed(guide, size)
+        for row, column in np.ndindex(*blocks.shape[:2]):
+            noise = variance(float(guides[row, column, 0, 0]) / size)
+            gain = gains(blocks[row, column], guides[row, column], noise)
+            gain[0, 0] = 1.0
+            weight = size**2 / (noise * (gain**2).sum())
+            window = slice(row, row + size), slice(column, column + size)
+            sums[window] += weight * idctn(gain * blocks[row, column], norm="ortho")
+            weights[window] += weight
+    return sums / weights
+
+
+def denoise(
+    noisy: DoubleArray, uncertain: BoolArray, sizes: tuple[int, ...], shot: float, read: float, threshold: float
+) -> DoubleArray:
+    margin = 2 * max(sizes)  # more than both passes see
+    plane, doubtful = np.pad(noisy, margin, mode="reflect"), np.pad(uncertain, margin, mode="reflect")
+
+    def variance(mean: float) -> float:
+        return shot * max(mean, 0.0) + read**2
+
+    first = aggregated(plane, plane, sizes, variance, lambda block, _, noise: np.where(block**2 < threshold**2 * noise, 0.0, 1.0))
+    refilled = np.where(doubtful, first, plane)
+    second = aggregated(refilled, first, sizes, variance, lambda _, guide, noise: guide**2 / (guide**2 + noise))
+    return second[margin:-margin, margin:-margin]
+
+
+def similar_mean(samples: DoubleArray, guide: DoubleArray, shot: float, read: float, similarity: float, radius: int) -> DoubleArray:
+    """Of the samples around each, by how alike the guide is around them, in standard deviations of the noise."""
+    even = 2 / shot * np.sqrt(np.maximum(shot * guide + read**2, 0)) if shot else guide / read
+    height, width = guide.shape
+    margin = radius + 4
+    wide, values = np.pad(even, margin, mode="reflect"), np.pad(samples, radius, mode="reflect")
+    sums, weights = np.zeros_like(guide), np.zeros_like(guide)
+    for down in range(2 * radius + 1):
+        for right in range(2 * radius + 1):
+            there = wide[down : down + height + 8, right : right + width + 8]
+            distance = blur((there - wide[radius:-radius, radius:-radius]) ** 2, 1.0)[4:-4, 4:-4]
+            weight = np.exp(-distance / (2 * similarity**2))
+            sums += weight * values[down : down + height, right : right + width]
+            weights += weight
+    return sums / weights
+
+
+def denoise_luminance(
+    noisy: DoubleArray, uncertain: BoolArray, shot: float, read: float, settings: DenoisingSettings
+) -> DoubleArray:
+    shot, read = shot * settings.strength**2, read * settings.strength
+    clean = denoise(noisy, uncertain, settings.sizes, shot, read, settings.threshold)
+    samples = np.where(uncertain, clean, noisy)
+    return (1 - settings.share) * clean + settings.share * similar_mean(
+        samples, clean, shot, read, settings.similarity, settings.radius
+    )

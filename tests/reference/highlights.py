@@ -1,0 +1,54 @@
+"""Luminance of clipped samples: cubic convolution between blocks, plus what unclipped samples nearby differ from it."""
+
+import itertools
+import math
+
+from shared import CfaPattern
+from shared.arrays import DoubleArray, FloatArray
+
+from .geometry import letter
+
+
+def keys(distance: float) -> float:
+    """The kernel of cubic convolution (Keys 1981, Eq. 15)."""
+    s = abs(distance)
+    if s < 1:
+        return 1.5 * s**3 - 2.5 * s**2 + 1
+    return -0.5 * s**3 + 2.5 * s**2 - 4 * s + 2 if s < 2 else 0.0
+
+
+def between(values: DoubleArray, down: float, across: float) -> float:
+    """What a coarse image is at a place between its values; beyond its border the outermost."""
+    rows, columns = values.shape
+    total = 0.0
+    for i in range(math.floor(down) - 1, math.floor(down) + 3):
+        for j in range(math.floor(across) - 1, math.floor(across) + 3):
+            total += keys(down - i) * keys(across - j) * values[min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)]
+    return total
+
+
+def raised(
+    signal: FloatArray,
+    pattern: CfaPattern,
+    clipping: float,
+    apart: float,
+    plane: FloatArray,
+    fall: DoubleArray,
+    faint: float,
+    place: tuple[int, int],
+) -> float:
+    """What the sample at `place` becomes: itself unless it is panchromatic and clipped."""
+    if letter(pattern, *place) != "W" or signal[place] < clipping:
+        return float(signal[place])
+    differences, weights = [0.0], [faint]
+    reach = range(-len(fall) + 1, len(fall))
+    for y, x in itertools.product(reach, repeat=2):
+        other = place[0] + y, place[1] + x
+        if not (0 <= other[0] < signal.shape[0] and 0 <= other[1] < signal.shape[1]) or letter(pattern, *other) != "W":
+            continue
+        difference = float(signal[other]) - float(plane[other])
+        if signal[other] < clipping and abs(difference) < apart:
+            differences.append(difference)
+            weights.append(float(fall[abs(y)] * fall[abs(x)]) * (1 - abs(difference) / apart))
+    mean = math.fsum(d * w for d, w in zip(differences, weights, strict=True)) / math.fsum(weights)
+    return max(float(signal[place]), float(plane[place]) + mean)

@@ -1,0 +1,86 @@
+"""Samples that stand out, what to put in their place, and luminance around a block: by the words of the kernels' definitions."""
+
+import itertools
+import math
+
+from shared import CfaPattern
+from shared.arrays import BoolArray, FloatArray
+
+from .geometry import letter
+
+STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+def good(pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> bool:
+    """Whether a panchromatic sample that may be trusted is there."""
+    inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
+    return inside and letter(pattern, row, column) == "W" and not bad[row, column]
+
+
+def square(row: int, column: int, reach: int) -> list[tuple[int, int]]:
+    """The places around one, itself left out."""
+    steps = itertools.product(range(-reach, reach + 1), repeat=2)
+    return [(row + y, column + x) for y, x in steps if (y, x) != (0, 0)]
+
+
+def neighbours(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: int, column: int, reach: int) -> list[float]:
+    """The trusted panchromatic samples of the square around one."""
+    return [float(signal[place]) for place in square(row, column, reach) if good(pattern, bad, *place)]
+
+
+def bounds(
+    signal: FloatArray, pattern: CfaPattern, bad: BoolArray, gamma: tuple[float, ...], row: int, column: int, reach: int
+) -> list[float]:
+    """What the trusted samples of the square say of luminance, in rising order; colour ones only what is more than all others."""
+    said = neighbours(signal, pattern, bad, row, column, reach)
+    brightest = max(said, default=-math.inf)
+    for y, x in square(row, column, reach):
+        if 0 <= y < bad.shape[0] and 0 <= x < bad.shape[1] and not bad[y, x] and letter(pattern, y, x) != "W":
+            least = gamma[pattern.channels.index(letter(pattern, y, x))] * float(signal[y, x])
+            said += [least] if least > brightest else []
+    return sorted(said)
+
+
+def stands_out(
+    signal: FloatArray,
+    pattern: CfaPattern,
+    bad: BoolArray,
+    gamma: tuple[float, ...],
+    place: tuple[int, int],
+    contrast: float,
+    deviations: float,
+    floor: float,
+    noise: tuple[float, float],
+) -> bool:
+    """Whether a sample is an outlier by the definition in `find_outliers`."""
+    if not good(pattern, bad, *place):
+        return False
+    near, wide = (bounds(signal, pattern, bad, gamma, *place, reach) for reach in (1, 2))
+    if len(near) < 3:
+        return False
+    beyond = max(float(signal[place]) - near[-1], near[0] - float(signal[place]))
+    sigma = math.sqrt(noise[0] * max(near[-1], 0.0) + noise[1] ** 2)
+    return beyond > contrast * (wide[-2] - wide[1]) + deviations * sigma + floor
+
+
+def replacement(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> float:
+    """Pairs of opposite neighbours, weighted by the inverse square of distance and of mean change along their direction."""
+    values, weights = [], []
+    for down, across in STEPS:
+        pair = (row - down, column - across), (row + down, column + across)
+        if all(good(pattern, bad, *place) for place in pair):
+            area = square(row, column, 2)
+            along = [
+                abs(float(signal[y, x]) - float(signal[y + down, x + across]))
+                for y, x in area
+                if (y + down, x + across) in area and good(pattern, bad, y, x) and good(pattern, bad, y + down, x + across)
+            ]
+            change = sum(along) / len(along) if along else 0.0
+            values.append(float(signal[pair[0]] + signal[pair[1]]) / 2)
+            weights.append(1 / ((change**2 + 1e-8) * (down**2 + across**2)))
+    if values:
+        return math.fsum(v * w for v, w in zip(values, weights, strict=True)) / math.fsum(weights)
+    for reach in range(1, 9):
+        if around := neighbours(signal, pattern, bad, row, column, reach):
+            return sum(around) / len(around)
+    return float(signal[row, column])

@@ -1,0 +1,86 @@
+"""Chromaticities from averages of the sums of Eqs. 8-9 over blocks that look alike, block by block."""
+
+import math
+
+import numpy as np
+
+from shared import CfaPattern, NoiseModel
+from shared.arrays import DoubleArray
+
+from .gaussian import blur
+from .geometry import block, block_sites, is_whole, mirrored, patch_counts
+
+
+def statistics(
+    signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel, doubt: float
+) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+    """sum l^2 / v and sum l m / v per channel, and mean luminance, of whole blocks: (rows, columns, C) twice, (rows, columns)."""
+    shape = (signal.shape[0], signal.shape[1])
+    down, across = patch_counts(pattern, shape)
+    rows = [i for i in range(down + 1) if any(is_whole(pattern, shape, (i, j)) for j in range(across + 1))]
+    columns = [j for j in range(across + 1) if any(is_whole(pattern, shape, (i, j)) for i in range(down + 1))]
+    weight = np.zeros((len(rows), len(columns), len(gamma)))
+    product, light = np.zeros_like(weight), np.zeros(weight.shape[:2])
+    for i, row in enumerate(rows):
+        for j, column in enumerate(columns):
+            sites = block_sites(pattern, (row, column))
+            for y, x, name in sites:
+                channel, value = pattern.channels.index(name), luminance[y, x]
+                variance = noise.sigma(value / sum(gamma), channel) ** 2
+                variance += (doubt * curvature(luminance, (y, x), pattern) / sum(gamma)) ** 2
+                weight[i, j, channel] += value**2 / variance
+                product[i, j, channel] += value * signal[y, x] / variance
+            light[i, j] = np.mean([luminance[y, x] for y, x, _ in sites])
+    return weight, product, light
+
+
+def curvature(luminance: DoubleArray, place: tuple[int, int], pattern: CfaPattern) -> float:
+    """How far a pixel is from the mean of the two at either side, as far away as the block is large; the worse direction."""
+    (y, x), (height, width) = place, luminance.shape
+    found, here = block(pattern), luminance[place]
+    above, below = (luminance[mirrored(y + step, height), x] for step in (-found.height, found.height))
+    left, right = (luminance[y, mirrored(x + step, width)] for step in (-found.width, found.width))
+    return float(max(abs((above + below) / 2 - here), abs((left + right) / 2 - here)))
+
+
+def solve(weight: DoubleArray, product: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
+    """Eqs. 8-9 for one block, in units of the noise, from the Lagrange equations."""
+    count = len(gamma)
+    equations, right = np.zeros((count + 1, count + 1)), np.ones(count + 1)
+    for i in range(count):
+        equations[i, i] = weight[i] + 1
+        equations[i, count] = equations[count, i] = gamma[i]
+        right[i] = product[i] + 1 / sum(gamma)
+    solution: DoubleArray = np.linalg.solve(equations, right)[:count].astype(np.float64)
+    return solution
+
+
+def pool(
+    coarse: DoubleArray,
+    sums: tuple[DoubleArray, DoubleArray, DoubleArray],
+    gamma: tuple[float, ...],
+    passes: tuple[tuple[float, float, int], ...],
+    light: float,
+) -> DoubleArray:
+    weight, product, luminance = sums
+    variance = 1 / weight.mean(axis=2)
+    brightness = np.log(np.maximum(luminance, 1e-3))
+    places = list(np.ndindex(*luminance.shape))
+    for std, tolerance, radius in passes:
+        smooth = np.stack([blur(plane, std) for plane in np.moveaxis(coarse, 2, 0)], axis=2) if std else coarse
+        following = np.empty_like(coarse)
+        for here in places:
+            total, weights, products = 0.0, np.zeros(len(gamma)), np.zeros(len(gamma))
+            for there in places:
+                down, right = abs(there[0] - here[0]), abs(there[1] - here[1])
+                if max(down, right) > radius:
+                    continue
+                alike = ((smooth[there] - smooth[here]) ** 2).sum() / (2 * tolerance * (variance[there] + variance[here]))
+                alike += (brightness[there] - brightness[here]) ** 2 / (2 * light**2)
+                alike += (down**2 + right**2) / (2 * (radius / 1.5) ** 2)
+                total += math.exp(-alike)
+                weights += math.exp(-alike) * weight[there]
+                products += math.exp(-alike) * product[there]
+            following[here] = solve(weights / total, products / total, gamma)
+        coarse = following
+    return coarse

@@ -1,0 +1,47 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from shared.errors import InputError
+from shared.reading import opened_file, read_whole
+
+
+def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"12345")
+    assert read_whole(path, 5, "a text") == b"12345"
+    assert read_whole(str(path), 6, "a text") == b"12345"
+    with pytest.raises(InputError, match="is larger than the 4 bytes of a text"):
+        read_whole(path, 4, "a text")
+
+
+def test_a_file_that_grows_meanwhile_gives_no_more_than_its_bound(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"12345")
+    with opened_file(path, 5, "a text") as file:
+        path.write_bytes(b"1234567890")
+        assert file.read(5) == b"12345"
+
+
+def test_what_is_no_file_is_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "empty").touch()
+    for name, words in (
+        ("pipe", "is a pipe"),
+        ("empty", "is empty"),
+        (".", "is a folder; give a text"),
+        ("absent", "no such file"),
+    ):
+        with pytest.raises(InputError, match=words):
+            read_whole(tmp_path / name, 5, "a text")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_whole("nul\0", 5, "a text")
+
+
+def test_faults_of_the_reader_are_not_taken_for_those_of_the_disk(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"12345")
+    with pytest.raises(ValueError, match="ours"), opened_file(tmp_path / "a", 5, "a text"):
+        raise ValueError("ours")
+    with pytest.raises(InputError, match="cannot be read"), opened_file(tmp_path / "a", 5, "a text"):
+        raise OSError(5, "Input/output error")

@@ -1,0 +1,1 @@
+"""How fast everything is: what `panchroma bench` measures, and how."""

@@ -1,0 +1,64 @@
+"""A list of a sensor's defective pixels in a file: text, a place per line, or JSON."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from shared import Mosaic
+from shared.errors import InputError
+
+Places = tuple[tuple[int, int], ...]
+_EXPECTED = 'lines of "row, column", or JSON: a list of [row, column], or an object with such a list as "defects"'
+
+
+def read_defects(path: Path | str) -> Places:
+    """Sensor (row, column) of each pixel that the file lists, counted from 0; "#" begins a remark in a text.
+
+    Raises InputError that names the file, and the line or what else is wrong.
+    """
+    try:
+        text = Path(path).read_text("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is no text; expected {_EXPECTED}") from None
+    return _from_json(path, text) if text.lstrip().startswith(("[", "{")) else _from_lines(path, text)
+
+
+def with_defects(mosaic: Mosaic, places: Places) -> Mosaic:
+    """The mosaic with these places added to its calibration's defects; raises InputError for a place that it does not have."""
+    rows, columns = mosaic.shape
+    for row, column in places:
+        if row >= rows or column >= columns:
+            raise InputError(
+                f"the list of defects has row {row}, column {column}, the shot {rows} rows and {columns} columns: "
+                "it belongs to another sensor, or has columns before rows"
+            )
+    calibration = replace(mosaic.calibration, defects=mosaic.calibration.defects + places)
+    return Mosaic(mosaic.samples, mosaic.pattern, calibration, mosaic.metadata)
+
+
+def _from_json(path: Path | str, text: str) -> Places:
+    try:
+        document = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: is not JSON ({error})") from None
+    listed = document.get("defects") if isinstance(document, dict) else document
+    if not isinstance(listed, list):
+        raise InputError(f"{path}: expected {_EXPECTED}")
+    for entry in listed:
+        if not (isinstance(entry, list) and len(entry) == 2 and all(type(value) is int and value >= 0 for value in entry)):
+            raise InputError(f"{path}: {json.dumps(entry)[:40]} is no [row, column], whole numbers from 0 on")
+    return tuple((row, column) for row, column in listed)
+
+
+def _from_lines(path: Path | str, text: str) -> Places:
+    places = []
+    for number, line in enumerate(text.splitlines(), 1):
+        fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+        if not fields:
+            continue
+        if len(fields) != 2 or not all(field.isascii() and field.isdigit() and len(field) < 10 for field in fields):
+            raise InputError(f"{path}: line {number} is {line.strip()[:40]!r}; expected {_EXPECTED}")
+        places.append((int(fields[0]), int(fields[1])))
+    return tuple(places)

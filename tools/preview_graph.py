@@ -1,0 +1,46 @@
+"""The graph that makes a command's previews: what came with the program, or a file that export-preview wrote."""
+
+import argparse
+from typing import TYPE_CHECKING, cast
+
+from shared.arrays import ByteArray
+from shared.errors import InputError
+
+if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
+    from device import Preview
+    from device.capture import PreviewMaker, Sensor
+
+
+def add_graph_option(group: argparse._ActionsContainer) -> None:
+    """--graph; `load_graph` loads it."""
+    group.add_argument("--graph", metavar="FILE", help="what export-preview wrote, for patterns that none came along for")
+
+
+def load_graph(graph: str, scale: int = 1, threads: int | None = None) -> "Preview":
+    """The preview in a file. scale: the one that was asked for, 1 = the graph's own.
+
+    Raises InputError for a graph that cannot be used, makes no picture, or has another scale.
+    """
+    from device import Preview
+
+    preview = Preview(graph, threads)
+    if preview.description.linear:
+        raise InputError(f"{graph}: makes scene units, no picture; write one without --linear: panchroma export-preview")
+    if scale not in (1, preview.description.scale):
+        raise InputError(f"{graph}: has scale {preview.description.scale}, not {scale}; leave --scale out")
+    return preview
+
+
+def preview_maker(sensor: "Sensor", *, graph: str | None = None, scale: int = 1, threads: int | None = None) -> "PreviewMaker":
+    """A camera's preview as a function, ready, and checked, before the first frame comes."""
+    from device import Preview
+
+    if graph:
+        preview = load_graph(graph, scale, threads)
+        try:
+            preview.description.check(sensor.pattern)
+        except InputError as error:
+            raise InputError(f"{graph}: {error}") from None
+    else:
+        preview = Preview.for_mosaic(sensor.dark(), scale=scale, threads=threads)
+    return lambda mosaic: cast(ByteArray, preview.run(mosaic))

@@ -1,0 +1,78 @@
+"""Whether files are still what was written: shots, rendered DNGs and camera files, many at a time, whole folders of them."""
+
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from shared import read_camera
+from shared.dng import verify_dng
+from shared.errors import InputError, PanchromaError
+
+from .console import Console, fault
+
+_SUFFIX = ".dng"
+
+
+def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: int) -> int:
+    """Check each file against its own digest and say which are not whole; returns how many.
+
+    sources: files, and folders with all DNGs in them and below. jobs: files at a time.
+    """
+    files = list(dict.fromkeys(file for source in sources for file in _files(source)))
+    damaged: list[str] = []
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            with console.progress("verifying") as progress:
+                progress.begin(len(files))
+                for file, (facts, reason) in zip(files, pool.map(partial(_checked, max_pixels=max_pixels), files), strict=True):
+                    progress.advance()
+                    progress.remark(f"{len(damaged)} damaged")
+                    if reason:
+                        damaged.append(file)
+                        message = reason if reason.startswith(f"{file}:") else f"{file}: {reason}"
+                        console.error(message)
+                        console.record(source=file, ok=False, error=message)
+                    else:
+                        console.record(source=file, ok=True, **facts)
+        finally:
+            pool.shutdown(cancel_futures=True)  # whoever interrupts does not wait for a whole archive
+    console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged))
+    return len(damaged)
+
+
+def _files(source: str) -> Iterator[str]:
+    """The file itself; of a folder the DNGs in it and below, in order. What cannot be looked into is an error, not left out."""
+    if not Path(source).is_dir():
+        yield source
+        return
+
+    def stop(error: OSError) -> None:
+        raise InputError(f"{error.filename}: cannot be looked into ({error.strerror})")
+
+    found = False
+    for folder, below, names in os.walk(source, onerror=stop):
+        below.sort()
+        for name in sorted(names):
+            if name.lower().endswith(_SUFFIX) and not name.startswith("."):
+                found = True
+                yield os.path.join(folder, name)  # noqa: PTH118  as the user has written the folder: pathlib drops "./"
+    if not found:
+        raise InputError(f"{source}: no DNG in this folder or below")
+
+
+def _checked(file: str, max_pixels: int) -> tuple[dict[str, Any], str]:
+    """Facts about a whole file, and what is wrong with it, or ""."""
+    try:
+        if file.lower().endswith(".json"):
+            return {"calibration_id": read_camera(file).calibration.id}, ""
+        rows, columns = verify_dng(file, max_pixels=max_pixels)
+        return {"width": columns, "height": rows}, ""
+    except PanchromaError as error:
+        return {}, str(error)
+    except MemoryError:
+        return {}, "not enough memory for a picture of this size"
+    except Exception as error:  # one odd file must not cost the others theirs; `fault` says that it is ours to mend
+        return {}, fault(error)
