@@ -314,12 +314,32 @@ def saturated(codes: CodeArray) -> None:
     [
         (black, "no sample is above the black level: nothing was exposed"),
         (under_black, "no sample is above the black level"),
-        (saturated, "every panchromatic sample is saturated: there is no picture in it; expose less"),
+        (saturated, "every sample is saturated: there is no picture in it; expose less"),
     ],
 )
 def test_a_frame_without_a_picture_is_refused(out: Path, tmp_path: Path, codes: Any, words: str) -> None:
     assert_refused(run("render", save(tmp_path / "shot.dng", codes), "-o", out), words, name=str(tmp_path / "shot.dng"))
     assert results(out) == set()
+
+
+def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_best(out: Path, tmp_path: Path) -> None:
+    """`best` takes luminance from them; the published method has none to begin with."""
+
+    def codes(samples: CodeArray) -> None:
+        samples[CfaPattern.bayer().filter_map(samples.shape) == 3] = 4000
+        samples[CfaPattern.bayer().filter_map(samples.shape) != 3] = 2400
+
+    shot = save(tmp_path / "shot.dng", codes)
+    words = "every panchromatic sample is saturated: there is no picture in it; expose less"
+    assert_refused(run("render", shot, "-o", out, "--preset", "paper"), words, name=str(shot))
+    assert results(out) == set()
+    outcome = run("render", shot, "-o", out, "--bits", "32", "--space", "camera")
+    assert outcome.code == 0, outcome.err
+    calibration = read_dng(shot).calibration
+    light = tifffile.imread(out / "shot.tif").astype(np.float64) @ np.array(calibration.gamma)
+    expected = (2400 - calibration.black_level[0]) * calibration.scale().max() * sum(calibration.gamma)
+    assert abs(light.mean() / expected - 1) < 0.02
+    assert expected > calibration.full_scale
 
 
 def test_a_frame_with_one_pixel_of_light_is_a_picture(out: Path, tmp_path: Path) -> None:

@@ -183,4 +183,4 @@ def test_the_first_run_on_a_machine_says_that_it_compiles(tmp_path: Path, out: P
     words = "compiling the renderer for this processor; it takes some seconds, once\n"
     for times in (1, 0):
         assert run("render", shot, "-o", out, "--overwrite").err.count(words) == times
-    assert shown == ["compiling fresh", "compiling fresh"]
+    assert [text for text in shown if "compiling" in text] == ["compiling fresh", "compiling fresh"]

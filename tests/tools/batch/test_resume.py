@@ -59,7 +59,10 @@ def test_a_moved_folder_is_still_current(shots: Path, out: Path, tmp_path: Path)
     assert current(render(shots, tmp_path / "moved", "--resume")) == {"a.tif", "b.tif", "c.tif"}
 
 
-@pytest.mark.parametrize("option", [("--exposure", "1"), ("--bits", "8"), ("--space", "display-p3"), ("--camera", "camera.json")])
+_OTHER = [("--exposure", "1"), ("--bits", "8"), ("--space", "display-p3"), ("--camera", "camera.json"), ("--defects", "hot.txt")]
+
+
+@pytest.mark.parametrize("option", _OTHER)
 def test_another_setting_makes_all_of_them_anew(
     shots: Path, out: Path, tmp_path: Path, option: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -67,6 +70,7 @@ def test_another_setting_makes_all_of_them_anew(
     black, white = encoding(12)
     known = SensorCalibration(gamma=(0.5, 1, 1.5), black_level=(black,) * 4, white_level=white, noise=NoiseModel.gaussian(0.02, 4))
     (tmp_path / "camera.json").write_text(json.dumps(Camera(known).to_json()))
+    (tmp_path / "hot.txt").write_text("5, 8\n")
     render(shots, out)
     plain = contents(out)
     outcome = render(shots, out, "--resume", *option)
@@ -86,6 +90,21 @@ def test_another_algorithm_or_preset_makes_all_of_them_anew(shots: Path, out: Pa
     monkeypatch.setattr(offline, "PAPER", replace(offline.PAPER, luminance=replace(offline.PAPER.luminance, iterations=20)))
     assert current(render(shots, out, "--resume", "--preset", "paper")) == set()
     assert current(render(shots, out, "--resume", "--preset", "paper")) == {"a.tif", "b.tif", "c.tif"}
+
+
+def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path) -> None:
+    render(shots, out)
+    assert current(render(shots, out, "--resume", "--max-pixels", "221")) == {"a.tif", "b.tif", "c.tif"}
+    outcome = render(shots, out, "--overwrite", "--max-pixels", "220", "--workers", "2")
+    assert (outcome.code, outcome.err.count("220 are the limit")) == (1, 3), outcome.err
+
+
+def test_what_killed_processes_left_is_swept_in_folders_below_too(shots: Path, out: Path) -> None:
+    (out / "sub").mkdir()
+    for name in (".a.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.lock"):
+        (out / name).touch()
+    render(shots, out)
+    assert set(contents(out)) == {"a.tif", "b.tif", "sub/c.tif", NAME}
 
 
 def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
