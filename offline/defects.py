@@ -58,7 +58,10 @@ def mend_defects(
         rows, columns = blocks.places
         signal[rows[bad_sites], columns[bad_sites]] = _mended(blocks, bad_sites, gamma)
     progress.advance()
-    return mosaic if signal is mosaic.signal else Mosaic(signal, mosaic.pattern, mosaic.calibration, mosaic.metadata)
+    if signal is mosaic.signal:
+        return mosaic
+    signal.flags.writeable = False
+    return Mosaic(signal, mosaic.pattern, mosaic.calibration, mosaic.metadata)
 
 
 def _listed(mosaic: Mosaic) -> BoolArray:

@@ -19,7 +19,7 @@ from .progress import SILENT, Progress
 from .refinement import gaussian
 from .settings import DenoisingSettings
 
-_PIECE = 512  # rows worked on between two reports of progress
+_PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels worked on between two reports of progress, and rows
 _AROUND = 1.0  # pixels: standard deviation of the Gaussian that weighs surroundings
 # Standard deviations added to the guide: the average weighs by light (Eq. 16), which so far up is the same for all.
 _BRIGHT = 1000
@@ -43,7 +43,8 @@ def denoise_luminance(
         transform[:size, :size] = cosines(size)
     uncertain = ~mosaic.pattern.panchromatic_mask((height, width))
     result = np.empty_like(luminance)
-    pieces = [(top, min(top + _PIECE, height)) for top in range(0, height, _PIECE)]
+    step = max(_PIECE // width // _LEAST_ROWS, 1) * _LEAST_ROWS
+    pieces = [(top, min(top + step, height)) for top in range(0, height, step)]
     progress.stage("denoising", 2 * len(pieces))
     for rows in pieces:
         model = np.float32(shot), np.float32(read), np.float32(settings.threshold)

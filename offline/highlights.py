@@ -7,7 +7,7 @@ clips as well is what a white surface would read there, and where all do, it is 
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray
+from shared.arrays import BoolArray, DoubleArray, strips
 from shared.mosaic import Mosaic
 
 from .blocks import gather
@@ -48,13 +48,23 @@ def restore_highlights(sound: Mosaic, clipping: float, settings: HighlightSettin
     result[blocks.places] = blocks.samples * (whole / np.where(means > 0, means, 1))[..., blocks.channels]
     light = whole @ gamma
     light = spread(light, blocks.lowest >= _BRIGHT * clipping)
-    plane = np.empty_like(signal)
     middle = [float(origins[0]) + (size - 1) / 2 for origins, size in zip(blocks.origins, pattern.block_shape, strict=True)]
-    interpolate(light.astype(np.float32), (middle[0], middle[1]), pattern.period, plane)
     width = _WIDTH * pattern.period
     fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
-    raise_clipped(signal, blocks.panchromatic, clipping, _APART * clipping, plane, fall, _FAINT, result)
+    height = len(signal)
+    for inner in strips(height):
+        if not signal[inner].max() >= clipping:
+            continue
+        top = max(inner.start - len(fall), 0)
+        seen = signal[top : inner.stop + len(fall)]
+        plane, raised = np.empty_like(seen), seen.copy()
+        interpolate(light.astype(np.float32), (middle[0] - top, middle[1]), pattern.period, plane)
+        panchromatic = np.roll(blocks.panchromatic, -top, axis=0)
+        raise_clipped(seen, panchromatic, clipping, _APART * clipping, plane, fall, _FAINT, raised)
+        clear = pattern.panchromatic_mask((inner.stop - inner.start, signal.shape[1]), (inner.start, 0))
+        np.copyto(result[inner], raised[inner.start - top : inner.stop - top], where=clear)
     progress.advance()
+    result.flags.writeable = False
     return Mosaic(result, pattern, sound.calibration, sound.metadata)
 
 

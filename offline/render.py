@@ -62,8 +62,13 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     or twelve bytes a pixel with the mosaic's signal.
     """
     noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
-    mosaic = mend_defects(mosaic, clipping, noise, settings.defects, progress)
-    mosaic = restore_highlights(mosaic, clipping, settings.highlights, progress)
+    mended = mend_defects(mosaic, clipping, noise, settings.defects, progress)
+    if mended is not mosaic:
+        mosaic.forget()
+    mosaic = restore_highlights(mended, clipping, settings.highlights, progress)
+    if mosaic is not mended:
+        mended.forget()
+    del mended
     luminance = recover_luminance(mosaic, settings.luminance, progress)
     luminance = denoise_luminance(luminance, mosaic, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)

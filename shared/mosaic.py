@@ -19,7 +19,7 @@ class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
     samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted; noise may make it negative, and 1.0 is
-        the scene's white). Kept read-only.
+        the scene's white). Kept read-only: a copy, or the array itself where that is read-only float32 and nobody else's view.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
     the calibration's bits, or when pattern and calibration name different channels.
     """
@@ -40,7 +40,8 @@ class Mosaic:
             if int(kept.max()) >> self.calibration.bits:
                 raise InputError(f"a sample is {kept.max()}, more than the calibration's {self.calibration.bits} bits hold")
         elif np.issubdtype(samples.dtype, np.floating):
-            kept = np.array(samples, np.float32, order="C")
+            owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
+            kept = samples if owned and samples.dtype == np.float32 else np.array(samples, np.float32, order="C")
             if not np.isfinite(kept).all():
                 bad = int((~np.isfinite(kept)).sum())
                 raise InputError(f"{bad} of {kept.size} samples are not finite (NaN or infinite)")
@@ -82,6 +83,11 @@ class Mosaic:
             codes[*lattice] = self._quantised(self.samples[*lattice], channel)
         codes.flags.writeable = False
         return codes
+
+    def forget(self) -> None:
+        """Free what `signal` or `codes` have computed, up to four bytes a pixel; they compute it again when asked."""
+        for name in ("signal", "codes"):
+            self.__dict__.pop(name, None)
 
     def _quantised(self, signal: NDArray[Any], plane: int) -> NDArray[np.float32]:
         """Scene units of one plane -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""

@@ -120,9 +120,9 @@ class CfaPattern:
             for row, column, channel in self.sites
         )
 
-    def panchromatic_mask(self, shape: tuple[int, int]) -> BoolArray:
-        """Omega_L: where luminance is measured directly; bool `shape`."""
-        mask: BoolArray = self.filter_map(shape) == len(self.channels)
+    def panchromatic_mask(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> BoolArray:
+        """Omega_L: where luminance is measured directly; bool `shape`; `first` as of `filter_map`."""
+        mask: BoolArray = self.filter_map(shape, first) == len(self.channels)
         return mask
 
     def letters_from(self, first: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
