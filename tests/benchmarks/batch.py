@@ -5,7 +5,7 @@ parts    1,000 small shots in one command with one process, against the sum of t
 sharing  8 commands on one folder of 100 shots: how often each file was made, and whether every original is untouched.
 workers  shots of 1 MP in a second by 1 and 2 processes of one thread each.
 cluster  the same by 1 and 2 workers of a dask scheduler, of one thread each.
-plan     seconds, bytes in and bytes out of a megapixel, for one thread, and what they make of a million shots of 24 MP.
+plan     processor time, bytes in and bytes out of one shot of 24 MP, and what they make of a million.
 """
 
 import argparse
@@ -153,13 +153,11 @@ def plan(top: Path) -> None:
     """A million shots, on paper, from one of 24 MP."""
     save_shots(top / "full", 1, (6000, 4000))
     out = fresh(top, "planned")
-    process = command(top / "full", "-o", out, "-j", "1", "--workers", "1")
-    record = json.loads(process.communicate()[0])
-    each, size_in = float(record["seconds"]), (top / "full" / "0000.dng").stat().st_size
-    size_out = Path(record["output"]).stat().st_size
+    _, each = seconds(top / "full", "-o", out, "-j", "1", "--workers", "1")
+    size_in, size_out = ((folder / name).stat().st_size for folder, name in ((top / "full", "0000.dng"), (out, "0000.tif")))
     hours, cores = MILLION * each / 3600, 64
     print(
-        f"a shot of {LARGE:g} MP, one thread: {each:.1f} s, {size_in / 1e6:.0f} MB in, {size_out / 1e6:.0f} MB out\n"
+        f"a shot of {LARGE:g} MP, one thread: {each:.1f} s of a processor, {size_in / 1e6:.0f} MB in, {size_out / 1e6:.0f} MB out\n"
         f"a million: {hours:,.0f} core hours, {MILLION * size_in / 1e12:.0f} TB in, {MILLION * size_out / 1e12:.0f} TB out; "
         f"10 machines of {cores} cores: {hours / 10 / cores:,.1f} hours at "
         f"{MILLION * (size_in + size_out) / (hours / 10 / cores * 3600) / 1e9:.1f} GB/s of storage in all"
