@@ -44,5 +44,8 @@ def _around(plane: DoubleArray) -> DoubleArray:
     taps = gaussian(_WIDTH)
     for _ in range(2):
         wide = np.pad(plane, ((len(taps) // 2,) * 2, (0, 0)), mode=BORDER)
-        plane = np.sum([tap * wide[start : start + len(plane)] for start, tap in enumerate(taps)], axis=0).T
+        total = np.zeros_like(plane)
+        for start, tap in enumerate(taps):
+            total += tap * wide[start : start + len(plane)]
+        plane = total.T
     return plane
