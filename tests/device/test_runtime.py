@@ -21,7 +21,7 @@ from tools.metrics import quality
 from tools.scenes import load_scene
 
 ROOT = Path(__file__).parents[2]
-DATA = Path("/work/shared/data")
+DATA = Path(os.environ.get("PANCHROMA_TEST_DATA", Path(__file__).parents[2] / "../shared/data"))
 GROWTH = 5e6
 """Bytes that a process may grow by over any number of frames."""
 
