@@ -5,7 +5,6 @@ come: an interrupted run goes on where it stopped, and another method or noise l
 """
 
 import argparse
-import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from .evaluation.countdown import duration
 from .evaluation.figures import Figures
 from .evaluation.verdict import plain_text
 from .memory import allowed_memory
-from .work import FAILED, output_folder
+from .work import FAILED, output_folder, processors
 
 if TYPE_CHECKING:
     from .evaluation.study import Study, Task
@@ -170,4 +169,4 @@ def _jobs(arguments: argparse.Namespace) -> int:
     if arguments.jobs is not None and arguments.jobs < 1:
         raise InputError(f"-j is {arguments.jobs}, expected 1 or more")
     given: int | None = arguments.jobs
-    return given or len(os.sched_getaffinity(0))
+    return given or processors()

@@ -176,7 +176,7 @@ def _threads() -> Iterator[Finding]:
 def _memory() -> Iterator[Finding]:
     free = available_memory()
     small = free < _LEAST_MEMORY
-    remedy = "close other programs: a render of 12 megapixels needs about 2 GB" if small else ""
+    remedy = "close other programs: a render of 12 megapixels needs about 0.6 GB" if small else ""
     yield Finding("memory", BAD if small else GOOD, f"{free / 2**30:.1f} GB free", remedy)
 
 

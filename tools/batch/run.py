@@ -1,6 +1,5 @@
 """A list of shots and the processes that render them: what each may use, what is put off, what people and machines are told."""
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -14,7 +13,7 @@ from ..console import Console, StageProgress
 from ..evaluation.countdown import Countdown
 from ..memory import allowed_memory
 from ..rendering import needed_memory
-from ..work import fail
+from ..work import fail, processors
 from . import crew
 from .sources import Shot
 from .task import Order, Outcome, Share, attempt
@@ -37,13 +36,13 @@ class Hands:
     @classmethod
     def of(cls, order: Order, shots: Sequence[Shot], workers: int | None, threads: int | None, memory: str | None) -> "Hands":
         """What is asked for; what is left open (None) as processors and memory bear it: one process for a few shots."""
-        processors, allowed = len(os.sched_getaffinity(0)), allowed_memory(memory)
+        cores, allowed = processors(), allowed_memory(memory)
         if workers is None:
             workers = 1
-            if len(shots) >= _MANY * processors:
-                workers = max(1, min(processors // (threads or 1), allowed // _largest_need(order, shots)))
+            if len(shots) >= _MANY * cores:
+                workers = max(1, min(cores // (threads or 1), allowed // _largest_need(order, shots)))
         workers = min(workers, max(1, len(shots)))
-        return cls(workers, threads or max(1, processors // workers), allowed)
+        return cls(workers, threads or max(1, cores // workers), allowed)
 
 
 def _largest_need(order: Order, shots: Sequence[Shot]) -> int:

@@ -191,10 +191,9 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
         if source_digest is None or _state(source) != before:
             raise InputError(f"{source}: has changed while it was read; render it again when it is complete")
         settings = order.settings
-        if needed_memory(mosaic, order.kind, settings) > share.memory:
-            if not share.last:
-                return Outcome("postponed")
-            check_memory(mosaic, order.kind, settings, share.memory)  # says so
+        if not share.last and needed_memory(mosaic, order.kind, settings) > share.memory:
+            return Outcome("postponed")
+        check_memory(mosaic, order.kind, settings, share.memory)
         if mosaic.calibration.noise is None:
             taken = "estimated from the shot" if settings.noise.estimate else "taken for none"
             note(f"{source}: the noise is unknown and {taken}; calibrate the camera for better colour")

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..console import program_version
 from ..memory import available_memory
+from ..work import processors
 from .peers import PEERS
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "imagecodecs", "onnxruntime")
@@ -19,7 +20,7 @@ def environment(threads: int) -> dict[str, Any]:
     return {
         "panchroma": program_version(),
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": processors(),
         "threads": threads,
         "free_memory": available_memory(),
         "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
