@@ -10,7 +10,7 @@ from pathlib import Path
 from shared import Mosaic, write_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
-from shared.files import part_path, sweep
+from shared.writing import part_path, sweep
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})\.dng")
 

@@ -14,11 +14,11 @@ import numpy as np
 from shared.arrays import BoolArray, FloatArray, IndexArray
 from shared.errors import ConvergenceError
 from shared.pattern import BlockGrid, CfaPattern
+from shared.progress import SILENT, Progress
 
 from .kernels.compile import threads
 from .kernels.fields import solve_regions
 from .kernels.lanes import WIDTH
-from .progress import SILENT, Progress
 from .settings import AffinitySettings
 from .tiling import domain_places
 

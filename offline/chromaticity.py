@@ -5,10 +5,10 @@ import numpy as np
 from shared.arrays import BORDER, DoubleArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid, CfaPattern
+from shared.progress import SILENT, Progress
 
 from .detail import give_back
 from .kernels.medians import SLACK, oriented_median
-from .progress import SILENT, Progress
 from .settings import ChromaticitySettings
 
 # Least sigma_z of the regularisation, scene units: keeps a block without light defined (it is grey) and moves no other.

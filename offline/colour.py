@@ -9,17 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import ByteArray, CodeArray, DoubleArray, FloatArray, strips
-from shared.colorimetry import (
-    D50,
-    D65_XY,
-    SRGB_ENCODED_KNEE,
-    SRGB_OFFSET,
-    SRGB_POWER,
-    SRGB_SLOPE,
-    adaptation,
-    xyz,
-)
-from shared.colour import SPACES
+from shared.colorimetry import D50, D65_XY, SRGB_ENCODED_KNEE, SRGB_OFFSET, SRGB_POWER, SRGB_SLOPE, adaptation, xyz
+from shared.display import SPACES
 from shared.errors import InputError
 
 Sample = TypeVar("Sample", bound=np.generic)

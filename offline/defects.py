@@ -14,10 +14,10 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
+from shared.progress import SILENT, Progress
 
 from .blocks import BlockSamples, gather, tile
 from .kernels.outliers import find_outliers, mend_panchromatic
-from .progress import SILENT, Progress
 from .settings import DefectSettings
 
 _LEAST_LIGHT = 1e-4  # scene units: darker blocks say nothing of chromaticity

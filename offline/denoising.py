@@ -11,11 +11,11 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
+from shared.progress import SILENT, Progress
 
 from .kernels.averaging import average
 from .kernels.compile import threads
 from .kernels.denoising import denoise
-from .progress import SILENT, Progress
 from .refinement import gaussian
 from .settings import DenoisingSettings
 

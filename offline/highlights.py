@@ -9,10 +9,10 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, strips
 from shared.mosaic import Mosaic
+from shared.progress import SILENT, Progress
 
 from .blocks import gather
 from .kernels.highlights import interpolate, raise_clipped
-from .progress import SILENT, Progress
 from .settings import HighlightSettings
 
 _WIDTH = 1 / 3  # periods: standard deviation of what an unclipped sample has to say of its surroundings

@@ -5,10 +5,10 @@ import numpy as np
 from shared.arrays import BORDER, BoolArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
+from shared.progress import SILENT, Progress
 
 from .kernels.holes import CHUNK, REACH, fill_blocks
 from .kernels.shrinkage import SLACK, shrink_once
-from .progress import SILENT, Progress
 from .settings import LuminanceSettings
 
 # Daubechies-2 scaling taps (Daubechies 1992, table 6.1) over sqrt(2): one level without decimation is then a tight frame, in which

@@ -11,10 +11,10 @@ from shared.arrays import BORDER, FloatArray, strips
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid
+from shared.progress import SILENT, Progress
 
 from .chromaticity import block_sites, solve_constrained
 from .kernels.pooling import SLACK, pool
-from .progress import SILENT, Progress
 from .refinement import gaussian
 from .settings import PoolingSettings
 

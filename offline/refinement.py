@@ -4,10 +4,10 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.mosaic import Mosaic
+from shared.progress import SILENT, Progress
 
 from .kernels.averaging import average
 from .kernels.compile import threads
-from .progress import SILENT, Progress
 from .settings import RefinementSettings
 
 _PIECE = 1024  # rows worked on between two reports of progress

@@ -11,6 +11,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.mosaic import Mosaic
+from shared.progress import SILENT, Progress
 
 from .affinity import core_patches, solve_affinities, solve_patches
 from .chromaticity import estimate_chromaticities
@@ -20,7 +21,6 @@ from .highlights import clipping_level, restore_highlights
 from .luminance import recover_luminance
 from .noise import noise_of
 from .pooling import pool_blocks
-from .progress import SILENT, Progress
 from .propagation import propagate, propagate_patches
 from .refinement import noise_level, reach, refine, refine_rows
 from .settings import BEST, RenderSettings

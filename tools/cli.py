@@ -11,8 +11,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from .console import Console, StandardOutputError, fault, program_version
-from .stopping import INTERRUPTED, Terminated, orderly_end
+from tools.host.console import Console, StandardOutputError, fault, program_version
+from tools.host.signals import INTERRUPTED, Terminated, orderly_end
 
 # Verb -> what it does. Each is a module of this package (_ for -) with `add_arguments(parser)` and `run(arguments, console) -> exit
 # code`; only the one that is asked for is imported, so that help comes at once.
@@ -128,4 +128,4 @@ def _set_threads(parsed: argparse.Namespace) -> None:
 
 
 def _module(verb: str) -> ModuleType:
-    return importlib.import_module(f"tools.{verb.replace('-', '_')}")
+    return importlib.import_module(f"tools.commands.{verb.replace('-', '_')}")

@@ -12,7 +12,7 @@ from ..mosaic import Mosaic
 from ..pattern import CfaPattern
 from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
-from .colour import colour_fields
+from .colour_tags import colour_fields
 from .container import main_directory, raw_digest, raw_directory
 from .exif import read_metadata
 from .reader import DngReader, damaged, opened

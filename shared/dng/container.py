@@ -11,15 +11,7 @@ from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from .exif import metadata_directory, resolution_fields
-from .tags import (
-    DNG_BACKWARD_VERSION,
-    DNG_VERSION,
-    LONGEST_SIDE,
-    PREVIEW_SRGB,
-    Compression,
-    Photometric,
-    Tag,
-)
+from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, PREVIEW_SRGB, Compression, Photometric, Tag
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the raw's size
 _DIGEST_TILE = 256

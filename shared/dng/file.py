@@ -6,9 +6,9 @@ from pathlib import Path
 
 from ..arrays import ByteArray
 from ..errors import InputError
-from ..files import write_durably
 from ..mosaic import Mosaic
 from ..reading import MAX_PIXELS, opened_file
+from ..writing import write_durably
 from .codec import Layout, decode_dng, decode_preview, encode_dng, verify
 
 _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets

@@ -9,7 +9,7 @@ from ..arrays import ByteArray, FloatArray
 from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import FieldType, encode_tiff
-from .colour import colour_fields
+from .colour_tags import colour_fields
 from .container import main_directory, raw_digest, raw_directory
 from .tags import MAKER, Photometric, Tag
 

@@ -26,15 +26,16 @@ from offline.kernels.compile import use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import encoding
 from shared.sensor import simulate_additive
-from tests.tools.batch.examples import contents
-from tests.tools.batch.test_cluster import cluster
-from tests.tools.command import PROGRAM, ROOT
-from tools.batch.journal import NAME
-from tools.batch.task import Order
-from tools.builtin_scene import builtin_scene
-from tools.console import StageProgress
-from tools.picture_writer import PictureKind
-from tools.rendering import render_to
+from tests.data import ROOT
+from tests.tools.command import PROGRAM
+from tests.tools.rendering.examples import contents
+from tests.tools.rendering.test_remote import cluster
+from tools.host.console import StageProgress
+from tools.pictures.writer import PictureKind
+from tools.rendering.attempt import Order
+from tools.rendering.journal import NAME
+from tools.rendering.picture_file import render_to
+from tools.scenes.drawn.builtin import builtin_scene
 
 SMALL, COUNT = (300, 200), 1000
 MEGAPIXEL = (1200, 800)

@@ -5,7 +5,6 @@ seeds, gain and read noise from flats and darks, planted hot pixels. Photographs
 """
 
 import argparse
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,14 +14,15 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
-from tools.calibration.chart import find_chart
+from tests.data import DATA
+from tools.calibration.chart.find import find_chart
 from tools.calibration.chart_gamma import fit_chart_gamma
 from tools.calibration.measure import conclude, measure_chart, measure_scene
 from tools.calibration.noise import measure_dark, measure_flats
 from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
-from tools.chart_scene import chart_scene
-from tools.scenes import load_scene
+from tools.scenes.drawn.chart import chart_scene
+from tools.scenes.load import load_scene
 
 TRUTH = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
@@ -111,13 +111,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=100)
     seeds = parser.parse_args().seeds
-    data = Path(os.environ.get("PANCHROMA_TEST_DATA", "../shared/data"))
     for name in ("chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng"):
-        photograph(data / name)
+        photograph(DATA / name)
     for name in ("chart/g2_cut_off.crw", "chart/s40_cut_off.crw", "chart/table_srgb.jpg"):
-        photograph(data / name)
+        photograph(DATA / name)
     for name in ("raw/outdoor2.dng", "raw/s40_pantone.crw"):
-        photograph(data / name, chart=False)
+        photograph(DATA / name, chart=False)
     for period in (4, 6, 8):
         synthetic_noise(period)
         synthetic_gamma(period, seeds)

@@ -19,7 +19,7 @@ from offline.propagation import propagate
 from offline.refinement import refine
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
-from tools.benchmark.material import Material, frame_shape
+from tools.evaluation.speed.material import Material, frame_shape
 
 Benchmark = Callable[..., object]
 

@@ -17,9 +17,9 @@ from offline.luminance import recover_luminance
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation.methods import methods, render_bayer
+from tools.evaluation.metrics import BORDER, PATCH, quality
 from tools.evaluation.protocol import Protocol, cut
-from tools.metrics import BORDER, PATCH, quality
-from tools.scenes import load_scene
+from tools.scenes.load import load_scene
 
 PROTOCOL = Protocol()
 PERIOD = 6

@@ -10,12 +10,12 @@ from device.graph import build_preview
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
-from shared.colour import ColourTransform
+from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.sensor import sample
 from tests.reference.compare import assert_close
 from tests.reference.preview import preview
-from tools.export_preview import shipped
+from tools.commands.export_preview import shipped
 
 MODELS = Path(graph.__file__).parent / "models"
 SINGLE = 2e-4

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
-from tools.batch.journal import NAME as JOURNAL
+from tests.data import ROOT
+from tools.rendering.journal import NAME as JOURNAL
 
-ROOT = Path(__file__).parents[2]
 _PROGRAM = "from tools.cli import main; main()"
 # Counts what the program does to files under a folder, and kills it before the N-th: at each place where a file may be half done.
 _KILLED = """

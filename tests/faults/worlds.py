@@ -9,7 +9,7 @@ from shared.dng import encode_dng
 from tests.device.packer import pack, random_codes
 from tests.faults.scenario import Scenario, known, replacing
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
-from tools.picture_writer import PictureKind, encode_picture
+from tools.pictures.writer import PictureKind, encode_picture
 
 _FRAMES = 6
 

@@ -26,7 +26,7 @@ from shared.errors import InputError
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.shared.dng.examples import mosaic, preview
 from tools.calibration.reference import read_reference
-from tools.scenes import load_scene
+from tools.scenes.load import load_scene
 
 LIMIT_SECONDS = 1.0
 LIMIT_BYTES = 300 * 2**20

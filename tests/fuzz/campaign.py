@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.data import ROOT
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case
 from tests.fuzz.corpus import corpus
 
-ROOT = Path(__file__).parents[2]
 CHILD = [sys.executable, "-m", "tests.fuzz.child"]
 OUTCOMES = (SAME, ALTERED, REFUSED, FAULT)
 LIMIT_SECONDS = 10.0

@@ -14,15 +14,15 @@ import tifffile
 from device import Preview
 from device.capture import Sensor
 from device.frames import FrameLayout, RawFrame, read_frames
-from device.runtime import find_model
+from device.preview import find_model
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.calibration import encoding
 from shared.dng import encode_dng, read_preview
 from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tools.calibration.reference import color_checker_xyz, read_reference, ti3
-from tools.picture_writer import PictureKind, encode_picture
-from tools.scenes import load_scene
+from tools.pictures.writer import PictureKind, encode_picture
+from tools.scenes.load import load_scene
 
 Read = Callable[[Path], Any]
 """Reads a file; what it returns compares equal (as bytes) exactly when the same was read."""

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from shared.errors import InputError
+from tests.data import ROOT
 from tests.fuzz import bombs, campaign
-from tests.fuzz.campaign import ROOT
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
 

@@ -19,9 +19,9 @@ from offline.version import ALGORITHM
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import encoding
-from shared.colour import ColourTransform
+from shared.display import ColourTransform
 from shared.sensor import simulate_additive
-from tools.builtin_scene import builtin_scene
+from tools.scenes.drawn.builtin import builtin_scene
 
 PRESETS = {"paper": PAPER, "best": BEST}
 _FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in ("json", "npz"))

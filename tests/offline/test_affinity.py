@@ -10,12 +10,11 @@ from offline.settings import AffinitySettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import ConvergenceError
+from tests.offline.scenes import CASES, every_case, gamma_of, materials
 from tests.reference import affinity as reference
 from tests.reference import geometry
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of
-
-from .scenes import CASES, every_case, gamma_of, materials
 
 # Conjugate gradients in float32 reach a relative residual of 1e-6 and no further; systems of this size magnify it about ten times.
 TIGHT = AffinitySettings(tolerance=1e-6)

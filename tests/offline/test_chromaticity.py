@@ -10,12 +10,11 @@ from offline.chromaticity import estimate_chromaticities
 from offline.settings import ChromaticitySettings
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import chromaticity as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_colour
 from tests.reference.sensor import luminance_of, observe
-
-from .scenes import CASES, every_case, gamma_of, materials, shot
 
 # Solved in double, returned in float32: half a unit in the last place at values up to four.
 FLOAT32 = 3e-7

@@ -1,8 +1,6 @@
 """Defective samples: found, listed, replaced; and nothing else touched."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +12,12 @@ from offline.settings import ChromaticitySettings, DefectSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive
+from tests.data import DATA
 from tests.offline.scenes import every_case, shot
-from tools.builtin_scene import builtin_scene
-from tools.metrics import quality
-from tools.scenes import load_scene
+from tools.evaluation.metrics import quality
+from tools.scenes.drawn.builtin import builtin_scene
+from tools.scenes.load import load_scene
 
-DATA = Path(os.environ.get("PANCHROMA_TEST_DATA", "../shared/data"))
 SETTINGS = BEST.defects
 FULL = 3.0
 SPECKS = 1e-4  # part of a drawn scene's pixels that may be taken for defects: they stand alone, one pixel small

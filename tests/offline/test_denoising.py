@@ -10,11 +10,10 @@ from offline.denoising import denoise_luminance
 from offline.settings import BEST
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray
+from tests.offline.scenes import gamma_of, materials
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import observe
-
-from .scenes import gamma_of, materials
 
 # Float32 sums, and weights by light that are even to a thousandth.
 FLOAT32 = 5e-5

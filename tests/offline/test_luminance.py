@@ -9,10 +9,9 @@ from offline.luminance import fill, recover_luminance
 from offline.settings import LuminanceSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.scenes import CASES, every_case, materials, shot
 from tests.reference import luminance as reference
 from tests.reference.compare import assert_close
-
-from .scenes import CASES, every_case, materials, shot
 
 # Fifty rounds in float32 at values up to four: some twenty operations a round, half a unit in the last place (2e-7) each, and the
 # shrinkage passes errors on about as they are.

@@ -11,8 +11,7 @@ from offline.settings import NoiseSettings
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import sample
-
-from .scenes import CASES, shot
+from tests.offline.scenes import CASES, shot
 
 # Of the standard deviation: what 600 x 400 pixels tell.
 ACCURACY = 0.12

@@ -9,11 +9,10 @@ from offline.pooling import pool_blocks
 from offline.settings import BEST, PoolingSettings
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.scenes import every_case, gamma_of, materials
 from tests.reference import chromaticity, pooling
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
-
-from .scenes import every_case, gamma_of, materials
 
 # Weighted means of float32 sums; the exponents of the weights are up to some tens.
 FLOAT32 = 2e-5

@@ -7,11 +7,10 @@ from offline.propagation import propagate
 from offline.settings import PropagationSettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.scenes import CASES, every_case
 from tests.reference import geometry
 from tests.reference import propagation as reference
 from tests.reference.compare import assert_close
-
-from .scenes import CASES, every_case
 
 FLOAT32 = 1e-6  # a few dozen operations on values up to one
 

@@ -10,12 +10,11 @@ from offline.refinement import refine
 from offline.settings import RefinementSettings
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_light
 from tests.reference.sensor import luminance_of
-
-from .scenes import CASES, every_case, gamma_of, materials, shot
 
 # Twice a sum of up to 81 float32 products of values up to four, divided by the sum of the weights.
 FLOAT32 = 3e-6

@@ -16,11 +16,10 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError
 from shared.sensor import simulate_additive
+from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
-
-from .scenes import CASES, every_case, gamma_of, materials, shot
 
 PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 

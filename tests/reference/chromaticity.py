@@ -4,9 +4,8 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
-
-from . import gaussian
-from .geometry import block_sites, is_whole, mirrored, patch_counts
+from tests.reference import gaussian
+from tests.reference.geometry import block_sites, is_whole, mirrored, patch_counts
 
 ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 

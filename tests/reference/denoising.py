@@ -8,8 +8,7 @@ from scipy.fft import dctn, idctn
 
 from offline.settings import DenoisingSettings
 from shared.arrays import BoolArray, DoubleArray
-
-from .gaussian import blur
+from tests.reference.gaussian import blur
 
 Gains = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 Variance = Callable[[float], float]

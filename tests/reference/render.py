@@ -8,10 +8,9 @@ import numpy as np
 from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
-
-from . import affinity, chromaticity, denoising, pooling, propagation, refinement
-from . import luminance as wavelets
-from .geometry import block_sites, is_whole, letter, patch_counts
+from tests.reference import affinity, chromaticity, denoising, pooling, propagation, refinement
+from tests.reference import luminance as wavelets
+from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
 
 
 class Picture(NamedTuple):

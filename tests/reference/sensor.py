@@ -4,8 +4,7 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray
-
-from .geometry import letter
+from tests.reference.geometry import letter
 
 
 def luminance_of(scene: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tools.batch.journal import NAME as JOURNAL
+from tests.data import ROOT
 from tools.cli import main
+from tools.rendering.journal import NAME as JOURNAL
 
-ROOT = Path(__file__).parents[2]
 PROGRAM = (sys.executable, "-c", "from tools.cli import main; main()")
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.data import ROOT
 from tests.device.packer import pack, random_codes
 
-ROOT = Path(__file__).parents[2]
 OURS = {"shared", "device", "tools"}
 
 RUN = """

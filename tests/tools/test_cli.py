@@ -15,9 +15,12 @@ from typing import Any
 import pytest
 
 from shared.errors import ConvergenceError
-from tests.tools.command import PROGRAM, ROOT, assert_refused, names, results, run, spawn
-from tools import cli, console, inspect
-from tools.console import Console, one_line
+from tests.data import ROOT
+from tests.tools.command import PROGRAM, assert_refused, names, results, run, spawn
+from tools import cli
+from tools.commands import inspect
+from tools.host import console
+from tools.host.console import Console, one_line
 
 SHOT = "builtin-24x18.dng"
 

@@ -8,7 +8,7 @@ from typing import Any
 from shared import Camera, read_camera
 from shared.calibration import SensorCalibration
 from shared.errors import InputError
-from shared.files import write_durably
+from shared.writing import write_durably
 
 _FIELDS = {
     "gamma": ("gamma",),

@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from offline.progress import SILENT, Progress
 from shared import Camera, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, as_rows
 from shared.errors import InputError
+from shared.progress import SILENT, Progress
 
-from .chart import FoundChart, chart_at, find_chart, overlay
+from .chart.find import FoundChart, chart_at, find_chart, overlay
+from .chart.place import PATCHES, ChartPlace
 from .chart_gamma import fit_chart_gamma, reconciled
-from .colour import UNEVEN, ColourFit, fit_colour, white_balanced
+from .colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
 from .delta_e import delta_e_2000
 from .gamma import GammaFit, check_determined, combined
-from .geometry import PATCHES, ChartPlace
 from .noise import DarkResult, NoiseResult, noise_of_places
 from .samples import PlaceSamples, patch_samples
 from .scene_gamma import fit_scene_gamma

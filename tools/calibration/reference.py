@@ -8,10 +8,10 @@ import numpy as np
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.reading import MAX_DOCUMENT, read_whole
+from tools.scenes.drawn.charts import COLOR_CHECKER_LAB
 
-from ..charts import COLOR_CHECKER_LAB
+from .chart.place import COLUMNS, PATCHES
 from .delta_e import xyz
-from .geometry import COLUMNS, PATCHES
 
 _PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')

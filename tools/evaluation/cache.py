@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError, OutputError
-from shared.files import write_durably
+from shared.writing import write_durably
 
 from .measures import Measures
 

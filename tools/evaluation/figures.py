@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..metrics import Quality
 from .measures import PLANES, Histogram, Measures, rising
 from .methods import Method, methods
+from .metrics import Quality
 from .scene_sets import SETS
 from .study import Cell, Study
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 
-from ..metrics import BORDER, CAP, QUANTILES, Quality, patch_psnr, psnr
+from .metrics import BORDER, CAP, QUANTILES, Quality, patch_psnr, psnr
 from .ssim import ssim
 
 PLANES = ("rgb", "luminance", "chrominance")

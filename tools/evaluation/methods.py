@@ -15,14 +15,14 @@ from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
 
-from ..baselines import demosaic_bilinear
-from ..baselines.bayer import sites
-from ..baselines.denoising import denoise_bayer
-from ..baselines.dlmmse import demosaic_dlmmse
-from ..baselines.libraw import ALGORITHMS, demosaic_libraw
-from ..baselines.packages import demosaic_malvar, demosaic_menon, demosaic_opencv
+from .code_digest import digest
 from .protocol import BayerShot
-from .sources import digest
+from .rivals import demosaic_bilinear
+from .rivals.bayer import sites
+from .rivals.denoising import denoise_bayer
+from .rivals.dlmmse import demosaic_dlmmse
+from .rivals.libraw import ALGORITHMS, demosaic_libraw
+from .rivals.packages import demosaic_malvar, demosaic_menon, demosaic_opencv
 
 Demosaic = Callable[[FloatArray, str], FloatArray]
 Neutral = tuple[float, ...]

@@ -11,7 +11,7 @@ from shared.calibration import NoiseModel, encoding
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor, typical_noise
 
-from ..baselines.bayer import bayer_exposure, bayer_mosaic
+from .rivals.bayer import bayer_exposure, bayer_mosaic
 
 Kind = Literal["paper", "sensor"]
 KINDS: tuple[Kind, ...] = ("paper", "sensor")

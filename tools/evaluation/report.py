@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from shared.files import write_durably
+from shared.writing import write_durably
 
 from .figures import Figures
-from .gallery import gallery
-from .page import page
+from .page.gallery import gallery
+from .page.page import page
 from .tables import encode_csv, encode_json
 from .team import Team
 

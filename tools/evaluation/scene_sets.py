@@ -11,11 +11,11 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from tools.scenes.camera_colour import estimate_neutral
+from tools.scenes.load import is_drawn, load_scene
+from tools.scenes.scene import Scene
 
-from ..camera_colour import estimate_neutral
-from ..metrics import BORDER, PATCH
-from ..scene import Scene
-from ..scenes import is_drawn, load_scene
+from .metrics import BORDER, PATCH
 from .protocol import CROP, cut
 
 # Sets in the order of the report. What a developer program has made (interpolated, sharpened, quantised to 8 bits) is no

@@ -5,10 +5,10 @@ import io
 import json
 from typing import Any
 
-from ..metrics import BORDER, PATCH, QUANTILES
 from .figures import Figure, Figures
 from .measures import PLANES
 from .methods import methods
+from .metrics import BORDER, PATCH, QUANTILES
 from .protocol import CROP
 
 _COLUMNS = ("group", "scene", "level", "method", "period")

@@ -6,12 +6,12 @@ from functools import partial
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
+from tools.host.console import Console
+from tools.host.countdown import Countdown
+from tools.host.workers import need, processes, run
 
-from ..console import Console
-from .countdown import Countdown
 from .scene_sets import Reading, SceneInfo
 from .study import Task, work
-from .workers import need, processes, run
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -52,7 +52,7 @@ class Team:
         count = max(1, processes(self.jobs, self.memory, pixels))
         by: Callable[..., Any] = run
         if self.client is not None:
-            from ..batch.cluster import run_quietly
+            from tools.host.cluster import run_quietly
 
             by = partial(run_quietly, self.client)
         for task, outcome in self._follow("measuring", work, todo, lambda task: task.seconds, count, by):

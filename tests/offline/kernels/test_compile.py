@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from offline.kernels import compile as product
+from tests.data import ROOT
 
-ROOT = Path(__file__).parents[3]
 SCRIPT = """
 import numpy as np
 from offline.kernels.compile import compilation

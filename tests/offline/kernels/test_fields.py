@@ -9,10 +9,9 @@ from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import AffinitySettings
 from shared import CfaPattern
 from shared.arrays import FloatArray
+from tests.offline.kernels.patterns import frames
 from tests.reference import affinity as reference
 from tests.reference.compare import assert_close
-
-from .patterns import frames
 
 TIGHT = AffinitySettings(tolerance=1e-6)
 # What a halo of two patches leaves at most, for periods up to 8. The solver's tolerance of 1e-3 leaves 0.1 and 1e-3.

@@ -9,10 +9,9 @@ from offline.luminance import fill, recover_luminance
 from offline.settings import LuminanceSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
+from tests.offline.kernels.patterns import frames
 from tests.reference import luminance as reference
 from tests.reference.compare import assert_close
-
-from .patterns import frames
 
 # As in tests/offline/test_luminance.py: fifty rounds in float32 at values up to four.
 FLOAT32 = 5e-5

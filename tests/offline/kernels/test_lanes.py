@@ -6,19 +6,7 @@ from numpy.typing import NDArray
 
 from offline.kernels import functions
 from offline.kernels.compile import kernel
-from offline.kernels.lanes import (
-    BYTES,
-    WIDTH,
-    greater,
-    lesser,
-    load,
-    quotient,
-    shifted,
-    square_root,
-    store,
-    total,
-    where_less,
-)
+from offline.kernels.lanes import BYTES, WIDTH, greater, lesser, load, quotient, shifted, square_root, store, total, where_less
 from shared.arrays import FloatArray
 
 Values = NDArray[np.floating]

@@ -9,13 +9,12 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
-from tools.builtin_scene import builtin_scene
+from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
 from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
 from tools.calibration.gamma import GammaFit, check_determined, combined
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.scene_gamma import fit_scene_gamma
-
-from .bench import BLIND, TRUTH, chart, frame, true_place
+from tools.scenes.drawn.builtin import builtin_scene
 
 GAMMA = np.array(TRUTH.gamma)
 

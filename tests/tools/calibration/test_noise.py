@@ -3,13 +3,12 @@ import pytest
 
 from shared import Mosaic
 from shared.errors import InputError
+from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
 from tools.calibration.measure import conclude
 from tools.calibration.noise import measure_dark, measure_flats, noise_of_places
 from tools.calibration.photon_transfer import fit_photon_transfer
 from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
-
-from .bench import BLIND, TRUTH, chart, frame, true_place
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from shared.arrays import FloatArray
-from tools.console import Console
 from tools.evaluation.figures import Figures
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, collect, tasks, work
 from tools.evaluation.team import Team
+from tools.host.console import Console
 
 
 def small_scene(rows: int, columns: int, seed: int) -> FloatArray:

@@ -1,16 +1,13 @@
 """Figures of the paper's method on real photographs, as an independent, slow implementation of the paper has them."""
 
-import os
-from pathlib import Path
-
 import pytest
 
+from tests.data import DATA
 from tools.evaluation.measures import Measures
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
 
-DATA = Path(os.environ.get("PANCHROMA_TEST_DATA", Path(__file__).parents[3] / "../shared/data"))
 Triple = tuple[float, float, float]
 # K = 6; medians of RGB, luminance, chrominance at sigma 0, 0.01, 0.03, rounded to 0.1 dB, of its own draw of the noise.
 PAPER: dict[str, tuple[Triple, Triple, Triple]] = {

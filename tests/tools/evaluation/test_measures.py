@@ -4,8 +4,8 @@ import pytest
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, rising, window_origins
+from tools.evaluation.metrics import BORDER, CAP, patch_psnr, quality
 from tools.evaluation.ssim import ssim
-from tools.metrics import BORDER, CAP, patch_psnr, quality
 
 BIN = 0.0021  # dB: a bin, and rounding
 

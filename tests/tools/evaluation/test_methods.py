@@ -4,10 +4,10 @@ import pytest
 from offline import BEST, PAPER
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.baselines import demosaic_bilinear
 from tools.evaluation import methods as module
 from tools.evaluation.methods import Method, choose, default_names, methods, render_bayer, render_sparse
 from tools.evaluation.protocol import BayerShot, Protocol
+from tools.evaluation.rivals import demosaic_bilinear
 
 ASKED_FOR = {"paper", "best", "preview", "bilinear", "malvar", "menon", "dlmmse", "ahd", "dcb", "dht", "aahd", "ea"}
 LOW_LIGHT = {"bm3d+menon", "bm3d+dlmmse"}

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from shared.errors import InputError
-from tools.baselines.bayer import sample_bayer
 from tools.evaluation.protocol import CROP, Protocol, cut
+from tools.evaluation.rivals.bayer import sample_bayer
 
 RGB = np.full((60, 66, 3), (0.2, 0.4, 0.3), np.float32)
 

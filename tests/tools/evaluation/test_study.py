@@ -9,14 +9,14 @@ from shared import SensorCalibration
 from shared.pattern import CfaPattern
 from shared.sensor import simulate_additive
 from tests.tools.evaluation.examples import measured, small_scene, study_of
-from tools.baselines import bayer_mosaic, demosaic_bilinear
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
+from tools.evaluation.code_digest import digest
+from tools.evaluation.metrics import patch_psnr, psnr, quality
 from tools.evaluation.protocol import Protocol
-from tools.evaluation.sources import digest
+from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
 from tools.evaluation.study import collect, tasks, work
-from tools.metrics import patch_psnr, psnr, quality
 
 
 def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:

@@ -1,0 +1,212 @@
+"""Run a preview graph over a mosaic, in strips of rows: whole pictures do not fit a processor's cache, strips do."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from shared.arrays import ByteArray, CodeArray, FloatArray
+from shared.calibration import SensorCalibration
+from shared.display import ColourTransform
+from shared.errors import InputError
+from shared.mosaic import Mosaic
+from shared.pattern import CfaPattern
+from shared.reading import read_whole
+
+from . import contract
+from .border import ExtendedFrame
+
+_STRIP_PIXELS = 1 << 17
+"""Of the sensor, at a time, for a full-resolution picture; of a smaller one twice as many. Their planes fit 2 MB of cache."""
+
+_DAMAGED = "it is damaged; write it again: panchroma export-preview"
+_LARGEST_GRAPH = 8 << 20  # bytes; ours have some twenty thousand
+
+
+class Preview:
+    """A preview graph, ready to run on any number of mosaics of its pattern, of any size and origin.
+
+    model: the path of a graph (`panchroma export-preview` writes one), or its bytes.
+    threads: strips worked on at a time; None: as many as this process may use processors.
+    Raises InputError when the model cannot be read or is of another version of the contract.
+    """
+
+    def __init__(self, model: Path | str | bytes, threads: int | None = None) -> None:
+        if threads is not None and threads < 1:
+            raise InputError(f"a preview with {threads} threads: at least one is needed")
+        self._session = _session(model)
+        try:
+            metadata = self._session.get_modelmeta().custom_metadata_map
+        except UnicodeDecodeError as error:
+            raise InputError(f"the preview graph's description is no text ({error}): {_DAMAGED}") from None
+        self.description = contract.parse(metadata)
+        self._threads = threads or _processors()
+        self._pool = ThreadPoolExecutor(self._threads, "preview")
+
+    @classmethod
+    def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
+        """The preview for mosaics of this one's pattern: a graph that came with the package, or one built now if `onnx` is there.
+
+        scale: sensor pixels per picture pixel, each way: a divisor of the period. linear: scene units instead of a picture for a
+        screen. Raises InputError when there is no such graph.
+        """
+        return cls(find_model(mosaic.pattern, scale, linear=linear), threads)
+
+    def run(self, mosaic: Mosaic) -> ByteArray | FloatArray:
+        """The picture, turned like the samples: uint8 sRGB (h, w, 3), or float32 scene units (h, w, C) of a linear graph.
+
+        h = H // scale, w = W // scale (at least 1). Channels whose colours nobody knows are shown in grey. Raises InputError for a
+        mosaic of another pattern.
+        """
+        pattern, description = mosaic.pattern, self.description
+        description.check(pattern)
+        rows, columns = (
+            _Axis.of(size, origin, block, pattern.period, description.scale)
+            for size, origin, block in zip(mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True)
+        )
+        above, below, left, right = description.halo
+        frame = ExtendedFrame(mosaic.codes, pattern, rows.span(above, below), columns.span(left, right))
+        channels = len(pattern.channels) if description.linear else 3
+        picture = np.empty((rows.size, columns.size, channels), np.float32 if description.linear else np.uint8)
+        inputs = self._inputs(mosaic.calibration)
+        width = columns.patches * pattern.period
+        strip_size = width // description.scale, channels
+
+        def develop(patches: range) -> None:
+            count = len(patches) * pattern.period
+            codes = np.empty((above + count + below, left + width + right), np.uint16)
+            frame.copy_rows(rows.first + patches.start * pattern.period - above, codes)
+            strip = self._strip(codes, inputs)
+            if strip.dtype != picture.dtype or strip.shape != (count // description.scale, *strip_size):
+                raise InputError(f"the preview graph makes {strip.dtype} {strip.shape} of a strip: {_DAMAGED}")
+            begin = patches.start * pattern.period // description.scale - rows.skip
+            target = picture[max(begin, 0) : begin + len(strip)]
+            first = max(-begin, 0)
+            target[:] = strip[first : first + len(target), columns.skip : columns.skip + columns.size]
+
+        most = _STRIP_PIXELS * min(description.scale, 2) // (width * pattern.period)
+        strips = _strips(rows.patches, max(1, most))
+        turn = Lock()
+
+        def work(_: int) -> None:
+            while True:
+                with turn:
+                    patches = next(strips, None)
+                if patches is None:
+                    return
+                develop(patches)
+
+        for _ in self._pool.map(work, range(self._threads)):
+            pass  # an error in a thread comes up here
+        return picture
+
+    def _strip(self, codes: CodeArray, inputs: dict[str, NDArray[Any]]) -> NDArray[Any]:
+        try:
+            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: codes, **inputs})
+        except MemoryError:
+            raise
+        except Exception as error:  # as in `_session`
+            raise InputError(f"the preview graph does not run ({error}): {_DAMAGED}") from error
+        return np.asarray(strip)
+
+    def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
+        """All inputs but the mosaic."""
+        noise = calibration.noise
+        inputs: dict[str, Any] = {
+            contract.BLACK: calibration.black_level,
+            contract.SCALE: calibration.scale(),
+            contract.GAMMA: calibration.gamma,
+            contract.NOISE: (noise.shot[-1], noise.read[-1] ** 2) if noise else (0, 0),
+        }
+        if not self.description.linear:
+            inputs |= dict(zip((contract.WHITE, contract.MATRIX), _balance(calibration), strict=True))
+        return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Patches and picture pixels along one axis of a frame.
+
+    first: sensor pixel at which the first patch begins, 0 or less; patches: how many; skip: picture pixels of the patches before
+    the picture's first, which is the cell around the middle of the frame's first `scale` pixels; size: picture pixels.
+    """
+
+    first: int
+    patches: int
+    skip: int
+    size: int
+    period: int
+
+    @classmethod
+    def of(cls, size: int, origin: int, block: int, period: int, scale: int) -> "_Axis":
+        first = -(-(origin + block // 2) % period)
+        skip = ((scale - 1) // 2 - first) // scale
+        pixels = max(size // scale, 1)
+        return cls(first, -(-(skip + pixels) * scale // period), skip, pixels, period)
+
+    def span(self, before: int, after: int) -> tuple[int, int]:
+        """Sensor pixels from `before` the patches to `after` them."""
+        return self.first - before, self.first + self.patches * self.period + after
+
+
+def find_model(pattern: CfaPattern, scale: int, *, linear: bool) -> Path | bytes:
+    """The graph for a pattern: the file of one that came with the package, or the bytes of one built now, which needs `onnx`.
+
+    Raises InputError when there is neither, or the pattern has no such scale.
+    """
+    path = Path(__file__).parent / "models" / contract.file_name(pattern, scale, linear=linear)
+    if path.exists():
+        return path
+    try:
+        from .graph import build_preview
+    except ImportError:
+        raise InputError(
+            f"no preview graph {path.name} came with this program, for the pattern {contract.tile_name(pattern)}; where onnx is "
+            "installed, panchroma export-preview writes it"
+        ) from None
+    graph: bytes = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
+    return graph
+
+
+def _session(model: Path | str | bytes) -> Any:
+    """An onnxruntime session that computes in the calling thread."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # strips run side by side instead
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 4  # errors are raised too
+    name = "the preview graph" if isinstance(model, bytes) else str(model)
+    try:
+        data = model if isinstance(model, bytes) else read_whole(model, _LARGEST_GRAPH, "a preview graph")
+        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    except Exception as error:  # onnxruntime has a class of its own for each of its error codes, with no common base
+        raise InputError(f"{name}: is not a graph that onnxruntime can run ({error})") from error
+
+
+def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Display white, and the matrix from camera RGB relative to it to linear sRGB; without known colours, to grey."""
+    try:
+        transform = ColourTransform.to_space(calibration)
+    except InputError:
+        white = np.full(len(calibration.channels), calibration.full_scale)
+        return white, np.tile(np.array(calibration.gamma), (3, 1))
+    return np.array(transform.white), np.array(transform.matrix) * transform.white
+
+
+def _strips(patches: int, most: int) -> Iterator[range]:
+    """Patch rows in pieces of nearly equal length."""
+    count = -(-patches // most)
+    edges = [patches * number // count for number in range(count + 1)]
+    return map(range, edges[:-1], edges[1:])
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

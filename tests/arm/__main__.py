@@ -1,0 +1,152 @@
+"""Run the camera's software as an ARM board would, under user-mode qemu, and compare its pictures with this machine's, bit by bit.
+
+    python -m tests.arm [--cpu cortex-a72 cortex-a76] [--onnxruntime 1.22.1]
+
+Needs Debian's apt-get and dpkg-deb, qemu-aarch64 (package qemu-user) and the package index. Nothing is installed, and nobody has to
+be root: a small arm64 system and the base dependencies' aarch64 wheels are unpacked into the user's cache. What this cannot tell is
+how fast a board is.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from device.graph import build_preview
+from shared.errors import InputError, OutputError, PanchromaError
+from tests.arm.probe import PATTERNS, graph_name, graphs
+from tests.data import ROOT
+
+QEMU = "qemu-aarch64"
+CPUS = ("cortex-a72", "cortex-a76")  # of the Raspberry Pi 4 and 5
+_DEBIAN = ("python3-minimal", "libpython3-stdlib", "libstdc++6", "libgomp1")
+# From the oldest glibc that a wheel may want to that of the oldest Debian one would put on a board.
+_PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_17_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64")
+# qemu shows the host's /proc/cpuinfo, and onnxruntime from 1.24 on dies on an ARM that has no ARM cores.
+_CORE = "processor\t: {}\nFeatures\t: fp asimd crc32 cpuid\nCPU implementer\t: 0x41\nCPU architecture: 8\nCPU part\t: 0xd08\n\n"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Returns 0 when everything is the same, 1 when something differs, 2 when it cannot be tried."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cpu", nargs="+", default=CPUS, metavar="NAME", help=f"default: {' '.join(CPUS)}; {QEMU} -cpu help")
+    parser.add_argument("--onnxruntime", nargs="+", default=[""], metavar="VERSION", help="default: the newest")
+    arguments = parser.parse_args(argv)
+    differing = False
+    for version, cpu in product(arguments.onnxruntime, arguments.cpu):
+        try:
+            runtime, compared, faults = check(cpu, version)
+        except PanchromaError as error:
+            print(f"arm_check: {error}", file=sys.stderr)
+            return 2
+        differing |= bool(faults)
+        print(f"onnxruntime {runtime} on {cpu}: {compared - len(faults)} of {compared} identical", *faults, sep="\n  ", flush=True)
+    return int(differing)
+
+
+def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
+    """The version of onnxruntime that ran on the emulated `cpu`, the number of results, and a line for each that differs.
+
+    onnxruntime: the version wanted; "" = the newest. Raises InputError when something needed is missing and cannot be had,
+    OutputError when the camera's software fails.
+    """
+    if not shutil.which(QEMU):
+        raise InputError(f"{QEMU} is not installed (Debian: apt-get install qemu-user)")
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "panchroma-arm"
+    system = _system(cache)
+    emulated = [QEMU, "-cpu", cpu, "-L", str(system), str(system / "usr/bin/python3")]
+    site = _site(cache, emulated, onnxruntime)
+    folder = cache / "graphs"
+    folder.mkdir(exist_ok=True)
+    for name, pattern in PATTERNS.items():
+        for scale, linear in graphs(pattern):
+            built = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
+            (folder / graph_name(name, scale, linear)).write_bytes(built)
+    there = _probe(emulated, [site, ROOT], folder, cache / "there.npz")
+    here = _probe([sys.executable], [ROOT], folder, cache / "here.npz")
+    names = [name for name in here if name != "onnxruntime"]
+    faults = [_difference(name, here[name], there[name]) for name in names if here[name].tobytes() != there[name].tobytes()]
+    return str(there["onnxruntime"]), len(names), faults
+
+
+def _system(cache: Path) -> Path:
+    """A folder with an arm64 Debian, as much of it as Python needs."""
+    system = cache / "system"
+    if (system / "usr/bin/python3").exists():
+        return system
+    apt = cache / "apt"
+    for folder in ("lists/partial", "archives/partial"):
+        (apt / folder).mkdir(parents=True, exist_ok=True)
+    (apt / "status").touch()  # nothing is installed there: every dependency is wanted
+    settings = {
+        "APT::Architecture": "arm64",
+        "APT::Architectures": "arm64",
+        "Dir::State::lists": apt / "lists",
+        "Dir::State::status": apt / "status",
+        "Dir::Cache": apt,
+    }
+    options = [part for name, value in settings.items() for part in ("-o", f"{name}={value}")]
+    _run(["apt-get", *options, "update"])
+    _run(["apt-get", *options, "install", "--download-only", "--no-install-recommends", "-y", *_DEBIAN])
+    unpacked = cache / "system.part"
+    for package in sorted((apt / "archives").glob("*.deb")):
+        _run(["dpkg-deb", "-x", str(package), str(unpacked)])
+    (unpacked / "proc").mkdir(exist_ok=True)
+    (unpacked / "proc/cpuinfo").write_text(_CORE.format(0) + _CORE.format(1))
+    (unpacked / "sys/devices/system/cpu").mkdir(parents=True)
+    for name in ("possible", "present"):
+        (unpacked / "sys/devices/system/cpu" / name).write_text("0-1\n")
+    return unpacked.rename(system)
+
+
+def _site(cache: Path, python: Sequence[str], onnxruntime: str) -> Path:
+    """A folder with the base dependencies, and nothing else, for the emulated Python."""
+    site = cache / f"site-{onnxruntime or 'newest'}"
+    if site.exists():
+        return site
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    if onnxruntime:
+        wanted = [*(each for each in wanted if not each.startswith("onnxruntime")), f"onnxruntime=={onnxruntime}"]
+    version = _run([*python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"]).strip()
+    platforms = [part for platform in _PLATFORMS for part in ("--platform", platform)]
+    part = site.with_suffix(site.suffix + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    options = ["--only-binary=:all:", "--python-version", version, "--target", str(part), "--no-compile", "--quiet"]
+    _run([sys.executable, "-m", "pip", "install", *platforms, *options, *wanted])
+    return part.rename(site)
+
+
+def _probe(python: Sequence[str], path: Sequence[Path], folder: Path, result: Path) -> dict[str, np.ndarray]:
+    _run([*python, "-m", "tests.arm.probe", str(folder), str(result)], OutputError, PYTHONPATH=os.pathsep.join(map(str, path)))
+    with np.load(result) as arrays:
+        return dict(arrays)
+
+
+def _difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
+    if here.shape != there.shape or here.dtype != there.dtype:
+        return f"{name}: {there.dtype} {there.shape} instead of {here.dtype} {here.shape}"
+    apart = np.abs(here.astype(np.float64) - there)
+    return f"{name}: {np.count_nonzero(apart)} of {apart.size} values differ, by up to {apart.max():.3g}"
+
+
+def _run(command: Sequence[str], failure: type[PanchromaError] = InputError, **environment: str) -> str:
+    # PYTHONDONTWRITEBYTECODE: two Pythons must not leave their compiled files in one another's way.
+    quiet = {"PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"}
+    done = subprocess.run(
+        command, env={**os.environ, **quiet, **environment}, cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        said = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+        raise failure(f"{' '.join(command[:6])} ...: {said[0]}")
+    return done.stdout
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,62 @@
+"""What `arm_check` compares: everything that the camera's software makes of a few frames, saved as arrays.
+
+Runs where nothing but the base dependencies is installed: python -m tests.arm.probe FOLDER RESULT.npz; FOLDER holds the graphs.
+"""
+
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from device import Preview
+from device.capture import Sensor
+from device.frames import FrameLayout, RawFrame
+from device.geometry import Geometry
+from shared import CfaPattern, NoiseModel, SensorCalibration
+from shared.colorimetry import SRGB_TO_XYZ
+from shared.dng import decode_dng, encode_dng
+
+PATTERNS = {"K6": CfaPattern.bayer(6), "K4": CfaPattern.bayer(4, "BGGR", (3, 1)), "K8": CfaPattern.bayer(8, "GRBG", (5, 2))}
+LAYOUTS = (FrameLayout(83, 61, "raw10"), FrameLayout(160, 120, "raw12", 256))
+
+
+def graphs(pattern: CfaPattern) -> list[tuple[int, bool]]:
+    """(scale, linear) of all graphs of a pattern."""
+    return list(product(Geometry.scales(pattern), (False, True)))
+
+
+def graph_name(pattern: str, scale: int, linear: bool) -> str:
+    """Of a graph's file in the folder."""
+    return f"{pattern}-{scale}-{'linear' if linear else 'display'}.onnx"
+
+
+def probe(folder: Path) -> dict[str, np.ndarray]:
+    """Pictures of noise, the hardest of scenes, and the bytes of a shot, for every pattern, graph and packing, by name."""
+    made: dict[str, np.ndarray] = {"onnxruntime": np.array(onnxruntime.__version__)}
+    for name, pattern in PATTERNS.items():
+        for layout in LAYOUTS:
+            bits = layout.bits
+            calibration = SensorCalibration(
+                gamma=(0.9, 1.1, 0.8),
+                noise=NoiseModel((2e-4,) * 4, (1e-3,) * 4),
+                black_level=(float(1 << (bits - 4)),) * 4,
+                white_level=(1 << bits) - 1,
+                camera_to_xyz=SRGB_TO_XYZ,
+                neutral=(0.5, 1.0, 0.7),
+            )
+            data = np.random.default_rng(bits).integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
+            mosaic = Sensor(layout, pattern, calibration).mosaic(RawFrame.now(data))
+            pictures = {
+                (scale, linear): Preview(folder / graph_name(name, scale, linear), threads=2).run(mosaic)
+                for scale, linear in graphs(pattern)
+            }
+            made |= {f"{name} {layout.format} {scale}{' linear' * linear}": each for (scale, linear), each in pictures.items()}
+            shot = encode_dng(mosaic, np.asarray(pictures[1, False], np.uint8))
+            made[f"{name} {layout.format} samples"] = decode_dng(shot).codes
+    return made
+
+
+if __name__ == "__main__":
+    np.savez(sys.argv[2], allow_pickle=False, **probe(Path(sys.argv[1])))

@@ -1,0 +1,268 @@
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from device import Preview
+from device import preview as runtime
+from device.graph import build_preview
+from device.preview import find_model
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import CodeArray
+from shared.errors import InputError
+from shared.sensor import simulate_additive
+from tests.data import DATA, ROOT
+from tools.evaluation.metrics import quality
+from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
+from tools.scenes.drawn.builtin import builtin_scene
+from tools.scenes.load import load_scene
+
+GROWTH = 5e6
+"""Bytes that a process may grow by over any number of frames."""
+
+
+def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:
+    return np.random.default_rng(seed).integers(200, 4000, shape, np.uint16)
+
+
+def shot(shape: tuple[int, int] = (61, 83), pattern: CfaPattern | None = None, seed: int = 0) -> Mosaic:
+    pattern = pattern or CfaPattern.bayer(6, origin=(4, 1))
+    count = len(pattern.channels)
+    calibration = SensorCalibration(
+        channels=pattern.channels,
+        noise=NoiseModel((1e-4,) * (count + 1), (1e-3,) * (count + 1)),
+        black_level=(256.0,) * (count + 1),
+        white_level=3840,
+    )
+    return Mosaic(codes(shape, seed), pattern, calibration)
+
+
+@pytest.mark.parametrize(("scale", "linear"), list(product((1, 2, 3), (False, True))))
+def test_strips_and_threads_do_not_show(scale: int, linear: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    mosaic = shot((97, 83))
+    monkeypatch.setattr(runtime, "_STRIP_PIXELS", 1 << 30)
+    whole = Preview.for_mosaic(mosaic, scale, linear, threads=1).run(mosaic)
+    for pixels, threads in ((1, 1), (1, 3), (1500, 2), (4000, 5)):
+        monkeypatch.setattr(runtime, "_STRIP_PIXELS", pixels)
+        assert np.array_equal(Preview.for_mosaic(mosaic, scale, linear, threads=threads).run(mosaic), whole)
+
+
+@pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2)])
+def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int, int]) -> None:
+    mosaic = shot((60, 70))
+    top, left = origin
+    part = Mosaic(mosaic.codes[top:, left:], mosaic.pattern.cropped(top, left), mosaic.calibration)
+    preview = Preview.for_mosaic(mosaic)
+    assert part.pattern.origin != mosaic.pattern.origin or origin == (0, 0)
+    edge = 3 * mosaic.pattern.period
+    inner = np.s_[edge:-edge, edge:-edge]
+    assert np.array_equal(preview.run(part)[inner], preview.run(mosaic)[top:, left:][inner])
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (3, 17), (40, 2), (13, 14), (64, 7)])
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6, "BGGR"), CfaPattern.bayer(7), CfaPattern.bayer(16)])
+def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
+    mosaic = shot(shape, pattern)
+    for scale, linear in product((1, 2) if pattern.period % 2 == 0 else (1,), (False, True)):
+        picture = Preview(find_model(pattern, scale, linear=linear), threads=1).run(mosaic)
+        assert picture.shape == (shape[0] // scale, shape[1] // scale, 3)
+        assert np.isfinite(picture).all()
+
+
+def test_a_picture_has_at_least_a_pixel() -> None:
+    mosaic = shot((2, 3), CfaPattern.bayer(6))
+    assert Preview.for_mosaic(mosaic, 3).run(mosaic).shape == (1, 1, 3)
+
+
+@pytest.mark.parametrize("scale", [2, 3])
+def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
+    """The centre of an edge's step is where the full picture has it, to half a cell."""
+    for column in range(20, 27):
+        scene = np.full((30, 60, 3), 0.1, np.float32)
+        scene[:, column:] = 0.9
+        mosaic = simulate_additive(scene, CfaPattern.bayer(6, origin=(3, 5)), SensorCalibration(), 0, np.random.default_rng(0))
+        light = np.asarray(Preview.for_mosaic(mosaic, scale, linear=True).run(mosaic), np.float32)[5, :, 1]
+        edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
+        assert abs(edge - column) <= scale / 2 + 0.1
+
+
+def test_other_channels_than_three() -> None:
+    pattern = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8)
+    mosaic = shot((40, 41), pattern)
+    assert Preview.for_mosaic(mosaic, linear=True).run(mosaic).shape == (40, 41, 6)
+    picture = Preview.for_mosaic(mosaic).run(mosaic)
+    assert picture.shape == (40, 41, 3)
+    assert int(picture.max(axis=2).astype(int).max()) > 0
+    assert np.ptp(picture, axis=2).max() == 0  # nobody knows the colours
+
+
+def test_one_preview_serves_all_cameras_and_sizes() -> None:
+    mosaic, other = shot(), shot((40, 52), CfaPattern.bayer(6, origin=(2, 3)), 1)
+    warm = Mosaic(mosaic.codes, mosaic.pattern, SensorCalibration(neutral=(0.3, 0.6, 0.9), white_level=3000, black_level=(9,) * 4))
+    preview = Preview.for_mosaic(mosaic)
+    pictures = [preview.run(each) for each in (mosaic, other, warm, mosaic)]
+    fresh = [Preview.for_mosaic(each).run(each) for each in (mosaic, other, warm, mosaic)]
+    assert all(np.array_equal(*pair) for pair in zip(pictures, fresh, strict=True))
+    assert not np.array_equal(pictures[0], pictures[2])
+
+
+def test_scene_units_and_their_codes_give_the_same() -> None:
+    scene = np.random.default_rng(0).random((30, 40, 3), np.float32)
+    light = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), 0.01, np.random.default_rng(1))
+    saved = Mosaic(light.codes, light.pattern, light.calibration)
+    preview = Preview.for_mosaic(light, linear=True)
+    assert np.array_equal(preview.run(light), preview.run(saved))
+
+
+def test_many_callers_at_once() -> None:
+    mosaics = [shot(seed=seed) for seed in range(6)]
+    preview = Preview.for_mosaic(mosaics[0], threads=2)
+    expected = [preview.run(mosaic) for mosaic in mosaics]
+    with ThreadPoolExecutor(6) as pool:
+        assert all(np.array_equal(*pair) for pair in zip(expected, pool.map(preview.run, mosaics * 3), strict=False))
+
+
+def test_an_error_in_a_strip_comes_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    mosaic = shot()
+    preview = Preview.for_mosaic(mosaic, threads=2)
+
+    class Broken:
+        def run(self, *_: object) -> None:
+            raise MemoryError("strip")
+
+    monkeypatch.setattr(preview, "_session", Broken())
+    with pytest.raises(MemoryError, match="strip"):
+        preview.run(mosaic)
+
+
+def test_another_pattern_is_refused_with_both_named() -> None:
+    preview = Preview.for_mosaic(shot(pattern=CfaPattern.bayer(4)))
+    with pytest.raises(InputError, match=r"pattern BWWG/WWWW/WWWW/GWWR, the mosaic has GWWB/WWWW/WWWW/RWWG"):
+        preview.run(shot(pattern=CfaPattern.bayer(4, "GRBG")))
+
+
+def test_it_comes_with_the_common_graphs() -> None:
+    for period, order in product((4, 6, 8), ("RGGB", "BGGR", "GRBG", "GBRG")):
+        assert isinstance(find_model(CfaPattern.bayer(period, order, (1, 3)), 1, linear=False), Path)
+        assert isinstance(find_model(CfaPattern.bayer(period, order), 2, linear=False), Path)
+
+
+def test_any_other_is_built_where_onnx_is() -> None:
+    assert isinstance(find_model(CfaPattern.bayer(5), 1, linear=False), bytes)
+    with pytest.raises(InputError, match="has 1, 5"):
+        find_model(CfaPattern.bayer(5), 3, linear=False)
+
+
+def test_without_onnx_it_says_how_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "device.graph", None)
+    assert isinstance(find_model(CfaPattern.bayer(6), 1, linear=False), Path)
+    with pytest.raises(InputError, match=r"rggb-k5-s1.onnx .* BWWWG/WWWWW/WWWWW/WWWWW/GWWWR.* panchroma export-preview"):
+        find_model(CfaPattern.bayer(5), 1, linear=False)
+
+
+def test_a_file_of_ones_own(tmp_path: Path) -> None:
+    mosaic = shot(pattern=CfaPattern.bayer(5))
+    path = tmp_path / "mine.onnx"
+    path.write_bytes(build_preview(mosaic.pattern).SerializeToString())
+    assert np.array_equal(Preview(path).run(mosaic), Preview.for_mosaic(mosaic).run(mosaic))
+    assert np.array_equal(Preview(str(path)).run(mosaic), Preview(path.read_bytes()).run(mosaic))
+
+
+def test_a_file_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"gone.onnx: there is no such file"):
+        Preview(tmp_path / "gone.onnx")
+    path = tmp_path / "text.onnx"
+    path.write_text("no graph")
+    with pytest.raises(InputError, match=r"text.onnx: is not a graph that onnxruntime can run"):
+        Preview(path)
+    whole = build_preview(CfaPattern.bayer()).SerializeToString()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"text.onnx: is not a graph"):
+        Preview(path)
+
+
+def test_another_contract_is_refused() -> None:
+    model = build_preview(CfaPattern.bayer())
+    next(each for each in model.metadata_props if each.key == "panchroma.contract").value = "0"
+    with pytest.raises(InputError, match="contract 0, this program 1"):
+        Preview(model.SerializeToString())
+    del model.metadata_props[:]
+    with pytest.raises(InputError, match="no preview graph of Panchroma"):
+        Preview(model.SerializeToString())
+
+
+def test_threads_below_one() -> None:
+    with pytest.raises(InputError, match="0 threads"):
+        Preview(find_model(CfaPattern.bayer(), 1, linear=False), threads=0)
+
+
+MEMORY = """
+import os, sys
+import numpy as np
+from device import Preview
+from shared import CfaPattern, Mosaic, SensorCalibration
+
+def resident():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+mosaic = Mosaic(np.full((96, 128), 3000, np.uint16), CfaPattern.bayer(), SensorCalibration())
+preview = Preview.for_mosaic(mosaic, threads=2)
+for _ in range(200):
+    preview.run(mosaic)
+before = resident()
+for _ in range(2000):
+    preview.run(mosaic)
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory of a process as Linux shows it")
+def test_memory_does_not_grow() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY], cwd=ROOT, capture_output=True, text=True, check=True, env=dict(os.environ)
+    )
+    assert int(done.stdout) < GROWTH
+
+
+def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
+    script = (
+        "import gc, threading\nfrom device import Preview\nfrom device.preview import find_model\nfrom shared import CfaPattern\n"
+        "from tests.device.test_preview import shot\nmosaic = shot()\n"
+        "for _ in range(5):\n    Preview.for_mosaic(mosaic, threads=3).run(mosaic)\n    gc.collect()\n"
+        "print(sum(each.name.startswith('preview') and each.is_alive() for each in threading.enumerate()))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert int(done.stdout) <= 3
+
+
+BELOW_PAPER = 2.0
+"""dB of median RGB PSNR that a preview may lie below the `paper` preset, noise-free."""
+PAPER_FIGURES = {"raw/rose.dng": 48.8, "linear/intel_tau_003.png": 50.5, "linear/intel_tau_011.png": 45.4}
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the test photographs are not here")
+@pytest.mark.parametrize("name", PAPER_FIGURES)
+def test_quality_on_photographs(name: str) -> None:
+    scene = load_scene(str(DATA / name)).rgb
+    for sigma in (0, 0.01, 0.03):
+        mosaic = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0))
+        reached = quality(np.asarray(Preview.for_mosaic(mosaic, linear=True).run(mosaic)), scene).median[0]
+        bilinear = demosaic_bilinear(bayer_mosaic(scene, sigma, np.random.default_rng(0)))
+        least = quality(bilinear, scene).median[0] if sigma else PAPER_FIGURES[name] - BELOW_PAPER
+        assert reached > least, (sigma, reached, least)
+
+
+def test_quality_on_the_builtin_scene() -> None:
+    """Noise in the light, against the same light on a Bayer sensor."""
+    scene = builtin_scene(400, 300).rgb
+    for sigma in (0.01, 0.03):
+        mosaic = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0))
+        reached = quality(np.asarray(Preview.for_mosaic(mosaic, linear=True).run(mosaic)), scene).median[0]
+        bilinear = demosaic_bilinear(bayer_mosaic(scene, sigma, np.random.default_rng(0)))
+        assert reached > quality(bilinear, scene).median[0]

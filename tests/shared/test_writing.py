@@ -1,0 +1,205 @@
+import errno
+import fcntl
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from shared.errors import OutputError
+from shared.writing import durable_file, sweep, write_durably
+from tests.data import ROOT
+
+
+def test_writes_the_parts_in_order_and_nothing_else(tmp_path: Path) -> None:
+    write_durably(tmp_path / "shot.dng", b"one ", bytearray(b"two "), memoryview(b"three"))
+    assert (tmp_path / "shot.dng").read_bytes() == b"one two three"
+    assert os.listdir(tmp_path) == ["shot.dng"]  # noqa: PTH208
+
+
+def test_takes_a_string_and_no_parts(tmp_path: Path) -> None:
+    write_durably(str(tmp_path / "empty"))
+    assert (tmp_path / "empty").read_bytes() == b""
+
+
+def test_never_overwrites_unless_told(tmp_path: Path) -> None:
+    path = tmp_path / "shot.dng"
+    path.write_bytes(b"old")
+    with pytest.raises(OutputError, match=r"shot\.dng.*exists already.*--overwrite"):
+        write_durably(path, b"new")
+    assert path.read_bytes() == b"old"
+    write_durably(path, b"new", overwrite=True)
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_file_that_appears_meanwhile_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "shot.dng"
+    fsync = os.fsync
+
+    def appears(descriptor: int) -> None:
+        path.write_bytes(b"theirs")
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", appears)
+    with pytest.raises(OutputError, match="exists already"):
+        write_durably(path, b"ours")
+    assert path.read_bytes() == b"theirs"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_works_where_hard_links_do_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refuse)
+    path = tmp_path / "shot.dng"
+    write_durably(path, b"first")
+    with pytest.raises(OutputError, match="exists already"):
+        write_durably(path, b"second")
+    assert path.read_bytes() == b"first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.ENOSPC, "disk is full"),
+        (errno.EDQUOT, "disk is full"),
+        (errno.EACCES, "no permission"),
+        (errno.EROFS, "no permission"),
+        (errno.EIO, "cannot be written"),
+    ],
+)
+def test_a_failed_write_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, words: str, overwrite: bool
+) -> None:
+    path = tmp_path / "shot.dng"
+    if overwrite:
+        path.write_bytes(b"old")
+
+    def fail(_: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(OutputError, match=words) as caught:
+        write_durably(path, b"new", overwrite=overwrite)
+    assert str(path) in str(caught.value)
+    assert list(tmp_path.iterdir()) == ([path] if overwrite else [])
+    assert not overwrite or path.read_bytes() == b"old"
+
+
+def test_an_interruption_removes_the_temporary_file_and_passes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_durably(tmp_path / "shot.dng", b"new")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_content_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """fsync of the file while only the temporary name exists, then fsync of the folder with the final name in it."""
+    path = tmp_path / "shot.dng"
+    seen = []
+    fsync = os.fsync
+
+    def record(descriptor: int) -> None:
+        seen.append((Path(f"/proc/self/fd/{descriptor}").resolve().is_dir(), path.exists(), [p.name for p in tmp_path.iterdir()]))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", record)
+    write_durably(path, b"content")
+    (file, named, names), folder = seen
+    assert not file
+    assert not named
+    assert len(names) == 1
+    assert names[0].startswith(".shot.dng.")
+    assert names[0].endswith(".part")
+    assert folder == (True, True, ["shot.dng"])
+
+
+@pytest.mark.parametrize("name", ["x" * 255, "é" * 127, "写" * 85])
+def test_the_longest_names_are_taken(tmp_path: Path, name: str) -> None:
+    write_durably(tmp_path / name, b"content")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"missing.*does not exist"):
+        write_durably(tmp_path / "missing" / "shot.dng", b"")
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OutputError, match="is not a folder"):
+        write_durably(tmp_path / "file" / "shot.dng", b"")
+    with pytest.raises(OutputError, match="too long"):
+        write_durably(tmp_path / ("x" * 300), b"")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OutputError, match="is a folder"):
+        write_durably(tmp_path / "folder", b"", overwrite=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_folder_is_named(tmp_path: Path) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir()
+    folder.chmod(0o500)
+    with pytest.raises(OutputError, match=r"no permission to write in .*locked"):
+        write_durably(folder / "shot.dng", b"")
+
+
+def left_behind(folder: Path) -> Path:
+    """The temporary file of a process that was killed while it wrote."""
+    script = (
+        "import os, signal, sys\nfrom shared.writing import durable_file\n"
+        "with durable_file(sys.argv[1]) as file:\n"
+        "    file.write(b'half')\n    file.flush()\n    os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    subprocess.run([sys.executable, "-c", script, str(folder / "shot.dng")], cwd=ROOT, check=False)
+    (part,) = folder.iterdir()
+    return part
+
+
+def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
+    part = left_behind(tmp_path)
+    assert part.read_bytes() == b"half"
+    others = [".shot.dng.part", "shot.dng.12345678.panchroma.part", ".hidden", ".x.1234567.panchroma.part", "shot.dng"]
+    for name in others:
+        (tmp_path / name).write_bytes(b"theirs")
+    fresh, old = (tmp_path / f".link.0000000{number}.panchroma.part" for number in (1, 2))
+    for link in (fresh, old):
+        link.symlink_to("nowhere")
+    os.utime(old, (0, 0), follow_symlinks=False)
+    assert sweep(tmp_path) == 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, fresh.name])
+    assert sweep(tmp_path / "absent") == 0
+
+
+def test_what_is_being_written_is_not_swept(tmp_path: Path) -> None:
+    with durable_file(tmp_path / "shot.dng") as file:
+        file.write(b"whole")
+        assert len(list(tmp_path.iterdir())) == 1
+        assert sweep(tmp_path) == 0
+    assert (tmp_path / "shot.dng").read_bytes() == b"whole"
+    assert list(tmp_path.iterdir()) == [tmp_path / "shot.dng"]
+
+
+def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    flock = fcntl.flock
+    swept: list[Path] = []
+
+    def late(file: IO[bytes], operation: int) -> None:
+        if not swept:
+            swept.extend(tmp_path.iterdir())
+            swept[0].unlink()
+        flock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    write_durably(tmp_path / "shot.dng", b"whole")
+    assert len(swept) == 1
+    assert (tmp_path / "shot.dng").read_bytes() == b"whole"
+    assert list(tmp_path.iterdir()) == [tmp_path / "shot.dng"]

@@ -1,0 +1,47 @@
+"""A camera whose truth is known, for tests: its frames, and where the built-in chart lies in them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.sensor import simulate_sensor
+from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
+from tools.scenes.drawn.chart import CORNERS, applied, chart_scene, homography
+from tools.scenes.scene import Scene
+
+TRUTH = SensorCalibration(
+    gamma=(0.9, 1.1, 0.8),
+    noise=NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4)),
+    black_level=(256.0, 257.0, 255.0, 258.0),
+    white_level=4095,
+    sensor="bench",
+)
+BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)  # what a shot says of itself before calibration
+WIDTH, HEIGHT = 600, 400
+
+
+@cache
+def chart() -> Scene:
+    """The built-in chart, drawn once."""
+    return chart_scene(WIDTH, HEIGHT)
+
+
+def frame(rgb: ArrayLike, period: int = 6, seed: int = 0, says: SensorCalibration = BLIND) -> Mosaic:
+    """A frame of the true sensor looking at (H, W, 3), whose file says `says`."""
+    pattern = CfaPattern.bayer(period)
+    taken = simulate_sensor(np.asarray(rgb, np.float32), pattern, TRUTH, 1.0, np.random.default_rng(seed))
+    return Mosaic(taken.codes, pattern, says)
+
+
+def true_place() -> ChartPlace:
+    """The chart in its scene."""
+    cells = np.array([(0, 0), (COLUMNS, 0), (COLUMNS, ROWS), (0, ROWS)], float)
+    to_frame = homography(cells, np.array(CORNERS) * (WIDTH, HEIGHT))
+    edge = (1 - PATCH) / 2
+    x, y = applied(
+        to_frame, np.array([edge, COLUMNS - edge, COLUMNS - edge, edge]), np.array([edge, edge, ROWS - edge, ROWS - edge])
+    )
+    return ChartPlace(tuple(zip(x.tolist(), y.tolist(), strict=True)))

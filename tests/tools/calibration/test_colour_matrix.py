@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from shared.colorimetry import D50
+from shared.errors import InputError
+from tests.tools.calibration.known_camera import true_place
+from tools.calibration.colour_matrix import GREYS, UNEVEN, fit_colour, grey_row_fault, white_balanced
+from tools.calibration.delta_e import delta_e_2000, lab, lab_slopes, xyz
+from tools.calibration.reference import color_checker_xyz
+
+# G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.
+SHARMA = np.array([
+    (50, 2.6772, -79.7751, 50, 0, -82.7485, 2.0425), (50, 3.1571, -77.2803, 50, 0, -82.7485, 2.8615),
+    (50, 2.8361, -74.0200, 50, 0, -82.7485, 3.4412), (50, -1.3802, -84.2814, 50, 0, -82.7485, 1.0000),
+    (50, -1.1848, -84.8006, 50, 0, -82.7485, 1.0000), (50, -0.9009, -85.5211, 50, 0, -82.7485, 1.0000),
+    (50, 0, 0, 50, -1, 2, 2.3669), (50, -1, 2, 50, 0, 0, 2.3669),
+    (50, 2.4900, -0.0010, 50, -2.4900, 0.0009, 7.1792), (50, 2.4900, -0.0010, 50, -2.4900, 0.0010, 7.1792),
+    (50, 2.4900, -0.0010, 50, -2.4900, 0.0011, 7.2195), (50, 2.4900, -0.0010, 50, -2.4900, 0.0012, 7.2195),
+    (50, -0.0010, 2.4900, 50, 0.0009, -2.4900, 4.8045), (50, -0.0010, 2.4900, 50, 0.0010, -2.4900, 4.8045),
+    (50, -0.0010, 2.4900, 50, 0.0011, -2.4900, 4.7461), (50, 2.5, 0, 50, 0, -2.5, 4.3065),
+    (50, 2.5, 0, 73, 25, -18, 27.1492), (50, 2.5, 0, 61, -5, 29, 22.8977),
+    (50, 2.5, 0, 56, -27, -3, 31.9030), (50, 2.5, 0, 58, 24, 15, 19.4535),
+    (50, 2.5, 0, 50, 3.1736, 0.5854, 1.0000), (50, 2.5, 0, 50, 3.2972, 0, 1.0000),
+    (50, 2.5, 0, 50, 1.8634, 0.5757, 1.0000), (50, 2.5, 0, 50, 3.2592, 0.3350, 1.0000),
+    (60.2574, -34.0099, 36.2677, 60.4626, -34.1751, 39.4387, 1.2644),
+    (63.0109, -31.0961, -5.8663, 62.8187, -29.7946, -4.0864, 1.2630),
+    (61.2901, 3.7196, -5.3901, 61.4292, 2.2480, -4.9620, 1.8731),
+    (35.0831, -44.1164, 3.7933, 35.0232, -40.0716, 1.5901, 1.8645),
+    (22.7233, 20.0904, -46.6940, 23.0331, 14.9730, -42.5619, 2.0373),
+    (36.4612, 47.8580, 18.3852, 36.2715, 50.5065, 21.2231, 1.4146),
+    (90.8027, -2.0831, 1.4410, 91.1528, -1.6435, 0.0447, 1.4441),
+    (90.9257, -0.5406, -0.9208, 88.6381, -0.8985, -0.7239, 1.5381),
+    (6.7747, -0.2908, -2.4247, 5.8714, -0.0985, -2.2286, 0.6377),
+    (2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082),
+])  # fmt: skip
+MATRIX = np.array([[0.65, 0.20, 0.1142], [0.25, 0.85, -0.10], [0.02, -0.15, 0.9549]]) * [1.6, 1.0, 1.4]
+REFERENCE = color_checker_xyz()
+CELLS = true_place().cells
+
+
+def test_ciede2000_on_the_published_pairs() -> None:
+    difference = delta_e_2000(SHARMA[:, :3], SHARMA[:, 3:6])
+    np.testing.assert_allclose(difference, SHARMA[:, 6], atol=5.1e-5)
+    np.testing.assert_allclose(delta_e_2000(SHARMA[:, 3:6], SHARMA[:, :3]), difference, atol=1e-9)
+
+
+def test_lab_and_back_and_its_slope() -> None:
+    colours = np.random.default_rng(0).uniform(0.001, 1, (50, 3))
+    np.testing.assert_allclose(xyz(lab(colours)), colours, rtol=1e-12)
+    np.testing.assert_allclose(lab(D50), [100, 0, 0], atol=1e-12)
+    step = 1e-7 * np.array([0.0, 1.0, 0.0])
+    np.testing.assert_allclose((lab(colours + step) - lab(colours - step)) / 2e-7, lab_slopes(colours)[:, :, 1], rtol=1e-4)
+
+
+def readings() -> np.ndarray:
+    return REFERENCE @ np.linalg.inv(MATRIX).T
+
+
+def test_the_true_matrix_comes_back_and_white_stays_white() -> None:
+    fit = fit_colour(readings() * 0.3, REFERENCE, CELLS)
+    np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-12)
+    assert fit.neutral.max() == 1.0
+    white = np.linalg.solve(MATRIX, D50)
+    np.testing.assert_allclose(fit.neutral, white / white.max(), rtol=0.02)  # the greys of the chart are nearly grey
+    assert fit.difference.mean() < 0.5
+    assert fit.left_out.mean() < 0.7
+    assert fit.unevenness < 1.02
+
+
+def test_uneven_light_does_not_tint_the_matrix() -> None:
+    light = np.exp(0.35 * (CELLS[:, 0] / 6) - 0.5 * (CELLS[:, 1] / 4) ** 2)
+    fit = fit_colour(readings() * light[:, None], REFERENCE, CELLS)
+    assert fit.difference.mean() < 0.8
+    assert fit.difference.mean() < 0.3 * fit.plain.mean()
+    np.testing.assert_allclose(fit.light / light * light.mean(), 1, atol=0.06)
+    assert fit.unevenness > UNEVEN
+
+
+def test_more_channels_than_three() -> None:
+    rng = np.random.default_rng(1)
+    four = readings() @ rng.uniform(0, 1, (3, 4))
+    fit = fit_colour(four, REFERENCE, CELLS)
+    assert fit.matrix.shape == (3, 4)
+    np.testing.assert_allclose(fit.matrix @ fit.neutral, D50, rtol=1e-9)
+    assert fit.difference.mean() < 0.5
+
+
+def test_the_state_before_is_that_of_the_matrix_known_before() -> None:
+    exact = white_balanced(0.2 * readings(), REFERENCE, MATRIX)
+    assert delta_e_2000(exact, lab(REFERENCE)).mean() < 1.0
+    wrong = white_balanced(0.2 * readings(), REFERENCE, np.eye(3))
+    assert delta_e_2000(wrong, lab(REFERENCE)).mean() > 5
+
+
+def test_no_light_is_refused() -> None:
+    dark = readings()
+    dark[list(GREYS), 2] = 0
+    with pytest.raises(InputError, match="no light"):
+        fit_colour(dark, REFERENCE, CELLS)
+
+
+def test_a_grey_row_is_monotone_and_linear() -> None:
+    greys = REFERENCE[18:, 1]
+    assert grey_row_fault(0.3 * greys * 0.95 ** np.arange(6), greys) is None
+    assert "darker" in str(grey_row_fault(greys[::-1], greys))
+    assert "not linear" in str(grey_row_fault(greys ** (1 / 2.2), greys))

@@ -1,0 +1,188 @@
+"""The verb: files in, camera.json and report out."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import Camera, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
+from shared.errors import InputError
+from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
+from tools.calibration.camera_file import difference, merged, updated, write_camera
+from tools.calibration.reference import color_checker_xyz, read_reference, ti3
+from tools.cli import main
+
+pytest.importorskip("cv2")
+CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
+
+
+def panchroma(*words: str | Path) -> int:
+    with pytest.raises(SystemExit) as left:
+        main([str(word) for word in words])
+    return int(left.value.code or 0)
+
+
+def save(path: Path, mosaic: Mosaic) -> Path:
+    write_dng(path, mosaic, np.zeros((20, 30, 3), np.uint8))
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A chart, dark frames and flat frames."""
+    folder = tmp_path_factory.mktemp("bench")
+    save(folder / "chart.dng", frame(chart().rgb))
+    for number in range(2):
+        save(folder / f"dark{number}.dng", frame(np.zeros((*chart().shape, 3)), seed=number))
+        save(folder / f"flat{number}.dng", frame(np.full((*chart().shape, 3), 0.5), seed=number))
+    return folder
+
+
+def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "camera.json"
+    assert panchroma("calibrate", folder, "-o", output, "--report", tmp_path, "--json") == 0
+    camera = read_camera(output)
+    assert TRUTH.noise is not None
+    assert camera.calibration.noise is not None
+    np.testing.assert_allclose(camera.calibration.gamma, TRUTH.gamma, rtol=0.01)
+    np.testing.assert_allclose(camera.calibration.black_level, TRUTH.black_level, atol=0.1)
+    np.testing.assert_allclose(camera.calibration.noise.shot, TRUTH.noise.shot, rtol=0.06)
+    assert set(camera.measured) == {"gamma", "noise", "black_level", "defects", "colour"}
+    assert camera.pattern == read_dng(folder / "chart.dng").pattern
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [record["ok"] for record in records] == [True] * 6
+    assert records[-1]["id"] == camera.calibration.id
+
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "Use it" in page
+    assert page.count("<svg") == 3
+    assert page.count('class="patch"') == 24
+    assert "prefers-color-scheme: dark" in page
+    assert not re.search(r'(?:src|href)="(?!data:)', page), "the page loads something"
+    np.testing.assert_allclose(read_reference(tmp_path / "chart.ti3"), color_checker_xyz(), atol=1e-6)
+
+    # Refuses to overwrite, and simulates and renders with what was measured.
+    assert panchroma("calibrate", folder, "-o", output) == 2
+    assert panchroma("simulate", "chart:120x80", "-o", tmp_path, "--camera", output, "--protocol", "sensor") == 0
+    assert read_dng(tmp_path / "chart-120x80.dng").calibration.camera == camera.calibration.id
+    assert panchroma("render", tmp_path / "chart-120x80.dng", "-o", tmp_path, "--camera", output) == 0
+    assert panchroma("simulate", "chart:120x80", "-o", tmp_path, "--camera", output, "--period", "8", "--overwrite") == 2
+    assert "period 8" in capsys.readouterr().err
+    assert panchroma("inspect", output) == 0
+    shown = capsys.readouterr().out
+    assert camera.calibration.id in shown
+    assert "half_width_95" in shown
+
+
+def test_update_merges_by_part_and_keeps_the_old_file(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "camera.json"
+    assert panchroma("calibrate", folder / "chart.dng", "--corners", *CORNERS, "-o", output) == 0
+    before, text = read_camera(output), output.read_text()
+    capsys.readouterr()
+    assert panchroma("calibrate", "--dark", folder / "dark0.dng", folder / "dark1.dng", "-o", output, "--update") == 0
+    after = read_camera(output)
+    assert after.calibration.gamma == before.calibration.gamma
+    assert after.calibration.camera_to_xyz == before.calibration.camera_to_xyz
+    assert after.calibration.black_level != before.calibration.black_level
+    assert (tmp_path / "camera.json.bak").read_text() == text
+    assert "black_level: [256, 257, 255, 258] -> " in capsys.readouterr().out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
+
+
+def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    grey = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2)))
+    output = tmp_path / "camera.json"
+    assert panchroma("calibrate", grey, tmp_path / "absent.dng", "-o", output) == 1
+    errors = capsys.readouterr().err
+    assert "no ColorChecker was found" in errors
+    assert "absent.dng" in errors
+    assert not output.exists()
+    other = save(tmp_path / "other.dng", frame(chart().rgb, 8))
+    assert panchroma("calibrate", folder / "chart.dng", other, "-o", output) == 1
+    assert "period 8" in capsys.readouterr().err
+    assert read_camera(output).calibration.gamma == pytest.approx(TRUTH.gamma, rel=0.01)
+
+
+def test_what_cannot_work_is_refused_before_the_work(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shot = folder / "chart.dng"
+    commands: tuple[tuple[list[str | Path], str], ...] = (
+        (["-o", tmp_path / "camera.json"], "nothing to calibrate from"),
+        ([shot, "-o", tmp_path], "is a folder"),
+        ([shot, "-o", tmp_path / "no" / "camera.json"], "does not exist"),
+        ([shot, shot, "--corners", *CORNERS, "-o", tmp_path / "camera.json"], "one shot"),
+        ([shot, "--corners", "1", "2", "3", "4", "-o", tmp_path / "camera.json"], "X,Y"),
+        ([shot, "-o", shot, "--overwrite"], "is an input"),
+    )
+    for words, why in commands:
+        assert panchroma("calibrate", *words) == 2
+        assert why in capsys.readouterr().err
+
+
+def camera(measured: tuple[str, ...], **changes: Any) -> Camera:
+    pattern = frame(np.zeros((12, 12, 3))).pattern
+    return Camera(replace(BLIND, **changes), pattern, {part: {"date": "2026-01-01"} for part in measured})
+
+
+def test_a_merge_takes_only_what_was_measured() -> None:
+    old = camera(("noise", "black_level"), noise=TRUTH.noise, black_level=(10.0,) * 4)
+    new = camera(("gamma",), gamma=(2.0, 2.0, 2.0), black_level=(20.0,) * 4)
+    both = merged(old, new)
+    assert both.calibration.black_level == (10.0,) * 4
+    assert both.calibration.gamma == (2.0, 2.0, 2.0)
+    assert both.calibration.noise is not None
+    assert TRUTH.noise is not None
+    # The same noise in codes: scene units per code have doubled.
+    np.testing.assert_allclose(both.calibration.noise.shot, 2 * np.array(TRUTH.noise.shot))
+    assert set(both.measured) == {"gamma", "noise", "black_level"}
+    assert [line for line in difference(old, both) if line.startswith("gamma")] == ["gamma: [1, 1, 1] -> [2, 2, 2]"]
+
+
+def test_another_sensor_is_not_merged(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    write_camera(path, camera(("gamma",)))
+    with pytest.raises(InputError, match=r"camera.json: .*'other'.*'bench'"):
+        updated(path, camera(("gamma",), sensor="other"))
+    with pytest.raises(InputError, match="white level 4000"):
+        updated(path, camera(("gamma",), white_level=4000))
+
+
+def test_the_file_has_a_line_per_figure_and_reads_back_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    known = camera(("gamma",), camera_to_xyz=((1.0, 0.1, 0.2), (0.3, 1.0, 0.1), (0.1, 0.2, 1.0)), defects=((1, 2), (3, 4)))
+    write_camera(path, known)
+    assert read_camera(path) == known
+    lines = path.read_text().splitlines()
+    assert "    [0.3, 1.0, 0.1]," in lines
+    assert '  "sensor": "bench",' in lines
+
+
+def test_references_by_name_by_number_and_in_lab(tmp_path: Path) -> None:
+    reference = color_checker_xyz()
+    path = tmp_path / "chart.cie"
+    text = ti3(reference, np.full((24, 3), 0.5))
+    rows = text.split("BEGIN_DATA\n")[1].split("\nEND_DATA")[0].splitlines()
+    path.write_text(text.replace("\n".join(rows), "\n".join(reversed(rows))))
+    np.testing.assert_allclose(read_reference(path), reference, atol=1e-6)
+    path.write_text(text.replace("XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B"))
+    assert read_reference(path).shape == (24, 3)
+    for wrong, words in (("CTI3", "not a CGATS"), (text.replace("A1 ", "A2 "), "once"), (text.replace("XYZ_", "ABC_"), "neither")):
+        path.write_text(wrong)
+        with pytest.raises(InputError, match=words):
+            read_reference(path)
+
+
+def test_ti3_keeps_device_values_in_the_range_that_argyll_takes() -> None:
+    camera = np.linspace(-0.01, 1.25, 72).reshape(24, 3)
+    rows = ti3(color_checker_xyz(), camera).split("BEGIN_DATA\n")[1].split("\nEND_DATA")[0].splitlines()
+    device = np.array([[float(word) for word in row.split()[4:]] for row in rows])
+    np.testing.assert_allclose(device, 80 * np.maximum(camera, 0), atol=1e-5)
+
+
+def test_a_calibration_of_the_default_sensor_has_no_name() -> None:
+    assert Camera(SensorCalibration()).to_json()["sensor"] == ""

@@ -1,0 +1,314 @@
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+
+from device import frame_folder
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
+from shared.arrays import ByteArray
+from shared.dng import read_preview
+from tests.data import ROOT
+from tests.device.packer import pack, random_codes
+from tests.tools.command import run as command
+from tools.cli import main
+from tools.commands import capture as verb
+
+PROGRAM = [sys.executable, "-c", "from tools.cli import main; main()", "capture"]
+SIZE = (20, 30)
+LAYOUT = ["--width", "30", "--height", "20", "--format", "SRGGB12_CSI2P", "--stride", "64"]
+
+
+def frame(seed: int) -> bytes:
+    return pack(random_codes(SIZE, 12, seed), "raw12", 64)
+
+
+def run(*arguments: str) -> int:
+    """The exit code of the command, run in this process."""
+    with pytest.raises(SystemExit) as caught:
+        main(["capture", *arguments])
+    assert isinstance(caught.value.code, int)
+    return caught.value.code
+
+
+def piped(data: bytes, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+    """The command in a process of its own, with a pipe as standard input."""
+    return subprocess.run([*PROGRAM, "-", *arguments], input=data, cwd=ROOT, capture_output=True, check=False, timeout=120)
+
+
+def shots(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.dng"))
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame_folder, "_POLL", 0.01)
+    monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    return folder
+
+
+def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
+    done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--wait", "--json", "--latest", str(tmp_path / "latest"))
+    assert done.returncode == 0, done.stderr
+    records = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [record["output"] for record in records] == [str(path) for path in shots(out)]
+    assert all(record["ok"] and record["preview_ms"] > 0 and record["write_ms"] > 0 for record in records)
+    assert [record["dropped"] for record in records] == [0, 0, 0]
+    for seed, path in enumerate(shots(out)):
+        mosaic = read_dng(path)
+        assert np.array_equal(mosaic.codes, random_codes(SIZE, 12, seed))
+        assert mosaic.calibration == SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    assert (tmp_path / "latest").resolve() == shots(out)[-1]
+    lines = done.stderr.decode().splitlines()
+    assert "no --camera: black is taken to be 256, white 4095, and the colours stay unknown" in lines
+    assert lines[-1] == "3 saved, 0 dropped"
+
+
+def test_a_stream_that_is_cut_keeps_its_whole_frames_and_fails(out: Path) -> None:
+    done = piped(frame(0) + frame(1) + frame(2)[:100], "-o", str(out), *LAYOUT, "--wait")
+    assert done.returncode == 1
+    assert len(shots(out)) == 2
+    assert b"ended in the middle of a frame, 100 bytes after 2 whole ones" in done.stderr
+    assert done.stderr.endswith(b"2 saved, 0 dropped, 1 failed\n")
+
+
+def test_a_recording_in_a_file_waits_by_itself(out: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "recording"
+    recording.write_bytes(b"".join(map(frame, range(12))))
+    with recording.open("rb") as file:
+        done = subprocess.run([*PROGRAM, "-", "-o", str(out), *LAYOUT], stdin=file, cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert len(shots(out)) == 12
+    assert b"12 saved, 0 dropped" in done.stderr
+
+
+def test_a_camera_that_is_too_fast_loses_whole_frames(out: Path) -> None:
+    """200 at once: every one is saved or counted, and those saved are as they were sent."""
+    sent = {random_codes(SIZE, 12, seed).tobytes() for seed in range(200)}
+    done = piped(b"".join(map(frame, range(200))), "-o", str(out), *LAYOUT)
+    assert done.returncode == 0
+    saved, dropped = len(shots(out)), int(done.stderr.split()[-2])
+    assert saved + dropped == 200
+    assert dropped > 0
+    assert all(read_dng(path).codes.tobytes() in sent for path in shots(out))
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_ends_a_silent_camera(out: Path, number: signal.Signals, code: int) -> None:
+    with subprocess.Popen(
+        [*PROGRAM, "-", "-o", str(out), *LAYOUT], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdin
+        assert process.stdout
+        assert process.stderr
+        process.stdin.write(frame(0))
+        process.stdin.flush()
+        assert b"dropped 0" in process.stdout.readline()
+        process.send_signal(number)
+        assert process.wait(60) == code
+        assert process.stderr.read().endswith(b"1 saved, 0 dropped\n")
+    assert len(shots(out)) == 1
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_waits_for_the_frame_in_hand(
+    out: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int
+) -> None:
+    def interrupted(mosaic: Mosaic) -> ByteArray:
+        os.kill(os.getpid(), number)
+        for _ in range(100):  # the handler runs between two of these
+            time.sleep(0)
+        return np.zeros((*mosaic.shape, 3), np.uint8)
+
+    monkeypatch.setattr(verb, "preview_maker", lambda *_, **__: interrupted)
+    before = signal.getsignal(number)
+    assert run("builtin:64x48@50", "-o", str(out)) == code
+    assert len(shots(out)) == 1
+    read_dng(shots(out)[0])
+    assert [path.suffix for path in out.iterdir()] == [".dng"]
+    assert signal.getsignal(number) == before
+
+
+def test_a_second_signal_does_not_wait(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def impatient(mosaic: Mosaic) -> ByteArray:
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+        raise AssertionError("the second signal was ignored")
+
+    monkeypatch.setattr(verb, "preview_maker", lambda *_, **__: impatient)
+    assert run("builtin:64x48@50", "-o", str(out)) == 130
+    assert list(out.iterdir()) == []
+
+
+def test_a_full_disk_is_one_line_and_leaves_no_part(out: Path) -> None:
+    """The disk here is a limit that the system puts on the size of a file: the second frame is too large for it."""
+    wide = ["--width", "300", "--height", "200", "--format", "u16", "--bits", "12"]
+    dark, noise = np.full((200, 300), 256, np.uint16), random_codes((200, 300), 12)
+    done = subprocess.run(
+        [*PROGRAM, "-", "-o", str(out), *wide, "--wait"],
+        input=b"".join(codes.tobytes() for codes in (dark, noise, dark)),
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+    )
+    assert done.returncode == 1
+    assert b"000002.dng: is larger than the file system or a limit of the system allows; choose another folder\n" in done.stderr
+    assert done.stderr.endswith(b"1 saved, 0 dropped, 1 failed\n")
+    assert b"Traceback" not in done.stderr
+    assert [path.suffix for path in out.iterdir()] == [".dng"]
+
+
+def test_a_missing_folder_is_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("builtin:64x48@50", "-o", str(tmp_path / "missing")) == 2
+    assert "the output folder does not exist" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_folder_s_frames_become_shots_and_stay(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    (folder / "0.raw").write_bytes(frame(0)[:-1])
+    for number in (1, 2, 3):
+        (folder / f"{number}.raw").write_bytes(frame(number))
+        os.utime(folder / f"{number}.raw", (1e9 + number, 1e9 + number))
+    late = threading.Timer(0.5, lambda: (folder / "4.raw").write_bytes(frame(4)))
+    late.start()
+    assert run(str(folder), "-o", str(out), *LAYOUT, "--frames", "4") == 1  # one is no frame
+    assert sorted(path.name for path in folder.iterdir()) == [f"{number}.raw" for number in range(5)]
+    assert [read_dng(path).codes.tobytes() for path in sorted(shots(out), key=lambda path: path.name[-10:])] == [
+        random_codes(SIZE, 12, number).tobytes() for number in (1, 2, 3, 4)
+    ]
+    assert shots(out)[0].name == "20010909T014641.000Z-000001.dng"  # 1e9 + 1 seconds
+    heard = capsys.readouterr()
+    assert "0.raw: 1279 bytes are not a frame" in heard.err
+    assert heard.err.endswith("4 saved, 0 dropped, 1 failed\n")
+
+
+def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
+    assert run("builtin:96x64@50", "-o", str(out), "--frames", "3", "--period", "4", "--origin", "1", "2") == 0
+    one, two, three = (read_dng(path) for path in shots(out))
+    assert one.shape == (64, 96)
+    assert one.pattern.period == 4
+    assert one.pattern.origin == (1, 2)
+    assert one.calibration.camera_to_xyz is not None
+    assert one.calibration.noise is not None
+    assert not np.array_equal(one.codes, two.codes)
+    assert not np.array_equal(two.codes, three.codes)
+
+
+def test_the_camera_file_s_pattern_is_the_sensor_s(out: Path, tmp_path: Path) -> None:
+    file = tmp_path / "camera.json"
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(8, "BGGR")).to_json()))
+    assert run("builtin:64x48@50", "-o", str(out), "--frames", "1", "--camera", str(file)) == 0
+    assert read_dng(shots(out)[0]).pattern == CfaPattern.bayer(8, "BGGR")
+
+
+@pytest.mark.parametrize("source", ["builtin:64x48@50", "-"])
+def test_another_pattern_than_the_camera_file_s_is_refused(
+    source: str, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "camera.json"
+    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(6)).to_json()))
+    layout = [] if source != "-" else LAYOUT
+    assert run(source, "-o", str(out), "--camera", str(file), "--period", "8", *layout) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"panchroma: {file}: the pattern is RGB period 8")
+    assert "the camera file's RGB period 6" in error
+    assert shots(out) == []
+
+
+def test_a_graph_of_ones_own_makes_the_preview(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    graph = tmp_path / "mine.onnx"
+    assert command("export-preview", "-o", graph, "--period", "10", "--scale", "5").code == 0
+    assert run("builtin:60x40@50", "-o", str(out), "--frames", "1", "--period", "10", "--graph", str(graph)) == 0
+    assert imagecodecs.jpeg8_decode(read_preview(shots(out)[0])).shape == (8, 12, 3)
+    capsys.readouterr()
+    assert run("builtin:60x40@50", "-o", str(out), "--frames", "1", "--period", "6", "--graph", str(graph)) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"panchroma: {graph}: ")
+    assert "the mosaic has" in error
+
+
+def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) -> None:
+    camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps(camera.to_json()))
+    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--camera", str(file))
+    assert done.returncode == 0
+    assert read_dng(shots(out)[0]).calibration == read_camera(file).calibration
+    assert b"no --camera" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["frames"], "frames: frames have no header; say what they are with --width, --height, --format"),
+        (["missing", *LAYOUT], "missing: is no folder; SOURCE is a folder of raw frames, - or builtin:"),
+        (["builtin:64x48"], "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS"),
+        (["builtin:64x48@0"], "is not a built-in sensor"),
+        (["builtin:64x48@9", "--width", "64"], "--width does not go with builtin:64x48@9"),
+        (["builtin:64x48@9", "--new"], "--new does not go with builtin:64x48@9: only a folder has frames already"),
+        (["builtin:64x48@9", "--wait"], "--wait does not go with builtin:64x48@9"),
+        (["builtin:64x48@9", "--frames", "0"], "--frames is 0, expected 1 or more"),
+        (["builtin:64x48@9", "--jobs", "-1"], "--jobs is -1, expected 1 or more"),
+        (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),
+        (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: there is no such file"),
+        (["builtin:64x48@9", "--graph", "missing.onnx"], "missing.onnx: there is no such file"),
+        (["builtin:64x48@9", "--latest", "."], "is there and is no link"),
+        ([".", "--width", "64", "--height", "48", "--format", "raw14"], "'raw14' is unknown"),
+        ([".", "--width", "64", "--height", "48", "--format", "raw12", "--stride", "7"], "the stride is 7 bytes"),
+        ([".", "--width", "64", "--height", "48", "--format", "raw12", "--bits", "10"], "of 10 bits, raw12 has 12"),
+        ([".", "--width", "3", "--height", "3", "--format", "raw12", "--origin", "4", "4"], "no whole colour block"),
+    ],
+)
+def test_what_is_asked_in_vain_is_told_at_once(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments, "-o", str(out)) == 2
+    assert words in capsys.readouterr().err
+    assert list(out.iterdir()) == []
+
+
+def test_frames_that_do_not_come_are_missed(out: Path) -> None:
+    done = piped(frame(0), "-o", str(out), *LAYOUT, "--wait", "--frames", "2")
+    assert done.returncode == 1
+    assert b"-: ended after 1 of 2 shots" in done.stderr
+    assert len(shots(out)) == 1
+
+
+def test_every_option_of_the_layout_matters(out: Path) -> None:
+    """The same bytes, understood in other ways."""
+    seen: set[Any] = set()
+    data = bytes(range(256)) * 15  # 3840
+    for width, height, name, stride in (
+        (30, 20, "raw12", 192),
+        (30, 20, "raw10", 192),
+        (30, 20, "u16", 192),
+        (30, 40, "raw12", 96),
+        (60, 20, "raw12", 192),
+    ):
+        options = ["--width", str(width), "--height", str(height), "--format", name, "--stride", str(stride)]
+        done = piped(data, "-o", str(out), *options, "--wait")
+        assert done.returncode == 0, done.stderr
+        seen.add(read_dng(shots(out)[-1]).codes.tobytes())
+    assert len(seen) == 5

@@ -1,0 +1,121 @@
+"""`panchroma demo`: the whole chain in one go, on a scene small enough for a test."""
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from shared import read_dng
+from tests.tools.command import Outcome, names, run
+from tools.commands import demo
+from tools.evaluation.metrics import quality
+
+WIDTH, HEIGHT = 210, 140
+RESULTS = {"shot.dng", "preview.jpg", "render.png", "render.tif", "truth.tif", "overview.png", "comparison.png"}
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The demo on a small frame, begun in an empty folder."""
+    monkeypatch.setattr(demo, "_WIDTH", WIDTH)
+    monkeypatch.setattr(demo, "_HEIGHT", HEIGHT)
+    monkeypatch.setattr(demo, "_OVERVIEW", (20, 30))
+    monkeypatch.setattr(demo, "_CROPS", {"star": (70, 100), "leaves": (10, 20)})
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def pixels(path: Path) -> Any:
+    with Image.open(path) as image:
+        return np.asarray(image).astype(int)
+
+
+def table(outcome: Outcome) -> dict[str, list[float]]:
+    """Method -> RGB, luminance and chrominance."""
+    lines = [line for line in outcome.out.splitlines() if line.startswith(("Bayer", "Panchroma"))]
+    return {line[:18].strip(): [float(word) for word in line[18:].split()] for line in lines}
+
+
+def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
+    outcome = run("demo", "-o", "results", "--sigma", "0.02")
+    assert outcome.code == 0, outcome.err
+    folder = small / "results"
+    assert names(folder) == RESULTS
+    truth, rendered = tifffile.imread(folder / "truth.tif"), tifffile.imread(folder / "render.tif")
+    assert truth.shape == rendered.shape == (HEIGHT, WIDTH, 3)
+    found = table(outcome)
+    assert found["Panchroma"] == [round(value, 1) for value in quality(rendered, truth).median]
+    assert "at sigma 0.02" in outcome.out
+    # What the demo is there to show: full-resolution luminance.
+    assert found["Panchroma"][1] > found["Bayer, bilinear"][1] + 3
+
+    shot = read_dng(folder / "shot.dng")
+    assert shot.calibration.noise is not None
+    assert shot.calibration.noise.read == (0.02,) * 4
+    shown, preview = pixels(folder / "render.png"), pixels(folder / "preview.jpg")
+    assert shown.shape == preview.shape == truth.shape
+    assert np.abs(shown - preview).mean() < 25  # the same picture
+    for name in ("overview.png", "comparison.png"):
+        assert min(pixels(folder / name).shape[:2]) > 500
+
+
+def test_without_a_folder_each_run_gets_its_own(small: Path) -> None:
+    assert run("demo").code == 0
+    assert run("demo").code == 0
+    assert names(small) == {"panchroma-demo", "panchroma-demo-2"}
+    for name in RESULTS:
+        assert (small / "panchroma-demo" / name).read_bytes() == (small / "panchroma-demo-2" / name).read_bytes()
+
+
+def test_a_file_that_exists_stops_it_before_the_work(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = small / "results"
+    folder.mkdir()
+    (folder / "comparison.png").write_text("old")
+    with monkeypatch.context() as patched:
+        patched.setattr(demo, "builtin_scene", lambda *_: pytest.fail("worked"))
+        outcome = run("demo", "-o", "results")
+    assert outcome.code == 1
+    assert outcome.errors == ["panchroma: results/comparison.png: exists already; use --overwrite to replace it"]
+    assert names(folder) == {"comparison.png"}
+    assert run("demo", "-o", "results", "--overwrite").code == 0
+    assert names(folder) == RESULTS
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--sigma", "-1"], "--sigma is -1.0"),
+        (["--sigma", "nan"], "--sigma is nan"),
+        (["-o", "file"], "file: is not a folder"),
+        (["-o", "missing/below"], "missing/below: the folder cannot be made"),
+        (["-o", ""], "-o is empty"),
+    ],
+)
+def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str], words: str) -> None:
+    (small / "file").write_text("old")
+    outcome = run("demo", *options)
+    assert outcome.code == 2
+    assert len(outcome.err.splitlines()) == 1
+    assert outcome.err.startswith(f"panchroma: {words}")
+    assert names(small) == {"file"}
+
+
+def test_an_interrupt_leaves_whole_files_only(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[Any] = []
+    fsync = os.fsync
+
+    def interrupted(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == 3:  # file and folder of the shot, then the preview
+            signal.raise_signal(signal.SIGINT)
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", interrupted)
+    assert run("demo", "-o", "results").code == 130
+    assert names(small / "results") == {"shot.dng"}
+    read_dng(small / "results" / "shot.dng")

@@ -1,0 +1,123 @@
+"""`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
+
+import importlib.metadata
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.tools.command import run
+from tests.tools.test_base_install import camera
+from tools.host import installation
+from tools.host.installation import BAD, GOOD, MISSING, Finding
+
+
+def findings(name: str) -> list[Finding]:
+    return [finding for check in installation.CHECKS for finding in check() if finding.name == name]
+
+
+def only(name: str) -> Finding:
+    (finding,) = findings(name)
+    return finding
+
+
+def test_this_installation_is_well() -> None:
+    outcome = run("doctor", "--json")
+    assert outcome.code == 0, outcome.out
+    states = {record["check"]: record["state"] for record in outcome.records}
+    assert {name for name, state in states.items() if state == BAD} == set()
+    assert {"Python", "onnxruntime", "OpenCV", "preview", "kernel cache", "processors", "memory", "writing"} <= set(states)
+    assert [record for record in outcome.records if record["state"] != GOOD and not record["remedy"]] == []
+
+
+def test_people_see_a_line_each_and_a_verdict() -> None:
+    out = run("doctor").out.splitlines()
+    assert len([line for line in out if line.startswith("ok      preview ")]) == 1
+    assert out[-1] == "all is well" or out[-1].endswith("optional things missing")
+
+
+def test_a_camera_is_well_with_the_base_alone() -> None:
+    """Packages that the installation has but that are hidden count as broken here; what a camera needs does not."""
+    done = camera("doctor")
+    lines = done.stdout.decode().splitlines()
+    for name in ("numpy", "tifffile", "imagecodecs", "onnxruntime", "preview", "writing"):
+        assert [line for line in lines if line.startswith(f"ok      {name} ")], (name, done.stdout, done.stderr)
+
+
+def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = importlib.metadata.version
+
+    def version(name: str) -> str:
+        if name in ("rawpy", "numpy"):
+            raise PackageNotFoundError(name)
+        return {"onnxruntime": "1.21.0"}.get(name) or real(name)
+
+    monkeypatch.setattr(installation, "version", version)
+    assert (only("rawpy").state, only("rawpy").found) == (MISSING, "not installed: camera RAWs as scenes")
+    assert (only("numpy").state, only("onnxruntime").state) == (BAD, BAD)
+    assert "older than 1.22.1" in only("onnxruntime").found
+    assert only("onnxruntime").remedy == "pip install 'onnxruntime>=1.22.1'"
+    assert run("doctor").code == 1
+
+
+@pytest.mark.parametrize(
+    ("installed", "state", "words"),
+    [
+        ((), MISSING, "not installed"),
+        (("opencv-contrib-python-headless",), GOOD, "5.0"),
+        (("opencv-contrib-python",), GOOD, "5.0"),
+        (("opencv-python",), BAD, "no chart detection"),
+        (("opencv-python", "opencv-contrib-python-headless"), BAD, "overwrite each other"),
+    ],
+)
+def test_there_is_one_opencv(installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def version(name: str) -> str:
+        if name not in installed:
+            raise PackageNotFoundError(name)
+        return "5.0"
+
+    monkeypatch.setattr(installation, "version", version)
+    finding = only("OpenCV")
+    assert finding.state == state
+    assert words in finding.found
+    assert all(f"-y {' '.join(installed)} &&" in finding.remedy for _ in installed if state == BAD)
+
+
+def test_a_preview_that_fails_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise RuntimeError("illegal instruction")
+
+    monkeypatch.setattr("device.Preview.for_mosaic", fail)
+    assert (only("preview").state, only("preview").found) == (BAD, "does not run: illegal instruction")
+
+
+def test_a_cache_that_cannot_be_written_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    kernel = SimpleNamespace(_cache=SimpleNamespace(cache_path=str(tmp_path / "file" / "below")))
+    load = importlib.import_module
+
+    def module(name: str) -> Any:
+        return SimpleNamespace(oriented_median=kernel) if name.startswith("offline") else load(name)
+
+    monkeypatch.setattr(importlib, "import_module", module)
+    assert only("kernel cache").state == BAD
+    assert "NUMBA_CACHE_DIR" in only("kernel cache").remedy
+
+
+@pytest.mark.parametrize(("value", "state"), [("1", GOOD), ("0", BAD), ("many", BAD), ("4096", BAD), ("²", BAD)])
+def test_thread_settings_are_judged(value: str, state: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", value)
+    assert only("OMP_NUM_THREADS").state == state
+
+
+def test_little_memory_and_a_folder_that_takes_nothing_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "available_memory", lambda: 100 * 2**20)
+    assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(installation, "write_durably", full)
+    assert only("writing").state == BAD

@@ -1,0 +1,144 @@
+"""The command, as a person or a script uses it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.data import ROOT
+from tests.tools.evaluation.examples import small_scene
+from tools.cli import main
+
+
+def evaluate(*arguments: object) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(["evaluate", *map(str, arguments)])
+    assert isinstance(left.value.code, int)
+    return left.value.code
+
+
+@pytest.fixture
+def mixed(tmp_path: Path) -> Path:
+    """A folder of mixed files, some unreadable."""
+    folder = tmp_path / "mixed"
+    folder.mkdir()
+    np.save(folder / "light.npy", small_scene(66, 72, 0))
+    Image.fromarray((small_scene(60, 66, 1) * 255).astype(np.uint8)).save(folder / "kodim01.png")
+    (folder / "notes.txt").write_text("a note")
+    (folder / "empty.cr2").write_bytes(b"")
+    (folder / "cut.png").write_bytes((folder / "kodim01.png").read_bytes()[:300])
+    np.save(folder / "tiny.npy", small_scene(20, 20, 0))
+    (folder / ".hidden").write_bytes(b"")
+    return folder
+
+
+def test_a_folder_of_mixed_files(tmp_path: Path, mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "-j", "1", "--json")
+    assert evaluate(mixed, "builtin:60x60", *options) == 1
+    said = capsys.readouterr()
+    failed = [line for line in said.err.splitlines() if line.startswith("panchroma: ")]
+    assert len(failed) == 4
+    assert all(sum(name in line for line in failed) == 1 for name in ("notes.txt", "empty.cr2", "cut.png", "tiny.npy"))
+    records = [json.loads(line) for line in said.out.splitlines()]
+    assert [(Path(record["source"]).name, record["group"]) for record in records if record["ok"]] == [
+        ("kodim01.png", "Kodak"),
+        ("light.npy", "linear photographs"),
+        ("builtin:60x60", "built-in scenes"),
+    ]
+    assert sum(not record["ok"] for record in records) == 4
+    document = json.loads((out / "evaluation.json").read_text())
+    assert len(document["failed"]) == 4
+    assert set(document["verdict"]) == {"linear photographs", "Kodak", "built-in scenes"}
+    assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q25")
+    page = (out / "evaluation.html").read_text()
+    assert "notes.txt" in page
+    assert str(tmp_path) in page  # failures are named in full
+
+    # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
+    assert evaluate(mixed, *options) == 2
+    assert "evaluation.html: exists already" in capsys.readouterr().err
+    kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
+    assert evaluate(mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-report") == 1
+    assert "6 results are kept" in capsys.readouterr().err
+    after = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
+    assert {path: after[path] for path in kept} == kept
+    assert len(after) == len(kept) + 6
+    assert (out / "evaluation.html").read_text() == page
+
+
+def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("-o", tmp_path, "--methods", "paper", "bilinear", "--sigma", "0.01", "--period", "4", "6", "--dry-run")
+    assert evaluate(mixed / "light.npy", *options) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[:3] == ["light, sigma 0.01: paper K=4", "light, sigma 0.01: paper K=6", "light, sigma 0.01: bilinear"]
+    assert said[3].startswith("3 results to make, 0 kept")
+    assert [path.name for path in tmp_path.iterdir()] == ["mixed"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--methods", "magic"), "unknown method 'magic'; there are paper"),
+        (("--period", "2"), "--period is 2, expected 3 to"),
+        (("--sigma", "-1"), "sigma is -1"),
+        (("--exposure", "0.5"), "--exposure the light of --protocol sensor"),
+        (("--protocol", "sensor", "--sigma", "0.1"), "--sigma is the noise of --protocol paper"),
+        (("--protocol", "sensor", "--exposure", "0"), "exposure is 0"),
+        (("--seed", "-1"), "seed is -1"),
+        (("-j", "0"), "-j is 0"),
+        (("--max-memory", "lots"), "--max-memory is 'lots'"),
+        (("--crop", "0"), "--crop is 0"),
+        (("--max-memory", "1M"), "no scene could be read"),
+    ],
+)
+def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert evaluate("builtin:60x60", "-o", tmp_path, *options) == 2
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_equal_exposure_times(tmp_path: Path) -> None:
+    options = ("--protocol", "sensor", "--exposure", "1", "0.25", "--methods", "preview", "bilinear", "-j", "1", "--no-report")
+    assert evaluate("builtin:60x60", "-o", tmp_path, *options) == 0
+    document = json.loads((tmp_path / "evaluation.json").read_text())
+    assert document["protocol"]["kind"] == "sensor"
+    assert document["protocol"]["levels"] == [1.0, 0.25]
+    assert not (tmp_path / "evaluation.html").exists()
+
+
+def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
+    """Ctrl-C while two processes are at work: at once, exit code 130, what is finished is kept."""
+    np.save(tmp_path / "scene.npy", small_scene(240, 240, 0))
+    command = [
+        sys.executable,
+        "-c",
+        "from tools.cli import main; main()",
+        "evaluate",
+        str(tmp_path / "scene.npy"),
+        "-o",
+        str(tmp_path),
+    ]
+    command += ["-j", "2", "--no-report", "--methods", "bilinear", "paper", "--sigma", *(str(0.001 * n) for n in range(30))]
+    running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    results = tmp_path / "results"
+    while running.poll() is None and len(list(results.glob("*.npz")) if results.exists() else []) < 2:
+        time.sleep(0.05)
+    os.killpg(running.pid, signal.SIGINT)
+    _, said = running.communicate(timeout=30)
+    assert running.returncode == 130, said
+    assert "Traceback" not in said
+    assert "interrupted" in said
+    kept = len(list(results.glob("*.npz")))
+    assert 2 <= kept < 60
+    assert not list(results.glob(".*"))
+    again = subprocess.run([*command, "--dry-run"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert f"{60 - kept} results to make, {kept} kept" in again.stdout

@@ -1,0 +1,90 @@
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from device import Preview
+from device.graph import build_preview
+from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from tests.tools.command import names, run
+from tools.commands.export_preview import shipped
+
+
+def built(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> bytes:
+    graph: bytes = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
+    return graph
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ("", built(CfaPattern.bayer(6))),
+        ("--period 9 --order GBRG", built(CfaPattern.bayer(9, "GBRG"))),
+        ("--scale 3", built(CfaPattern.bayer(6), 3)),
+        ("--linear --period 4", built(CfaPattern.bayer(4), linear=True)),
+    ],
+)
+def test_it_writes_the_graph_asked_for(tmp_path: Path, options: str, expected: bytes) -> None:
+    path = tmp_path / "g.onnx"
+    outcome = run("export-preview", "-o", path, *options.split())
+    assert outcome.code == 0, outcome.err
+    assert path.read_bytes() == expected
+    assert outcome.out.startswith(f"{path}: ")
+    assert f", {len(expected)} bytes" in outcome.out
+
+
+def test_the_pattern_of_a_shot(tmp_path: Path) -> None:
+    pattern = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8, (5, 2))
+    mosaic = Mosaic(np.full((40, 40), 30000, np.uint16), pattern, SensorCalibration(channels=pattern.channels))
+    write_dng(tmp_path / "shot.dng", mosaic, np.zeros((40, 40, 3), np.uint8))
+    path = tmp_path / "g.onnx"
+    assert run("export-preview", "-o", path, "--like", tmp_path / "shot.dng").code == 0
+    assert path.read_bytes() == built(pattern)
+    assert Preview(path).run(mosaic).shape == (40, 40, 3)
+
+
+def test_all_that_are_shipped(tmp_path: Path) -> None:
+    assert run("export-preview", "--all", "-o", tmp_path).code == 0
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {
+        name: model.SerializeToString(deterministic=True) for name, model in shipped()
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("-o g.txt", "g.txt: is no name for a graph; write g.onnx"),
+        ("-o g.onnx --scale 4", "has 1, 2, 3, 6"),
+        ("-o g.onnx --period 2", "the period is 2, expected 3 to 16"),
+        ("-o g.onnx --like shot.dng --period 6", "leave --period and --order out"),
+        ("-o g.onnx --like gone.dng", "gone.dng: there is no such file"),
+        ("-o . --all --linear", "leave the other options out"),
+        ("-o missing --all", "does not exist"),
+        ("-o missing/g.onnx", "the folder missing does not exist"),
+    ],
+)
+def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: str, words: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run("export-preview", *options.split())
+    assert outcome.code == 2
+    (line,) = outcome.errors
+    assert words in line
+    assert names(tmp_path) == set()
+
+
+def test_a_graph_is_not_replaced_unasked(tmp_path: Path) -> None:
+    path = tmp_path / "g.onnx"
+    path.write_text("mine")
+    outcome = run("export-preview", "-o", path)
+    assert (outcome.code, path.read_text()) == (2, "mine")
+    assert "--overwrite" in outcome.err
+    assert run("export-preview", "-o", path, "--overwrite").code == 0
+    assert path.read_bytes() == built(CfaPattern.bayer(6))
+
+
+def test_without_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "device.graph", None)
+    outcome = run("export-preview", "-o", tmp_path / "g.onnx")
+    assert outcome.code == 2
+    assert "onnx, which is not installed" in outcome.errors[0]

@@ -1,0 +1,163 @@
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from device import Preview
+from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from shared.arrays import ByteArray
+from shared.dng import read_preview
+from tests.data import ROOT
+from tests.tools.command import assert_refused, names, run
+
+JPEG_LOSS = 2.0
+"""Codes of mean difference that JPEG at quality 95 may make on these pictures."""
+ORIENTATION = 274
+
+
+def shot(folder: Path, name: str = "shot.dng", pattern: CfaPattern | None = None, **metadata: object) -> Path:
+    """A soft picture, so that JPEG takes little from it; its own preview is black."""
+    pattern = pattern or CfaPattern.bayer(6, "GRBG", (1, 4))
+    rows, columns = np.ogrid[:61, :95]
+    codes = (1400 + 800 * np.sin(rows / 11) + 600 * np.cos(columns / 17)).astype(np.uint16)
+    calibration = SensorCalibration(
+        channels=pattern.channels, black_level=(256.0,) * (len(pattern.channels) + 1), white_level=3840, neutral=None
+    )
+    mosaic = Mosaic(codes, pattern, calibration, CaptureMetadata(**metadata))  # type: ignore[arg-type]
+    write_dng(folder / name, mosaic, np.zeros((61, 95, 3), np.uint8))
+    return folder / name
+
+
+def picture(path: Path, scale: int = 1) -> ByteArray:
+    mosaic = read_dng(path)
+    return np.asarray(Preview.for_mosaic(mosaic, scale).run(mosaic), np.uint8)
+
+
+def decoded(jpeg: Path | bytes) -> ByteArray:
+    return np.asarray(Image.open(BytesIO(jpeg) if isinstance(jpeg, bytes) else jpeg).convert("RGB"))
+
+
+def distance(first: ByteArray, second: ByteArray) -> float:
+    assert first.shape == second.shape
+    return float(np.abs(first.astype(float) - second).mean())
+
+
+@pytest.mark.parametrize("scale", [1, 2, 3])
+def test_it_is_the_preview_of_the_shot(tmp_path: Path, scale: int) -> None:
+    source = shot(tmp_path)
+    outcome = run("preview", source, "-o", tmp_path, "--scale", str(scale))
+    assert outcome.code == 0, outcome.err
+    assert distance(decoded(tmp_path / "shot.jpg"), picture(source, scale)) < JPEG_LOSS
+    assert outcome.out.startswith(f"{tmp_path / 'shot.jpg'}: {95 // scale} x {61 // scale}, ")
+
+
+def test_it_lies_as_the_samples_do_and_says_which_way_is_up(tmp_path: Path) -> None:
+    source = shot(tmp_path, orientation=6, make="Acme")
+    assert run("preview", source, "-o", tmp_path).code == 0
+    with Image.open(tmp_path / "shot.jpg") as image:
+        assert image.size == (95, 61)
+        exif = image.getexif()
+        assert exif[ORIENTATION] == 6
+        assert exif[271] == "Acme"
+        assert exif.get_ifd(34665)[40961] == 1  # sRGB
+
+
+def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "text.dng").write_text("no shot")
+    sources = [
+        shot(tmp_path, "a.dng"),
+        tmp_path / "text.dng",
+        shot(tmp_path, "b.dng", CfaPattern.bayer(5)),
+        shot(tmp_path, "c.dng"),
+    ]
+    outcome = run("preview", *sources, "-o", tmp_path, "--json")
+    assert_refused(outcome, "not a DNG", name=str(tmp_path / "text.dng"))
+    assert [record["ok"] for record in outcome.records] == [True, False, True, True]
+    assert outcome.records[0] | {"preview_ms": 0} == {
+        "source": str(sources[0]),
+        "ok": True,
+        "output": str(tmp_path / "a.jpg"),
+        "width": 95,
+        "height": 61,
+        "preview_ms": 0,
+    }
+    assert (tmp_path / "a.jpg").read_bytes() == (tmp_path / "c.jpg").read_bytes()
+    assert distance(decoded(tmp_path / "b.jpg"), picture(sources[2])) < JPEG_LOSS
+
+
+def test_results_are_not_replaced_unasked(tmp_path: Path) -> None:
+    source = shot(tmp_path)
+    (tmp_path / "shot.jpg").write_text("mine")
+    assert_refused(run("preview", source, "-o", tmp_path), "--overwrite", name=str(tmp_path / "shot.jpg"))
+    assert (tmp_path / "shot.jpg").read_text() == "mine"
+    assert run("preview", source, "-o", tmp_path, "--overwrite").code == 0
+    assert names(tmp_path) == {"shot.dng", "shot.jpg"}
+
+
+def test_a_scale_that_the_pattern_has_not(tmp_path: Path) -> None:
+    source = shot(tmp_path)
+    assert_refused(run("preview", source, "-o", tmp_path, "--scale", "4"), "has 1, 2, 3, 6", name=str(source))
+    outcome = run("preview", source, "-o", tmp_path, "--scale", "0")
+    assert (outcome.code, outcome.errors) == (2, ["panchroma: --scale is 0, expected 1 or more"])
+
+
+def test_a_graph_of_ones_own(tmp_path: Path) -> None:
+    pattern = CfaPattern.bayer(10)
+    source, graph = shot(tmp_path, pattern=pattern), tmp_path / "mine.onnx"
+    assert run("export-preview", "-o", graph, "--period", "10", "--scale", "2").code == 0
+    assert run("preview", source, "-o", tmp_path, "--graph", graph).code == 0
+    assert distance(decoded(tmp_path / "shot.jpg"), picture(source, 2)) < JPEG_LOSS
+    other = shot(tmp_path, "other.dng")
+    assert_refused(
+        run("preview", other, "-o", tmp_path, "--graph", graph), "pattern BWWWWWWWWG/", "the mosaic has", name=str(other)
+    )
+    outcome = run("preview", source, "-o", tmp_path, "--graph", graph, "--scale", "5")
+    assert (outcome.code, outcome.errors) == (2, [f"panchroma: {graph}: has scale 2, not 5; leave --scale out"])
+
+
+def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
+    source, file = shot(tmp_path), tmp_path / "camera.json"
+    own = read_dng(source)
+    camera = replace(own.calibration, black_level=(900.0,) * 4)
+    file.write_text(json.dumps(Camera(camera).to_json()))
+    assert run("preview", source, "-o", tmp_path, "--camera", file).code == 0
+    mosaic = replace(own, calibration=camera)
+    expected = np.asarray(Preview.for_mosaic(mosaic).run(mosaic), np.uint8)
+    assert distance(decoded(tmp_path / "shot.jpg"), expected) < JPEG_LOSS < distance(expected, picture(source))
+
+
+def test_a_graph_for_measurements_is_refused(tmp_path: Path) -> None:
+    source, graph = shot(tmp_path), tmp_path / "mine.onnx"
+    assert run("export-preview", "-o", graph, "--like", source, "--linear").code == 0
+    outcome = run("preview", source, "-o", tmp_path, "--graph", graph)
+    assert outcome.code == 2
+    assert "makes scene units" in outcome.errors[0]
+
+
+@pytest.mark.parametrize("command", [("simulate", "builtin:90x60"), ("demo",)])
+def test_the_program_s_own_shots_carry_it(tmp_path: Path, command: tuple[str, ...]) -> None:
+    assert run(*command, "-o", tmp_path).code == 0
+    (path,) = tmp_path.glob("*.dng")
+    write_dng(tmp_path / "again.dng", read_dng(path), picture(path))
+    assert read_preview(path) == read_preview(tmp_path / "again.dng")
+
+
+def test_the_distance_sees_another_picture(tmp_path: Path) -> None:
+    source = shot(tmp_path)
+    assert distance(decoded(read_preview(source)), picture(source)) > JPEG_LOSS
+    assert distance(picture(source)[::-1], picture(source)) > JPEG_LOSS
+
+
+def test_help_does_not_wait_for_onnxruntime() -> None:
+    script = (
+        "import sys\nfrom tools.cli import main\n"
+        "try:\n    main(['preview', '--help'])\nexcept SystemExit:\n    print('onnxruntime' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"

@@ -1,0 +1,435 @@
+"""`panchroma render`: the command gives what the library gives, in every format, and a bad shot costs one line."""
+
+import errno
+import io
+import os
+import resource
+import subprocess
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from offline import PAPER, render, render_bands
+from offline.settings import RenderSettings
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from shared.arrays import CodeArray, FloatArray
+from shared.calibration import encoding
+from shared.sensor import simulate_additive
+from tests.data import ROOT
+from tests.tools.command import PROGRAM, Outcome, assert_refused, names, results, run
+from tools.evaluation.metrics import psnr
+from tools.pictures.writer import POSSIBLE
+from tools.scenes.drawn.builtin import builtin_scene
+
+SCENE = (48, 36)
+SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"
+STEM = SOURCE.replace(":", "-")
+MEASURED = ("--preset", "paper", "--bits", "32", "--space", "camera")
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A noisy shot of the built-in scene, 16 bits, with its truth beside it."""
+    folder = tmp_path_factory.mktemp("shots")
+    assert run("simulate", SOURCE, "-o", folder, "--bits", "16", "--sigma", "0.02", "--truth").code == 0
+    return folder / f"{STEM}.dng"
+
+
+def save(path: Path, codes: Callable[[CodeArray], None] | None = None, **fields: Any) -> Path:
+    """A shot of random samples, 13 x 17, changed by `codes`."""
+    black, white = encoding(12)
+    calibration = SensorCalibration(**{"black_level": (black,) * 4, "white_level": white, **fields})
+    samples = np.random.default_rng(0).integers(black, white, (13, 17), np.uint16)
+    if codes:
+        codes(samples)
+    metadata = CaptureMetadata(make="Contax", iso=400, orientation=6)
+    write_dng(path, Mosaic(samples, CfaPattern.bayer(), calibration, metadata), np.zeros((8, 8, 3), np.uint8))
+    return path
+
+
+# --- what is made ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("sigma", "period"), [(0.0, 6), (0.03, 6), (0.02, 4)])
+def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, period: int) -> None:
+    """Scene -> DNG -> picture on disk, beside scene -> picture in memory."""
+    options = ["--period", str(period), "--origin", "2", "1", "--sigma", str(sigma), "--seed", "5"]
+    assert run("simulate", SOURCE, "-o", out, "--bits", "16", "--truth", *options).code == 0
+    assert run("render", out / f"{STEM}.dng", "-o", out, *MEASURED).code == 0
+    rendered, truth = tifffile.imread(out / f"{STEM}.tif"), tifffile.imread(out / f"{STEM}.truth.tif")
+    assert rendered.dtype == truth.dtype == np.float32
+    assert rendered.shape == truth.shape
+
+    black, white = encoding(16)
+    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white)
+    scene = builtin_scene(*SCENE)
+    mosaic = simulate_additive(
+        scene.rgb, CfaPattern.bayer(period, origin=(2, 1)), calibration, sigma, np.random.default_rng(5), scene.metadata
+    )
+    quantised = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
+    assert np.array_equal(rendered, render(quantised, PAPER).rgb)
+    # Half a code of 16 bits is 3e-5 scene units; a median may choose another block for it, so a few pixels differ more.
+    unquantised = render(mosaic, PAPER).rgb
+    assert np.median(np.abs(rendered - unquantised)) < 1e-4
+    assert psnr(rendered, truth) == pytest.approx(psnr(unquantised, truth), abs=0.05)
+
+
+def test_a_flat_scene_comes_back(out: Path, tmp_path: Path) -> None:
+    colour = np.array([0.7, 0.4, 0.15], np.float32)
+    np.save(tmp_path / "flat.npy", np.tile(colour, (25, 31, 1)))
+    assert run("simulate", tmp_path / "flat.npy", "-o", out, "--bits", "16").code == 0
+    assert run("render", out / "flat.dng", "-o", out, *MEASURED).code == 0
+    # One code of 16 bits at every site: each channel is off by as much.
+    np.testing.assert_allclose(tifffile.imread(out / "flat.tif"), np.tile(colour, (25, 31, 1)), atol=3 * 3 / 57344)
+
+
+KINDS = [(name, space, bits) for name, spaces in POSSIBLE.items() for space, possible in spaces.items() for bits in possible]
+
+
+@pytest.mark.parametrize(("name", "space", "bits"), KINDS)
+def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: str, space: str, bits: int) -> None:
+    shot = save(tmp_path / "shot.dng")
+    outcome = run("render", shot, "-o", out, "-f", name, "--space", space, "--bits", str(bits))
+    assert outcome.code == 0, outcome.err
+    path = out / f"shot.{name}"
+    assert results(out) == {path.name}
+    assert outcome.out.startswith(f"{path}: 17 x 13, {bits} bits, {space}, ")
+    upright = (13, 17) if space == "camera" else (17, 13)
+    match name:
+        case "tif":
+            stored: Any = tifffile.imread(path)
+        case "png":
+            stored = imagecodecs.png_decode(path.read_bytes())
+        case "jpg":
+            stored = np.asarray(Image.open(path))
+        case "dng":
+            with tifffile.TiffFile(path) as file:
+                assert file.pages.first.pages is not None
+                stored = file.pages.first.pages[0].asarray()
+        case "exr":
+            import OpenEXR
+
+            channels = OpenEXR.File(str(path), separate_channels=True).channels()
+            stored = np.stack([channels[letter].pixels for letter in "RGB"], axis=-1)
+        case _:
+            stored = np.load(path)
+    floating = name in ("exr", "npy") or bits == 32
+    assert stored.shape == (*upright, 3)
+    assert stored.dtype == np.dtype(f"{'float' if floating else 'uint'}{bits}")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ((), "16 bits, srgb"),
+        (("-f", "png"), "8 bits, srgb"),
+        (("-f", "jpg"), "8 bits, srgb"),
+        (("-f", "dng"), "16 bits, camera"),
+        (("-f", "exr"), "16 bits, linear-srgb"),
+        (("-f", "npy"), "32 bits, camera"),
+        (("--bits", "32"), "32 bits, linear-srgb"),
+        (("--space", "camera"), "32 bits, camera"),
+    ],
+)
+def test_what_is_left_open_is_the_formats_own(out: Path, shot: Path, options: tuple[str, ...], said: str) -> None:
+    assert f", {said}, " in run("render", shot, "-o", out, *options).out
+
+
+def test_displays_get_the_picture_upright_with_profile_and_capture_data(out: Path, tmp_path: Path) -> None:
+    run("render", save(tmp_path / "shot.dng"), "-o", out, "-f", "jpg")
+    with Image.open(out / "shot.jpg") as image:
+        assert image.size == (13, 17)
+        assert image.getexif()[274] == 1
+        assert image.getexif()[271] == "Contax"
+        assert image.info["icc_profile"]
+
+
+def test_exposure_is_a_gain(out: Path, shot: Path) -> None:
+    means = []
+    for stops in ("-1", "0", "1"):
+        assert run("render", shot, "-o", out, "-f", "npy", "--space", "linear-srgb", f"--exposure={stops}", "--overwrite").code == 0
+        means.append(float(np.load(out / f"{STEM}.npy").mean(dtype=np.float64)))
+    np.testing.assert_allclose(np.array(means) / means[1], [0.5, 1, 2], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("preset", "chosen"), [("paper", "PAPER"), ("best", "BEST"), (None, "BEST")])
+def test_the_preset_is_the_librarys(out: Path, shot: Path, monkeypatch: Any, preset: str | None, chosen: str) -> None:
+    import offline
+
+    seen = []
+
+    def recorded(mosaic: Mosaic, settings: RenderSettings, *rest: Any, **named: Any) -> Any:
+        seen.append(settings)
+        return render_bands(mosaic, settings)
+
+    monkeypatch.setattr(offline, "render_bands", recorded)
+    # So that only the one that is meant will do, whatever it is like.
+    monkeypatch.setattr(offline, chosen, RenderSettings())
+    assert run("render", shot, "-o", out, *(["--preset", preset] if preset else [])).code == 0
+    assert seen[0] is getattr(offline, chosen)
+
+
+def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise AssertionError("rendered")
+
+    monkeypatch.setattr("offline.render_bands", fail)
+    (tmp_path / "text.dng").write_text("no picture")
+    (out / "old.tif").write_text("old")
+    old = save(tmp_path / "old.dng")
+    outcome = run("render", shot, tmp_path / "text.dng", old, "-o", out, "--dry-run", "--json")
+    assert outcome.code == 1
+    found = {Path(record["source"]).name: (record["ok"], record.get("dry_run")) for record in outcome.records}
+    assert found == {shot.name: (True, True), "text.dng": (False, None), "old.dng": (False, None)}
+    assert f"{shot} -> {out / f'{STEM}.tif'}" in outcome.err
+    assert results(out) == {"old.tif"}
+
+
+def test_records_for_machines(out: Path, shot: Path) -> None:
+    outcome = run("render", shot, "-o", out, "--json")
+    (record,) = outcome.records
+    assert record.pop("seconds") >= 0
+    assert record == {"source": str(shot), "ok": True, "output": str(out / f"{STEM}.tif"), "width": 48, "height": 36}
+    assert f"{STEM}.tif: 48 x 36" in outcome.err
+    assert ": luminance " in outcome.err
+
+
+def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
+    words, unknown = "the noise is unknown and ", save(tmp_path / "shot.dng")
+    assert words + "estimated from the shot" in run("render", unknown, "-o", out).err
+    assert words + "taken for none" in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
+    assert words not in run("render", shot, "-o", out, "--overwrite").err
+
+
+@pytest.mark.parametrize(("period", "shape"), list(product((3, 6, 16), ((5, 7), (16, 19), (33, 18)))))
+def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tuple[int, int]) -> None:
+    scene: FloatArray = np.random.default_rng(1).random((*shape, 3), np.float32)
+    np.save(tmp_path / "scene.npy", scene)
+    assert run("simulate", tmp_path / "scene.npy", "-o", out, "--period", str(period), "--sigma", "0.01").code == 0
+    outcome = run("render", out / "scene.dng", "-o", out, *MEASURED)
+    assert outcome.code == 0, outcome.err
+    rendered = tifffile.imread(out / "scene.tif")
+    assert rendered.shape == scene.shape
+    assert np.isfinite(rendered).all()
+
+
+# --- what is refused ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--bits", "16", "--space", "camera"), "tif does not hold camera with 16 bits; it holds"),
+        (("-f", "jpg", "--bits", "16"), "jpg does not hold 16 bits; it holds"),
+        (("-f", "png", "--space", "linear-srgb"), "png does not hold the space 'linear-srgb'; it holds"),
+        (("-f", "dng", "--space", "srgb"), "dng does not hold the space 'srgb'; it holds"),
+        (("--exposure", "17"), "exposure is 17.0 stops, expected -16 to 16"),
+        (("--exposure", "nan"), "exposure is nan stops"),
+        (("--exposure", "1", "--space", "camera"), "an exposure of 1 stops with --space camera"),
+    ],
+)
+def test_pictures_that_no_file_holds_are_usage(out: Path, shot: Path, options: tuple[str, ...], words: str) -> None:
+    outcome = run("render", shot, shot, "-o", out, *options)
+    assert outcome.code == 2
+    (line,) = outcome.err.splitlines()
+    assert line.startswith("panchroma: ")
+    assert words in line
+    assert results(out) == set()
+
+
+def flipped(data: bytes, place: int) -> bytes:
+    return data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :]
+
+
+JPEG = bytes(imagecodecs.jpeg8_encode(np.full((16, 16, 3), 99, np.uint8)))
+BAD_SHOTS: dict[str, tuple[Callable[[bytes], bytes], str]] = {
+    "cut": (lambda data: data[: len(data) // 2], "damaged: the file ends after"),
+    "bit flipped in the samples": (lambda data: flipped(data, data.find(b"\xff\xc3") + 300), "damaged: the samples differ"),
+    "bit flipped in the record": (lambda data: flipped(data, data.find(b'"gamma"') + 10), "damaged: the record"),
+    "JPEG": (lambda _: JPEG, "a JPEG picture, not a DNG; `panchroma simulate` makes"),
+    "text": (lambda _: b"Hello\n", "not a DNG: it does not begin like a TIFF file; give a shot"),
+    "empty": (lambda _: b"", "the file is empty; copy it again"),
+    "TIFF": (lambda _: tiff(), "not a mosaic of Panchroma; `panchroma simulate` makes one"),
+}
+
+
+def tiff() -> bytes:
+    buffer = io.BytesIO()
+    tifffile.imwrite(buffer, np.zeros((9, 9), np.uint16))
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("verb", [("render", "-o"), ("inspect",), ("inspect", "--verify")])
+@pytest.mark.parametrize("kind", BAD_SHOTS)
+def test_a_bad_shot_costs_one_line_and_the_rest_goes_on(
+    out: Path, tmp_path: Path, shot: Path, kind: str, verb: tuple[str, ...]
+) -> None:
+    damage, words = BAD_SHOTS[kind]
+    bad = tmp_path / "bad.dng"
+    bad.write_bytes(damage(shot.read_bytes()))
+    before = bad.read_bytes(), shot.read_bytes()
+    outcome = run(*verb, *([out] if "-o" in verb else []), bad, shot, "--json")
+    assert_refused(outcome, words, name=str(bad))
+    assert [record["ok"] for record in outcome.records] == [False, True]
+    assert results(out) == ({f"{STEM}.tif"} if "-o" in verb else set())
+    assert (bad.read_bytes(), shot.read_bytes()) == before
+
+
+def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
+    for verb in (["render", "-o", str(out)], ["inspect"]):
+        assert_refused(run(*verb, tmp_path / "x.dng"), "there is no such file", name=str(tmp_path / "x.dng"))
+        said = "no .dng file is in this folder" if verb[0] == "render" else "is a folder; give a DNG of Panchroma"
+        assert_refused(run(*verb, tmp_path), said, name=str(tmp_path))
+        assert_refused(run(*verb, "/dev/null"), "is a pipe or a device", name="/dev/null")
+        assert_refused(run(*verb, "x" * 300), "cannot be read", name="x" * 300)
+
+
+def black(codes: CodeArray) -> None:
+    codes[:] = 256
+
+
+def under_black(codes: CodeArray) -> None:
+    codes[:] = 3
+
+
+def saturated(codes: CodeArray) -> None:
+    codes[:] = 4000
+
+
+@pytest.mark.parametrize(
+    ("codes", "words"),
+    [
+        (black, "no sample is above the black level: nothing was exposed"),
+        (under_black, "no sample is above the black level"),
+        (saturated, "every sample is saturated: there is no picture in it; expose less"),
+    ],
+)
+def test_a_frame_without_a_picture_is_refused(out: Path, tmp_path: Path, codes: Any, words: str) -> None:
+    assert_refused(run("render", save(tmp_path / "shot.dng", codes), "-o", out), words, name=str(tmp_path / "shot.dng"))
+    assert results(out) == set()
+
+
+def test_a_frame_whose_colour_samples_alone_are_not_saturated_is_a_picture_for_best(out: Path, tmp_path: Path) -> None:
+    """`best` takes luminance from them; the published method has none to begin with."""
+
+    def codes(samples: CodeArray) -> None:
+        samples[CfaPattern.bayer().filter_map(samples.shape) == 3] = 4000
+        samples[CfaPattern.bayer().filter_map(samples.shape) != 3] = 2400
+
+    shot = save(tmp_path / "shot.dng", codes)
+    words = "every panchromatic sample is saturated: there is no picture in it; expose less"
+    assert_refused(run("render", shot, "-o", out, "--preset", "paper"), words, name=str(shot))
+    assert results(out) == set()
+    outcome = run("render", shot, "-o", out, "--bits", "32", "--space", "camera")
+    assert outcome.code == 0, outcome.err
+    calibration = read_dng(shot).calibration
+    light = tifffile.imread(out / "shot.tif").astype(np.float64) @ np.array(calibration.gamma)
+    expected = (2400 - calibration.black_level[0]) * calibration.scale().max() * sum(calibration.gamma)
+    assert abs(light.mean() / expected - 1) < 0.02
+    assert expected > calibration.full_scale
+
+
+def test_a_frame_with_one_pixel_of_light_is_a_picture(out: Path, tmp_path: Path) -> None:
+    for name, others, one in (("dark", 256, 300), ("bright", 4000, 2000)):
+
+        def codes(samples: CodeArray, others: int = others, one: int = one) -> None:
+            samples[:] = others
+            samples[4, 4] = one
+
+        outcome = run("render", save(tmp_path / f"{name}.dng", codes), "-o", out, *MEASURED)
+        assert outcome.code == 0, outcome.err
+        assert np.isfinite(tifffile.imread(out / f"{name}.tif")).all()
+
+
+def test_a_sensor_whose_colours_nobody_knows(out: Path, tmp_path: Path) -> None:
+    """Its measurements can be written, its pictures cannot."""
+    pattern = CfaPattern.with_block(("RGB", "XWY"), 6)
+    calibration = SensorCalibration("RGBXY")
+    samples = np.random.default_rng(0).integers(4096, 60000, (12, 18), np.uint16)
+    write_dng(tmp_path / "five.dng", Mosaic(samples, pattern, calibration), np.zeros((8, 8, 3), np.uint8))
+    assert_refused(
+        run("render", tmp_path / "five.dng", "-o", out), "no colour matrix for the channels RGBXY", name=str(tmp_path / "five.dng")
+    )
+    assert_refused(run("render", tmp_path / "five.dng", "-o", out, "-f", "dng"), "3 channels", name=str(tmp_path / "five.dng"))
+    assert run("render", tmp_path / "five.dng", "-o", out, *MEASURED).code == 0
+    assert tifffile.imread(out / "five.tif").shape == (12, 18, 5)
+
+
+def test_results_that_exist_are_kept(out: Path, tmp_path: Path, shot: Path) -> None:
+    (out / f"{STEM}.tif").write_text("old")
+    other = save(tmp_path / "other.dng")
+    outcome = run("render", shot, other, "-o", out)
+    assert_refused(outcome, "exists already; use --overwrite to replace it", name=str(out / f"{STEM}.tif"))
+    assert (out / f"{STEM}.tif").read_text() == "old"
+    assert results(out) == {f"{STEM}.tif", "other.tif"}
+    assert run("render", shot, other, "-o", out, "--overwrite").code == 0
+    assert (out / f"{STEM}.tif").read_bytes()[:4] == b"II*\0"
+
+
+def test_a_shot_is_never_replaced_by_its_rendering(tmp_path: Path) -> None:
+    shot = save(tmp_path / "shot.dng")
+    before = shot.read_bytes()
+    for options in ([], ["--overwrite"]):
+        assert_refused(run("render", shot, "-o", tmp_path, "-f", "dng", *options), "is an input; use another", name=str(shot))
+    assert shot.read_bytes() == before
+    assert names(tmp_path) == {"shot.dng"}
+
+
+# --- a disk that takes no more --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", POSSIBLE)
+def test_a_full_disk_costs_one_line_and_keeps_what_was_there(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    shots = [save(tmp_path / "one.dng"), save(tmp_path / "two.dng")]
+    (out / f"one.{name}").write_text("old")
+    calls = []
+    fsync = os.fsync
+
+    def full(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    outcome = run("render", *shots, "-o", out, "-f", name, "--overwrite")
+    assert_refused(outcome, "the disk is full; free some space or choose another folder", name=str(out / f"one.{name}"))
+    assert (out / f"one.{name}").read_text() == "old"
+    assert results(out) == {f"one.{name}", f"two.{name}"}
+
+
+def test_a_limit_of_the_system_on_file_sizes(out: Path, tmp_path: Path) -> None:
+    shot = save(tmp_path / "shot.dng")
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    done = subprocess.run(
+        [*PROGRAM, "render", shot, "-o", out], cwd=ROOT, capture_output=True, text=True, check=False, preexec_fn=limit
+    )
+    assert_refused(Outcome(done.returncode, done.stdout, done.stderr), "choose another folder", name=str(out / "shot.tif"))
+    assert results(out) == set()
+
+
+def test_a_shot_survives_being_looked_at(shot: Path, out: Path) -> None:
+    before = shot.read_bytes()
+    run("render", shot, "-o", out)
+    run("inspect", shot)
+    assert shot.read_bytes() == before
+    assert read_dng(shot).shape == SCENE[::-1]

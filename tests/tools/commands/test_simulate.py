@@ -1,0 +1,403 @@
+"""`panchroma simulate`: scenes become shots, every option counts, and what is no scene costs one line."""
+
+import errno
+import json
+import os
+import resource
+import struct
+import subprocess
+import zlib
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
+from shared.arrays import FloatArray
+from shared.calibration import encoding
+from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
+from shared.tiff import Directory, FieldType, encode_tiff
+from tests.data import ROOT
+from tests.tools.command import PROGRAM, Outcome, assert_refused, names, run
+from tools.scenes.drawn.builtin import builtin_scene
+
+SOURCE = "builtin:24x18"
+SHOT, TRUTH = "builtin-24x18.dng", "builtin-24x18.truth.tif"
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    return folder
+
+
+def camera(bits: int = 12, **fields: Any) -> SensorCalibration:
+    """What the command takes without --camera, for the built-in scene."""
+    black, white = encoding(bits)
+    scene = builtin_scene(24, 18)
+    given = {
+        "black_level": (black,) * 4,
+        "white_level": white,
+        "camera_to_xyz": scene.camera_to_xyz,
+        "neutral": scene.neutral,
+        "sensor": "simulated",
+    }
+    return SensorCalibration(**{**given, **fields})
+
+
+def simulate(out: Path, *options: str | Path) -> Any:
+    """The shot of the built-in scene that is made with `options`."""
+    outcome = run("simulate", SOURCE, "-o", out, "--overwrite", *options)
+    assert outcome.code == 0, outcome.err
+    return read_dng(out / SHOT)
+
+
+# --- what is made ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
+    expected = simulate_additive(builtin_scene(24, 18).rgb, CfaPattern.bayer(), camera(), 0.02, np.random.default_rng(7))
+    shot = simulate(out, "--sigma", "0.02", "--seed", "7")
+    assert np.array_equal(shot.codes, expected.codes)
+    assert shot.pattern == expected.pattern
+    assert shot.calibration == expected.calibration
+    assert names(out) == {SHOT}
+
+
+def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
+    calibration = camera(white_level=4095)  # the sensor ends where its codes do
+    expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, np.random.default_rng(0))
+    shot = simulate(out, "--protocol", "sensor", "--exposure", "4")
+    assert np.array_equal(shot.codes, expected.codes)
+    assert shot.calibration.noise == typical_noise(calibration)
+    assert shot.codes.max() == 4095
+
+
+@pytest.mark.parametrize(
+    ("options", "reads"),
+    [
+        (["--period", "5"], lambda shot: shot.pattern == CfaPattern.bayer(5)),
+        (["--order", "GBRG"], lambda shot: shot.pattern == CfaPattern.bayer(6, "GBRG")),
+        (["--origin", "4", "-1"], lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
+        (["--bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, encoding(10)[1])),
+        (["--bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, encoding(16)[0])),
+        (["--sigma", "0.05"], lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
+        (["--layout", "linear"], lambda shot: shot.pattern == CfaPattern.bayer()),
+    ],
+)
+def test_every_option_of_the_camera_counts(out: Path, options: list[str], reads: Callable[[Any], bool]) -> None:
+    plain = simulate(out)
+    before = (out / SHOT).read_bytes()
+    assert reads(simulate(out, *options))
+    assert (out / SHOT).read_bytes() != before
+    assert options == ["--layout", "linear"] or not reads(plain)
+
+
+def test_the_layout_is_what_raw_developers_see(out: Path) -> None:
+    for layout, photometric in (("auto", 32803), ("cfa", 32803), ("linear", 34892)):
+        simulate(out, "--layout", layout)
+        with tifffile.TiffFile(out / SHOT) as file:
+            assert file.pages.first.pages is not None
+            assert file.pages.first.pages[0].photometric == photometric  # type: ignore[union-attr]
+
+
+def test_the_seed_decides_the_noise(out: Path) -> None:
+    one, other, again = (simulate(out, "--sigma", "0.1", "--seed", seed).codes for seed in ("1", "2", "1"))
+    assert np.array_equal(one, again)
+    assert not np.array_equal(one, other)
+
+
+def test_the_truth_is_the_scene_in_float32(out: Path) -> None:
+    simulate(out, "--truth", "--sigma", "0.1")
+    truth = tifffile.imread(out / TRUTH)
+    assert truth.dtype == np.float32
+    assert np.array_equal(truth, builtin_scene(24, 18).rgb)
+    assert names(out) == {SHOT, TRUTH}
+
+
+def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:
+    noise = NoiseModel((0.001,) * 4, (0.02,) * 4)
+    calibration = SensorCalibration(
+        gamma=(0.8, 1.0, 1.2), noise=noise, black_level=(60, 61, 62, 63), white_level=1000, neutral=(0.5, 1, 0.7), sensor="mine"
+    )
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(calibration.to_json()))
+    scene = builtin_scene(24, 18)
+    shot = simulate(out, "--camera", path, "--protocol", "sensor")
+    assert shot.calibration.gamma == calibration.gamma
+    assert shot.calibration.noise == noise
+    assert (shot.calibration.black_level, shot.calibration.white_level) == (calibration.black_level, 1000)
+    assert shot.calibration.neutral == (0.5, 1.0, 0.7)
+    assert shot.calibration.camera_to_xyz == scene.camera_to_xyz  # the camera does not know it, the scene does
+    assert shot.calibration.sensor == "mine"
+    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--bits", "14")
+    assert paper.calibration.noise == NoiseModel.gaussian(0.03, 4)
+    assert (paper.calibration.gamma, paper.calibration.bits) == (calibration.gamma, 14)
+
+
+def test_linear_takes_numbers_for_light(out: Path, tmp_path: Path) -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (18, 24, 3), np.uint8)
+    Image.fromarray(picture).save(tmp_path / "picture.png")
+    assert run("simulate", tmp_path / "picture.png", "-o", out, "--linear", "--truth").code == 0
+    np.testing.assert_allclose(tifffile.imread(out / "picture.truth.tif"), picture / 255, atol=1e-6)
+
+
+def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "ramp.npy", np.linspace(0, 1, 12 * 13 * 3, dtype=np.float32).reshape(12, 13, 3))
+    outcome = run("simulate", SOURCE, tmp_path / "ramp.npy", "-o", out, "--json", "--truth")
+    assert outcome.code == 0
+    assert [record["ok"] for record in outcome.records] == [True, True]
+    assert outcome.records[1] == {
+        "source": str(tmp_path / "ramp.npy"),
+        "ok": True,
+        "outputs": [str(out / "ramp.dng"), str(out / "ramp.truth.tif")],
+        "width": 13,
+        "height": 12,
+    }
+    assert names(out) == {SHOT, TRUTH, "ramp.dng", "ramp.truth.tif"}
+
+
+def test_notes_on_how_a_source_was_understood_go_to_stderr(out: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "bright.npy", np.full((12, 12, 3), 4, np.float32))
+    outcome = run("simulate", tmp_path / "bright.npy", "-o", out)
+    assert "the brightest value is 4" in outcome.err
+    assert outcome.out == f"{out / 'bright.dng'}: 12 x 12, period 6, 12 bits\n"
+
+
+@pytest.mark.parametrize(("period", "shape"), list(product((3, 6, 16), ((16, 16), (33, 17), (18, 47)))))
+def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tuple[int, int]) -> None:
+    rgb: FloatArray = np.random.default_rng(period).random((*shape, 3), np.float32)
+    np.save(tmp_path / "scene.npy", rgb)
+    assert (
+        run("simulate", tmp_path / "scene.npy", "-o", out, "--period", str(period), "--bits", "16", "--origin", "1", "2").code == 0
+    )
+    shot = read_dng(out / "scene.dng")
+    pattern = CfaPattern.bayer(period, origin=(1, 2))
+    assert shot.pattern == pattern
+    step = shot.calibration.scale()[-1]
+    assert np.abs(shot.signal - sample(rgb, pattern, shot.calibration)).max() < 0.51 * step  # half a code, and float32
+
+
+def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
+    for rows, columns in ((5, 7), (7, 5), (2, 2)):
+        np.save(tmp_path / f"scene{rows}.npy", np.full((rows, columns, 3), 0.5, np.float32))
+    assert run("simulate", *tmp_path.glob("*.npy"), "-o", out).code == 0
+    assert read_dng(out / "scene2.dng").shape == (2, 2)
+
+
+# --- what is refused ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--period", "2"], "the period is 2, expected 3 to 16"),
+        (["--period", "0"], "the period is 0"),
+        (["--period", "-6"], "the period is -6"),
+        (["--bits", "9"], "9 bits: expected 10 to 16"),
+        (["--bits", "0"], "0 bits: expected 10 to 16"),
+        (["--sigma", "-1"], "--sigma is -1.0"),
+        (["--sigma", "nan"], "--sigma is nan"),
+        (["--seed", "-1"], "--seed is -1"),
+        (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the paper's noise"),
+        (["--exposure", "2"], "--exposure needs --protocol sensor"),
+        (["--camera", "missing.json"], "missing.json: there is no such file"),
+    ],
+)
+def test_impossible_options_are_usage(out: Path, options: list[str], words: str) -> None:
+    outcome = run("simulate", SOURCE, "-o", out, *options)
+    assert outcome.code == 2
+    (line,) = outcome.err.splitlines()
+    assert line.startswith("panchroma: ")
+    assert words in line
+    assert names(out) == set()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("not json", "is not JSON"),
+        ("[1, 2]", "expected a JSON object"),
+        ('{"schema": 1, "gamma": null}', "gamma is None"),
+        ('{"schema": 1, "gamma": [1, 1]}', "gamma has 2 figures, expected 3"),
+        ('{"schema": 1, "gama": [1, 1, 1]}', "unknown field 'gama'"),
+        ('{"schema": 1, "channels": "RGBE"}', "channels RGB, the calibration RGBE: they belong to different sensors"),
+    ],
+)
+def test_a_camera_file_that_does_not_fit_is_usage(out: Path, tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "camera.json").write_text(text)
+    outcome = run("simulate", SOURCE, "-o", out, "--camera", tmp_path / "camera.json")
+    assert_refused(outcome, words, name=str(tmp_path / "camera.json"), code=2)
+    assert names(out) == set()
+
+
+def scene(value: float = 0.5) -> FloatArray:
+    picture = np.full((12, 12, 3), 0.5, np.float32)
+    picture[3, 4, 1] = value
+    return picture
+
+
+def exr(picture: FloatArray) -> bytes:
+    from tools.pictures.encoders import encode_exr
+
+    return encode_exr(picture, "RGB", 32, {})
+
+
+def tiff(picture: FloatArray) -> bytes:
+    from tools.pictures.encoders import encode_tiff_picture
+
+    return encode_tiff_picture(picture, Directory())
+
+
+def npy(picture: Any) -> bytes:
+    from tools.pictures.encoders import encode_npy
+
+    return encode_npy(picture)
+
+
+def png_bomb() -> bytes:
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", 60000, 60000, 16, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(10**6)))
+
+
+def png() -> bytes:
+    return bytes(imagecodecs.png_encode((scene() * 65535).astype(np.uint16)))
+
+
+def tiff_bomb(side: int) -> bytes:
+    fields = {256: side, 257: side, 258: 8, 259: 8, 262: 2, 277: 3, 278: side}
+    directory: Any = {tag: (FieldType.LONG, [value]) for tag, value in fields.items()}
+    return encode_tiff(Directory(directory, strips=[bytes(imagecodecs.deflate_encode(bytes(10**6)))]))
+
+
+JPEG = bytes(imagecodecs.jpeg8_encode(np.full((16, 16, 3), 99, np.uint8)))
+# Name, content and what is said of it.
+BAD_SCENES: dict[str, tuple[bytes, str]] = {
+    "nan.npy": (npy(scene(np.nan)), "1 of 432 values are not finite"),
+    "infinite.npy": (npy(scene(np.inf)), "not finite"),
+    "huge.npy": (npy(scene().astype(np.float64) * 1e300), "not finite"),
+    "nan.exr": (exr(scene(np.nan)), "not finite"),
+    "infinite.exr": (exr(scene(-np.inf)), "not finite"),
+    "nan.tif": (tiff(scene(np.nan)), "not finite"),
+    "infinite.tif": (tiff(scene(np.inf)), "not finite"),
+    "negative.npy": (npy(scene(-0.5)), "light is not negative. Subtract the black level correctly"),
+    "negative.tif": (tiff(scene(-0.5)), "light is not negative"),
+    "pixel.npy": (npy(scene()[:1, :1]), "holds no whole colour block of this pattern (period 6)"),
+    "none.npy": (npy(scene()[:0]), "it is empty"),
+    "words.npy": (npy(np.array(["a"])), "expected unsigned integers or floating point"),
+    "cut.npy": (npy(scene())[:900], "cut short or damaged"),
+    "cut.tif": (tiff(scene())[:900], "the file ends after 900 bytes"),
+    "cut.exr": (exr(scene())[:900], "cut short or damaged"),
+    "cut.png": (png()[:60], "cut short or damaged"),
+    "cut.jpg": (JPEG[:300], "cut short or damaged"),
+    "bomb.png": (png_bomb(), "60000 x 60000 pixels are more than"),
+    "bomb.tif": (tiff_bomb(60000), "60000 x 60000 pixels are more than"),
+    "small_bomb.tif": (tiff_bomb(11000), "claim to hold 11000 x 11000 pixels (346 MB)"),
+    "picture.dng": (JPEG, "is a JPEG picture by its content"),
+    "text.cr2": (b"Hello, this is not a photograph.\n" * 50, ";"),
+    "empty.tif": (b"", "the file is empty; copy it again"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_path: Path, name: str) -> None:
+    content, words = BAD_SCENES[name]
+    (tmp_path / name).write_bytes(content)
+    outcome = run("simulate", tmp_path / name, SOURCE, "-o", out, "--json", "--truth")
+    assert_refused(outcome, words, name=str(tmp_path / name))
+    assert [record["ok"] for record in outcome.records] == [False, True]
+    assert outcome.records[0]["error"] == outcome.errors[0].removeprefix("panchroma: ")
+    assert names(out) == {SHOT, TRUTH}
+
+
+def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
+    assert_refused(run("simulate", tmp_path / "x.dng", "-o", out), "there is no such file", name=str(tmp_path / "x.dng"))
+    assert_refused(run("simulate", tmp_path, "-o", out), "is a folder; name the files in it", name=str(tmp_path))
+    assert_refused(run("simulate", "x" * 300, "-o", out), "cannot be read", name="x" * 300)
+    os.mkfifo(tmp_path / "pipe.dng")
+    assert_refused(run("simulate", tmp_path / "pipe.dng", "-o", out), "is a pipe or a device", name=str(tmp_path / "pipe.dng"))
+    assert names(out) == set()
+
+
+@pytest.mark.parametrize("size", ["", "12", "0x9", "-1x9", "9x9x9", "9X9", "999999x999999"])
+def test_built_in_scenes_that_there_are_not(out: Path, size: str) -> None:
+    outcome = run("simulate", f"builtin:{size}", "-o", out)
+    assert outcome.code == 1
+    assert len(outcome.errors) == 1
+    assert outcome.errors[0].startswith(f"panchroma: builtin:{size}: ")
+    assert names(out) == set()
+
+
+def test_a_layout_that_cannot_hold_the_pattern_leaves_no_truth_behind(out: Path) -> None:
+    outcome = run("simulate", SOURCE, "-o", out, "--period", "9", "--layout", "cfa", "--truth")
+    assert outcome.code == 1
+    assert 'the layout "cfa" cannot hold this pattern' in outcome.errors[0]
+    assert names(out) == set()
+
+
+def test_existing_results_are_kept_unless_told(out: Path) -> None:
+    (out / TRUTH).write_text("precious")
+    outcome = run("simulate", SOURCE, "-o", out, "--truth")
+    assert_refused(outcome, "exists already; use --overwrite to replace it", name=str(out / TRUTH))
+    assert names(out) == {TRUTH}
+    assert (out / TRUTH).read_text() == "precious"
+    assert run("simulate", SOURCE, "-o", out, "--truth", "--overwrite").code == 0
+    assert names(out) == {SHOT, TRUTH}
+
+
+def test_a_scene_is_never_replaced_by_its_own_truth(out: Path) -> None:
+    """The name of a truth is that of a possible scene; only the input is refused."""
+    run("simulate", SOURCE, "-o", out, "--truth")
+    before = (out / TRUTH).read_bytes()
+    (out / "builtin-24x18.npy").write_bytes(npy(scene()))
+    outcome = run("simulate", out / "builtin-24x18.npy", out / TRUTH, "-o", out, "--truth", "--overwrite")
+    assert outcome.code == 1
+    assert "is an input; use another output folder" in outcome.err
+    assert (out / TRUTH).read_bytes() == before
+
+
+# --- a disk that takes no more --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO])
+def test_a_full_disk_costs_one_line_and_leaves_nothing(out: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    calls = []
+    fsync = os.fsync
+
+    def full(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == 1:
+            raise OSError(number, os.strerror(number))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    outcome = run("simulate", SOURCE, "builtin:12x12", "-o", out)
+    assert_refused(outcome, ";" if number != errno.EIO else "cannot be written", name=str(out / SHOT))
+    assert names(out) == {"builtin-12x12.dng"}
+
+
+def test_a_limit_of_the_system_on_file_sizes(out: Path) -> None:
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    done = subprocess.run(
+        [*PROGRAM, "simulate", "builtin:200x150", "builtin:12x12", "-o", out],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limit,
+    )
+    outcome = Outcome(done.returncode, done.stdout, done.stderr)
+    assert_refused(outcome, "larger than", "choose another folder", name=str(out / "builtin-200x150.dng"))
+    assert names(out) == {"builtin-12x12.dng"}

@@ -1,0 +1,429 @@
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.client import HTTPConnection, HTTPResponse
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+
+from device.capture import Sensor
+from device.frames import FrameLayout, RawFrame
+from device.shots import ShotFolder
+from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
+from shared.arrays import ByteArray
+from shared.errors import InputError, OutputError
+from tests.data import ROOT
+from tests.device.packer import random_codes
+from tests.tools.browser import CHROMIUM, Browser
+from tools.cli import main
+from tools.commands.view import _scale
+from tools.live.server import ViewfinderServer
+from tools.live.viewfinder import Viewfinder
+
+SIZE = (20, 30)
+SENSOR = Sensor(
+    FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(), SensorCalibration(black_level=(0.0,) * 4, white_level=1023)
+)
+
+
+def grey(mosaic: Mosaic) -> ByteArray:
+    return np.repeat((mosaic.codes >> 2).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+def noise(mosaic: Mosaic) -> ByteArray:
+    """A large picture, for a small frame: some 4 MB of JPEG."""
+    return np.random.default_rng(int(mosaic.codes[0, 0])).integers(0, 256, (1500, 2000, 3)).astype(np.uint8)
+
+
+def codes(number: int) -> Any:
+    return random_codes(SIZE, 10, number)
+
+
+def show(finder: Viewfinder, number: int) -> None:
+    frame = RawFrame.now(codes(number).tobytes())
+    finder.show(frame, SENSOR.mosaic(frame))
+
+
+class Served:
+    """A viewfinder at work."""
+
+    def __init__(self, folder: Path | None, preview: Any = grey) -> None:
+        self.finder = Viewfinder(preview, lambda: 7, (ShotFolder(folder), grey) if folder else None)
+        self.server = ViewfinderServer(("127.0.0.1", 0), self.finder)
+        self.port = int(self.server.server_address[1])
+        threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def ask(self, path: str, method: str = "GET", **headers: str) -> HTTPResponse:
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection.request(method, path, headers=headers)
+        return connection.getresponse()
+
+    def facts(self, path: str, method: str = "GET", **headers: str) -> tuple[int, dict[str, Any]]:
+        answer = self.ask(path, method, **headers)
+        return answer.status, json.loads(answer.read())
+
+    def close(self) -> None:
+        self.finder.close()
+        self.server.shutdown()
+        self.server.server_close()
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    running = Served(tmp_path)
+    yield running
+    running.close()
+
+
+def pictures(stream: HTTPResponse) -> Iterator[bytes]:
+    """The JPEG files of a multipart stream (RFC 2046)."""
+    kind = stream.headers["Content-Type"]
+    found = re.fullmatch(r"multipart/x-mixed-replace; boundary=(\w+)", kind)
+    assert found, kind
+    assert stream.readline() == b"--" + found[1].encode() + b"\r\n"
+    while True:
+        head = {}
+        while line := stream.readline().strip():
+            name, _, value = line.partition(b": ")
+            head[name] = value
+        assert head[b"Content-Type"] == b"image/jpeg"
+        yield stream.read(int(head[b"Content-Length"]))
+        assert stream.readline() == b"\r\n"
+        assert stream.readline() == b"--" + found[1].encode() + b"\r\n"
+
+
+def test_the_stream_shows_each_picture(served: Served) -> None:
+    show(served.finder, 0)
+    stream = pictures(served.ask("/stream.mjpg"))
+    for number in range(3):
+        picture = imagecodecs.jpeg8_decode(next(stream))
+        assert picture.shape == (*SIZE, 3)
+        expected = codes(number)[..., None] / 4
+        assert abs(picture - expected).mean() < 12  # JPEG of noise; another frame is off by 85
+        assert abs(picture - codes(number + 1)[..., None] / 4).mean() > 60
+        show(served.finder, number + 1)
+
+
+def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
+    for number in range(5):
+        show(served.finder, number)
+    first = next(pictures(served.ask("/stream.mjpg")))
+    view = served.finder.after(0)
+    assert view is not None
+    assert first == view.jpeg
+    assert view.number == 5
+
+
+def test_the_figures(served: Served) -> None:
+    status, facts = served.facts("/status")
+    assert status == 200
+    assert facts == {
+        "frames": 0,
+        "fps": 0.0,
+        "latency_ms": 0.0,
+        "dropped": 7,
+        "width": 0,
+        "height": 0,
+        "can_save": True,
+    }
+    for number in range(3):
+        show(served.finder, number)
+    _, facts = served.facts("/status")
+    assert facts["frames"] == 3
+    assert facts["fps"] > 0
+    assert facts["latency_ms"] > 0
+    assert (facts["width"], facts["height"]) == (30, 20)
+
+
+def test_the_button_saves_the_frame_that_is_shown(served: Served, tmp_path: Path) -> None:
+    for number in range(3):
+        show(served.finder, number)
+    for _ in range(2):
+        status, facts = served.facts("/capture", "POST", Origin=f"http://127.0.0.1:{served.port}")
+        assert status == 200
+        assert np.array_equal(read_dng(tmp_path / facts["file"]).codes, codes(2))
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert served.facts("/capture", "POST") == (409, {"error": "there is no frame: the camera has not begun, or has ended"})
+    show(served.finder, 0)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    status, facts = served.facts("/capture", "POST")
+    assert status == 507
+    assert "the disk is full" in facts["error"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_folder_nothing_is_saved() -> None:
+    running = Served(None)
+    show(running.finder, 0)
+    assert running.facts("/status")[1]["can_save"] is False
+    assert running.facts("/capture", "POST") == (409, {"error": "no folder for shots: start with -o DIR"})
+    running.close()
+
+
+def test_the_page_and_nothing_else(served: Served, tmp_path: Path) -> None:
+    for path, kind in (("/", "text/html"), ("/?again", "text/html"), ("/style.css", "text/css"), ("/script.js", "text/javascript")):
+        answer = served.ask(path)
+        assert answer.status == 200
+        assert answer.headers["Content-Type"].startswith(kind)
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        assert len(answer.read()) == int(answer.headers["Content-Length"])
+    (tmp_path / "secret").touch()
+    for path in (
+        "/index.html",
+        "/../viewfinder.py",
+        "/%2e%2e/viewfinder.py",
+        "//etc/passwd",
+        "/viewfinder_page/style.css",
+        "/secret",
+        "*",
+    ):
+        assert served.ask(path).status == 404
+    show(served.finder, 0)
+    assert served.ask("/capture").status == 404  # looking changes nothing
+    assert served.ask("/stream.mjpg", "POST").status == 404
+    assert served.ask("/capture", "PUT").status == 501
+    assert [path.name for path in tmp_path.iterdir()] == ["secret"]
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "localhost.evil.example", "127.0.0.1.evil.example", "", "[::1"]
+)
+@pytest.mark.parametrize("path", ["/", "/status", "/stream.mjpg", "/capture"])
+def test_another_site_s_name_is_refused(served: Served, tmp_path: Path, host: str, path: str) -> None:
+    """DNS rebinding: the attacker's page reaches this server under the attacker's name."""
+    show(served.finder, 0)
+    method = "POST" if path == "/capture" else "GET"
+    assert served.ask(path, method, Host=host.format(port=served.port)).status == 421
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:8000", "192.168.1.7:8000", socket.gethostname()]
+)
+def test_the_camera_s_own_names_are_welcome(served: Served, host: str) -> None:
+    assert served.ask("/status", Host=host).status == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"])
+def test_another_site_s_page_takes_no_shots(served: Served, tmp_path: Path, origin: str) -> None:
+    show(served.finder, 0)
+    assert served.ask("/capture", "POST", Origin=origin.format(port=served.port)).status == 403
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_watcher_that_does_not_read_holds_up_nobody() -> None:
+    running = Served(None, noise)
+    sleeper = socket.create_connection(("127.0.0.1", running.port))
+    sleeper.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    sleeper.sendall(b"GET /stream.mjpg HTTP/1.0\r\nHost: localhost\r\n\r\n")
+    assert sleeper.recv(12) == b"HTTP/1.0 200"
+    awake = pictures(running.ask("/stream.mjpg"))
+    for number in range(5):
+        show(running.finder, number)
+        view = running.finder.after(number)
+        assert view is not None
+        assert next(awake) == view.jpeg
+    assert running.facts("/status")[1]["frames"] == 5
+    sleeper.close()
+    running.close()
+
+
+def test_seats_are_few_and_come_free(served: Served) -> None:
+    show(served.finder, 0)
+    watchers = [served.ask("/stream.mjpg") for _ in range(8)]
+    assert [watcher.status for watcher in watchers] == [200] * 8
+    status, facts = served.facts("/stream.mjpg")
+    assert status == 503
+    assert "8 people look" in facts["error"]
+    watchers.pop().close()
+    for number in range(1000):  # the server notices when it sends
+        show(served.finder, number)
+        if (status := served.ask("/stream.mjpg").status) == 200:
+            break
+    assert status == 200
+
+
+def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+
+    def slow(mosaic: Mosaic) -> ByteArray:
+        begun.set()
+        assert go_on.wait(60)
+        return grey(mosaic)
+
+    finder = Viewfinder(grey, lambda: 0, (ShotFolder(tmp_path), slow))
+    show(finder, 0)
+    ended: list[object] = []
+    watcher = threading.Thread(target=lambda: ended.append(finder.after(1)))
+    watcher.start()
+    shooter = threading.Thread(target=finder.shoot)
+    shooter.start()
+    assert begun.wait(60)
+    threading.Timer(0.2, go_on.set).start()
+    finder.close()
+    assert len(list(tmp_path.glob("*.dng"))) == 1
+    watcher.join(60)
+    assert ended == [None]
+    with pytest.raises(InputError, match="has ended"):
+        finder.shoot()
+    shooter.join(60)
+
+
+@pytest.mark.parametrize(
+    ("address", "kind", "words"),
+    [
+        (("camera", 0), InputError, "'camera' is no address of a network interface"),
+        (("192.0.2.1", 0), OutputError, "192.0.2.1 port 0: nothing can be served there"),
+        (("127.0.0.1", 70000), OutputError, "127.0.0.1 port 70000: nothing can be served there"),
+    ],
+)
+def test_an_address_that_is_not_ours(address: tuple[str, int], kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        ViewfinderServer(address, Viewfinder(grey, lambda: 0))
+
+
+def test_a_port_that_is_taken(served: Served) -> None:
+    with pytest.raises(OutputError, match=f"port {served.port}: nothing can be served there"):
+        ViewfinderServer(("127.0.0.1", served.port), served.finder)
+
+
+@pytest.mark.parametrize(
+    ("width", "period", "scale"),
+    [(1440, 6, 1), (1441, 6, 2), (4056, 6, 3), (4608, 6, 6), (4056, 4, 4), (9000, 7, 7), (9000, 4, 4), (3000, 9, 3)],
+)
+def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: int, scale: int) -> None:
+    assert _scale(width, CfaPattern.bayer(period)) == scale
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--latest", "latest"], "--latest needs -o DIR"),
+        (["--jobs", "0"], "--jobs is 0"),
+        (["-o", "missing"], "the output folder does not exist"),
+        (["--bind", "camera"], "'camera' is no address"),
+        (["--scale", "5"], "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"),
+        (["--scale", "0"], "0 x 0 sensor pixels"),
+    ],
+)
+def test_what_is_asked_in_vain(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        main(["view", "builtin:64x48@9", *arguments])
+    assert caught.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+class Command:
+    """`panchroma view` in a process of its own."""
+
+    def __init__(self, *arguments: str, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL) -> None:
+        program = [sys.executable, "-c", "from tools.cli import main; main()", "view", source, "--port", "0", *arguments]
+        self.process = subprocess.Popen(program, cwd=ROOT, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert self.process.stdout
+        line = self.process.stdout.readline()
+        found = re.search(r"http://127\.0\.0\.1:\d+/", line)
+        assert found, line
+        self.url = found[0]
+
+    def end(self, number: signal.Signals = signal.SIGINT) -> tuple[int, str]:
+        """Exit code and what was said on the way out."""
+        self.process.send_signal(number)
+        return self.wait()
+
+    def wait(self) -> tuple[int, str]:
+        _, told = self.process.communicate(timeout=60)
+        return self.process.returncode, told
+
+    def __enter__(self) -> "Command":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self.process.poll() is None:  # the test failed
+            self.process.kill()
+            self.process.communicate()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: int) -> None:
+    with Command() as command:
+        host, _, port = command.url.removeprefix("http://").rstrip("/").partition(":")
+        connection = HTTPConnection(host, int(port), timeout=60)
+        connection.request("GET", "/stream.mjpg")
+        stream = pictures(connection.getresponse())
+        assert imagecodecs.jpeg8_decode(next(stream)).shape == (128, 192, 3)
+        assert command.end(number) == (code, "")
+
+
+def test_a_camera_that_breaks_off_ends_it() -> None:
+    data = codes(0).tobytes() + b"12345"
+    options = ["--width", "30", "--height", "20", "--format", "u16", "--bits", "10"]
+    reading, writing = os.pipe()
+    with Command(*options, source="-", stdin=reading) as command:
+        os.close(reading)
+        os.write(writing, data)
+        os.close(writing)
+        code, told = command.wait()
+    assert code == 1
+    assert "ended in the middle of a frame, 5 bytes after 1 whole ones" in told
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+@pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (1280, 860, True), (390, 844, False), (390, 844, True)])
+def test_in_a_browser(tmp_path: Path, width: int, height: int, dark: bool) -> None:
+    """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a lost camera is told."""
+    out = tmp_path / "out"
+    out.mkdir()
+    with Command("-o", str(out)) as command, Browser(tmp_path / "profile", width, height, dark=dark) as browser:
+        browser.open(command.url)
+        browser.until("document.body?.dataset.state === 'live'")
+        assert browser.evaluate("picture.naturalWidth") == 192
+        assert float(browser.until("rate.textContent !== '0.0' && rate.textContent")) > 0
+        assert re.fullmatch(r"\d+ ms", browser.evaluate("latency.textContent"))
+        assert browser.evaluate("dropped.textContent").isdigit()
+        assert browser.evaluate("size.textContent") == "192 × 128"
+        assert browser.evaluate(
+            "document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight <= innerHeight"
+        )
+
+        ground = browser.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert ground == ("rgb(18, 18, 18)" if dark else "rgb(233, 233, 233)")
+        browser.until("getComputedStyle(picture).opacity === '1'")  # it fades in
+        box = browser.evaluate("(({x, y, width, height}) => ({x, y, width, height, scale: 1}))(picture.getBoundingClientRect())")
+        one = imagecodecs.png_decode(browser.screenshot(box))
+        assert one[..., :3].std(axis=(0, 1)).min() > 20  # a scene, not a ground
+        moved = (imagecodecs.png_decode(browser.screenshot(box)) != one for _ in range(50))
+        assert any(changed.mean() > 0.1 for changed in moved)
+
+        browser.until("!shutter.disabled")
+        browser.evaluate("shutter.click()")
+        told = browser.until("message.textContent")
+        (shot,) = out.iterdir()
+        assert told.startswith(f"✓ {shot.name}")
+        assert read_dng(shot).shape == (128, 192)
+
+        assert command.end() == (130, "")
+        browser.until("document.body.dataset.state === 'lost'")
+        assert browser.evaluate("shutter.disabled")

@@ -1,0 +1,85 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
+from tools.evaluation.measures import WINDOW
+from tools.evaluation.methods import methods
+from tools.evaluation.page.gallery import WHY_AHEAD, WHY_BEHIND, WHY_WORST, Place, Shots, choose_places, exhibit, gallery
+from tools.evaluation.protocol import Protocol
+from tools.evaluation.scene_sets import Reading
+from tools.evaluation.study import Study, render_cell
+
+INVISIBLE = 2e-3  # scene units: what a render of a part may differ from the whole frame's, half a code of 8 bits
+
+
+def large(folder: Path, **changes: object) -> Study:
+    """One scene in which a square's surroundings do not reach the frame's border."""
+    np.save(folder / "scene0.npy", small_scene(318, 342, 0))
+    return study_of(folder, count=1, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("kind", "level", "names"), [("paper", 0.03, ("paper", "bilinear", "dcb")), ("sensor", 0.25, ("preview", "dlmmse"))]
+)
+def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, kind: str, level: float, names: tuple[str, ...]) -> None:
+    study = large(tmp_path, methods=names, levels=(level,), protocol=Protocol(kind))  # type: ignore[arg-type]
+    scene = study.scenes[0]
+    place = Place(scene, level, 117, 131, WINDOW, WINDOW, WHY_WORST)
+    shots = Shots(study, place, study.reading.truth(scene.source))
+    for name in study.methods:
+        method = methods()[name]
+        whole = render_cell(study.cell(scene, level, method, 6 if method.ours else 0), study.protocol, study.reading)
+        part = shots.render(name)
+        assert part.shape == (WINDOW, WINDOW, 3)
+        difference = np.abs(part - whole[117 : 117 + WINDOW, 131 : 131 + WINDOW])
+        assert np.quantile(difference, 0.99) < INVISIBLE, name
+
+
+def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: Path) -> None:
+    study = large(tmp_path, methods=("preview", "bilinear", "dlmmse"))
+    figures = measured(study, tmp_path)
+    places = list(choose_places(figures))
+    assert {place.why for place in places} <= {WHY_AHEAD, WHY_BEHIND, WHY_WORST}
+    assert {place.level for place in places} == {0.0, 0.03}
+    worst = next(place for place in places if place.why == WHY_WORST and place.level == 0.03)
+    taken = [place for place in places if place.level == 0.03 and place is not worst]
+    own = figures.results[study.cell(study.scenes[0], 0.03, methods()["preview"], 6)].errors
+    truth = study.reading.truth(study.scenes[0].source)
+    rendered = render_cell(study.cell(study.scenes[0], 0.03, methods()["preview"], 6), study.protocol, study.reading)
+    inside = slice(worst.row, worst.row + WINDOW), slice(worst.column, worst.column + WINDOW)
+    assert np.mean((rendered[inside] - truth[inside]) ** 2) <= own.max() * 1.001
+    for place in taken:  # no two squares of a level show the same
+        assert max(abs(place.row - worst.row), abs(place.column - worst.column)) >= WINDOW
+
+
+def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper", "bilinear", "dlmmse", "dcb"))
+    figures = measured(study, tmp_path)
+    exhibits = gallery(figures, alone())
+    assert exhibits
+    for each in exhibits:
+        names = [picture.method for picture in each.pictures]
+        assert names[:2] == ["", "paper"]
+        assert "dlmmse" in names
+        assert len({picture.pixels.shape for picture in each.pictures}) == 1
+        assert each.pictures[0].psnr is None
+        for picture in each.pictures[1:]:
+            assert picture.psnr is not None
+            assert 10 < picture.psnr < 80
+
+
+def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
+    np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0) / 16)
+    study = study_of(tmp_path, count=1)
+    place = Place(study.scenes[0], 0.0, 15, 15, 48, 60, WHY_WORST)
+    shown = exhibit(study, (place, ("bilinear",)))
+    assert shown.stops > 3
+    assert shown.pictures[0].pixels.mean() > 60
+    assert Reading().truth(study.scenes[0].source).max() < 0.06
+
+
+def test_without_rivals_there_is_no_gallery(tmp_path: Path) -> None:
+    figures = measured(study_of(tmp_path, methods=("paper",), count=1, levels=(0.03,)), tmp_path)
+    assert gallery(figures, alone()) == []

@@ -1,0 +1,165 @@
+"""The page, as a browser shows it."""
+
+import re
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from tests.tools.evaluation.browser import CHROMIUM, Browser
+from tests.tools.evaluation.examples import alone, measured, study_of
+from tools.evaluation.figures import Figures
+from tools.evaluation.methods import methods
+from tools.evaluation.page.gallery import gallery
+from tools.evaluation.page.page import page
+from tools.evaluation.page.sections import noise_plots
+
+FAILURE = "<b>odd</b>.png: cannot be read"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    figures = measured(study_of(folder, periods=(4, 6), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
+    path = folder / "evaluation.html"
+    path.write_text(page(figures, gallery(figures, alone()), "panchroma 1", [FAILURE]), "utf-8")
+    return path
+
+
+class Balance(HTMLParser):
+    """Open elements; those that HTML never closes are left out."""
+
+    NEVER_CLOSED = frozenset({"meta", "link", "img", "input", "br"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.sources: list[str] = []
+        self.ids: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.NEVER_CLOSED:
+            self.open.append(tag)
+        self.sources += [value or "" for name, value in attrs if name in ("src", "href")]
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_one_whole_file(written: Path) -> None:
+    text = written.read_text("utf-8")
+    parsed = Balance()
+    parsed.feed(text)
+    assert parsed.open == []
+    assert all(source.startswith(("data:", "#")) for source in parsed.sources)
+    assert len(parsed.ids) == len(set(parsed.ids))
+    assert "{{" not in text.split("<script>")[0]
+    assert "Dmitry Snisarenko" in text
+    assert "Permission is hereby granted" in text
+    assert FAILURE not in text
+    assert "&lt;b&gt;odd&lt;/b&gt;.png" in text
+
+
+def test_no_two_methods_look_alike(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=tuple(methods()), periods=(6,))
+    text = noise_plots(Figures(study, measured(study_of(tmp_path), tmp_path).results))
+    looks = re.findall(r'<label style="--line:(.*?)"><input.*?<span class="(.*?)">', text)
+    assert len(looks) == len(set(looks)) == len(methods())
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory, written: Path) -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with Browser(tmp_path_factory.mktemp("profile")) as opened:
+        opened.open(written)
+        yield opened
+
+
+def test_it_loads_without_errors_and_without_network(browser: Browser, written: Path) -> None:
+    assert browser.errors == []
+    assert browser.requests == [written.as_uri()]
+
+
+def test_all_pictures_decode(browser: Browser) -> None:
+    script = (
+        "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth))).then(w => [w.length, Math.min(...w)])"
+    )
+    count, narrowest = browser.run(script)
+    assert count >= 2 * 6
+    assert narrowest >= 48
+
+
+def value(browser: Browser) -> float:
+    return float(browser.run("document.querySelector('img-comparison-slider').value"))
+
+
+def place(browser: Browser) -> tuple[float, float, float]:
+    left, top, width, height = browser.run(
+        "(() => { const s = document.querySelector('img-comparison-slider'); s.scrollIntoView({block: 'center'});"
+        " const r = s.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; })()"
+    )
+    return left, top + height / 2, width
+
+
+def test_the_slider_moves_by_mouse_and_by_keys(browser: Browser) -> None:
+    left, middle, width = place(browser)
+    browser.drag((left + width / 2, middle), (left + 0.8 * width, middle))
+    browser.run("new Promise(done => setTimeout(done, 300))")
+    assert value(browser) == pytest.approx(80, abs=3)
+    browser.run("document.querySelector('img-comparison-slider').focus()")
+    before = value(browser)
+    browser.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft", code="ArrowLeft", windowsVirtualKeyCode=37)
+    browser.run("new Promise(done => setTimeout(done, 400))")
+    browser.call("Input.dispatchKeyEvent", type="keyUp", key="ArrowLeft", code="ArrowLeft", windowsVirtualKeyCode=37)
+    assert value(browser) < before - 3
+
+
+def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> None:
+    same = (
+        "(() => { const e = document.querySelector('.exhibit'); return [...e.querySelectorAll('.viewer img')].map(i => i.alt); })()"
+    )
+    first, second = browser.run(same)
+    assert second == "Sparse colour, paper"
+    assert first in ("bilinear", "DLMMSE 2005", "OpenCV edge-aware")
+    browser.run("document.querySelector('.exhibit .strip button').click()")
+    assert browser.run(same) == [first, "truth"]
+    browser.run(
+        "(() => { const s = document.querySelector('.exhibit select'); s.value = '1'; s.dispatchEvent(new Event('change')); })()"
+    )
+    assert browser.run(same) == ["Sparse colour, paper", "truth"]
+    width = place(browser)[2]
+    browser.run("document.querySelector('.exhibit .zoom button[value=\"1\"]').click()")
+    assert place(browser)[2] > width
+
+
+def test_tables_and_lines_are_switched(browser: Browser) -> None:
+    shown = "[...document.querySelectorAll('[role=tabpanel]')].map(p => !p.hidden)"
+    assert browser.run(shown) == [True, False, False]
+    browser.run("document.querySelectorAll('[role=tab]')[0].focus()")
+    browser.key("ArrowRight")
+    assert browser.run(shown) == [False, True, False]
+    lines = "[...document.querySelectorAll('#noise [data-series=paper]')].map(l => getComputedStyle(l).display !== 'none')"
+    assert browser.run(lines) == [True] * 3
+    browser.run("document.querySelector('#noise input[value=paper]').click()")
+    assert browser.run(lines) == [False] * 3
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_it_fits_a_phone_in_light_and_dark(tmp_path: Path, written: Path, dark: bool) -> None:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with Browser(tmp_path, 360, 740, dark=dark, touch=True) as phone:
+        phone.open(written)
+        assert phone.run("document.documentElement.scrollWidth") == 360
+        ink, paper = phone.run("[getComputedStyle(document.body).color, getComputedStyle(document.body).backgroundColor]")
+        light = [sum(map(int, each.removeprefix("rgb(").rstrip(")").split(","))) for each in (ink, paper)]
+        assert (light[0] > light[1]) == dark
+        assert abs(light[0] - light[1]) > 450
+        assert phone.run("document.querySelector('img-comparison-slider').getBoundingClientRect().width") <= 340
+        assert phone.errors == []

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+from tools.evaluation.metrics import CAP, patch_psnr, psnr, quality
+
+
+def pair(rows: int, columns: int, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    rng = np.random.default_rng(seed)
+    truth = rng.random((rows, columns, 3))
+    return (truth + rng.normal(0, 0.05, truth.shape)).astype(np.float32), truth.astype(np.float32)
+
+
+def literal(rendered: FloatArray, truth: FloatArray, patch: int, border: int) -> DoubleArray:
+    """The protocol, word by word: (3, rows, columns)."""
+    height, width = truth.shape[:2]
+    found = []
+    for top in range(border, height - border - patch + 1):
+        for left in range(border, width - border - patch + 1):
+            a, b = (picture[top : top + patch, left : left + patch].astype(float) for picture in (rendered, truth))
+            a_luminance, b_luminance = a.sum(axis=2, keepdims=True) / 3, b.sum(axis=2, keepdims=True) / 3
+            pairs = ((a, b), (a_luminance, b_luminance), (a - a_luminance, b - b_luminance))
+            found.append([10 * np.log10(1 / np.mean((x - y) ** 2)) for x, y in pairs])
+    shape = (height - 2 * border - patch + 1, width - 2 * border - patch + 1, 3)
+    return np.array(found).reshape(shape).transpose(2, 0, 1)
+
+
+@pytest.mark.parametrize(("rows", "columns", "patch", "border"), [(40, 43, 10, 15), (12, 17, 4, 2), (9, 8, 1, 0), (10, 10, 10, 0)])
+def test_patches_follow_the_protocol(rows: int, columns: int, patch: int, border: int) -> None:
+    rendered, truth = pair(rows, columns)
+    expected = literal(rendered, truth, patch, border)
+    for plane, reference in zip(patch_psnr(rendered, truth, patch, border), expected, strict=True):
+        np.testing.assert_allclose(plane, reference, rtol=1e-11)  # float64 sums in another order
+
+
+def test_quantiles_are_those_of_the_patches() -> None:
+    rendered, truth = pair(50, 60)
+    found = quality(rendered, truth)
+    expected = np.quantile(literal(rendered, truth, 10, 15).reshape(3, -1), (0.25, 0.5, 0.75), axis=1).T
+    np.testing.assert_allclose((found.rgb, found.luminance, found.chrominance), expected, rtol=1e-11)
+    assert found.median == (found.rgb[1], found.luminance[1], found.chrominance[1])
+
+
+def test_noise_of_a_known_strength_scores_what_it_should() -> None:
+    truth = np.zeros((300, 300, 3), np.float32)
+    noise = np.random.default_rng(0).normal(0, 0.01, truth.shape).astype(np.float32)
+    rgb, luminance, chrominance = quality(noise, truth).median
+    # The variance splits into 1/3 (the mean of three) and 2/3; 0.1 dB covers the median's skew over 300 samples and chance.
+    assert rgb == pytest.approx(40, abs=0.1)
+    assert luminance == pytest.approx(40 + 10 * np.log10(3), abs=0.1)
+    assert chrominance == pytest.approx(40 + 10 * np.log10(1.5), abs=0.1)
+    assert psnr(noise, truth) == pytest.approx(40, abs=0.05)
+
+
+def test_a_grey_error_has_no_chrominance_and_a_colour_error_no_luminance() -> None:
+    truth = np.full((40, 40, 3), 0.5, np.float32)
+    assert quality(truth + 0.25, truth).median == pytest.approx((12.04, 12.04, CAP), abs=0.01)
+    assert quality(truth + np.array([0.25, 0, -0.25], np.float32), truth).luminance == (CAP,) * 3
+
+
+def test_equal_pictures_score_the_cap_even_beside_a_gross_error() -> None:
+    _, truth = pair(60, 60)
+    assert quality(truth, truth).rgb == (CAP,) * 3
+    assert psnr(truth, truth) == CAP
+    spoiled = truth.copy()
+    spoiled[16, 16] += 1e6  # running sums would carry its rounding into every patch after it
+    assert patch_psnr(spoiled, truth).rgb[20:, 20:].min() == CAP
+
+
+def test_the_border_is_left_out() -> None:
+    rendered, truth = pair(60, 60)
+    spoiled = rendered.copy()
+    spoiled[:15] = spoiled[-15:] = 9
+    spoiled[:, :15] = spoiled[:, -15:] = 9
+    assert quality(spoiled, truth) == quality(rendered, truth)
+    assert psnr(spoiled, truth, border=15) == psnr(rendered, truth, border=15)
+
+
+def test_what_cannot_be_compared_is_refused() -> None:
+    rendered, truth = pair(40, 40)
+    with pytest.raises(InputError, match="at least 40 pixels"):
+        patch_psnr(rendered[:39], truth[:39])
+    with pytest.raises(InputError, match="shape"):
+        patch_psnr(rendered[:, :-1], truth)
+    with pytest.raises(InputError, match="shape"):
+        psnr(rendered[..., 0], truth[..., 0])
+    with pytest.raises(InputError, match="border of 20"):
+        psnr(rendered, truth, border=20)
+    rendered[0, 0, 0] = np.nan
+    with pytest.raises(InputError, match="not finite"):
+        patch_psnr(rendered, truth)

@@ -1,0 +1,199 @@
+"""Many files one after the other: which results may be written, and what the failure of one means for the rest."""
+
+import errno
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shared.errors import InputError, OutputError
+from tools.host.console import Console, StandardOutputError
+from tools.host.jobs import Job, output_folder, plan, run_jobs
+
+Said = pytest.CaptureFixture[str]
+
+
+def do(sources: Sequence[str | Path], folder: Path, *, overwrite: bool = False, json: bool = False, work: Any = None) -> int:
+    """Jobs that write their source's name; the exit code."""
+
+    def write(job: Job) -> dict[str, Any]:
+        for output in job.outputs:
+            output.write_text(job.source)
+        return {"size": len(job.source)}
+
+    jobs = plan([str(source) for source in sources], lambda source: [f"{Path(source).stem}.out"], folder)
+    return run_jobs(jobs, work or write, Console(json=json), overwrite=overwrite)
+
+
+def test_every_job_is_done(tmp_path: Path, capsys: Said) -> None:
+    assert do(["one.in", "sub/two.in"], tmp_path, json=True) == 0
+    assert sorted(path.read_text() for path in tmp_path.iterdir()) == ["one.in", "sub/two.in"]
+    out, err = capsys.readouterr()
+    assert out.splitlines() == [
+        '{"source": "one.in", "ok": true, "size": 6}',
+        '{"source": "sub/two.in", "ok": true, "size": 10}',
+    ]
+    assert err == ""
+
+
+def test_no_jobs_are_no_failure(tmp_path: Path) -> None:
+    assert do([], tmp_path) == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (InputError("is odd"), "panchroma: bad.in: is odd"),
+        (InputError("bad.in: is odd"), "panchroma: bad.in: is odd"),
+        (OutputError("the disk\n  is full"), "panchroma: bad.in: the disk is full"),
+        (MemoryError(), "panchroma: bad.in: not enough memory for a picture of this size"),
+    ],
+)
+def test_one_failure_is_one_line_and_the_rest_goes_on(tmp_path: Path, capsys: Said, error: Exception, line: str) -> None:
+    done: list[str] = []
+
+    def work(job: Job) -> dict[str, Any]:
+        if job.source == "bad.in":
+            raise error
+        done.append(job.source)
+        return {}
+
+    assert do(["one.in", "bad.in", "two.in"], tmp_path, work=work) == 1
+    assert done == ["one.in", "two.in"]
+    assert " ".join(capsys.readouterr().err.split()) == line
+
+
+def test_a_fault_of_ours_is_named_as_such_with_its_place_and_the_rest_goes_on(tmp_path: Path, capsys: Said) -> None:
+    done: list[str] = []
+
+    def work(job: Job) -> dict[str, Any]:
+        if job.source == "odd.in":
+            return {"never": [][len(done)]}
+        done.append(job.source)
+        return {}
+
+    assert do(["odd.in", "two.in"], tmp_path, work=work) == 1
+    assert done == ["two.in"]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("panchroma: odd.in: a fault of Panchroma, please report it: IndexError in work.py:")
+
+
+def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path) -> None:
+    for error in (KeyboardInterrupt(), StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe"))):
+
+        def work(job: Job, error: BaseException = error) -> dict[str, Any]:
+            raise error
+
+        with pytest.raises(type(error)):
+            do(["one.in", "two.in"], tmp_path, work=work)
+
+
+def test_a_name_inside_a_word_of_the_message_is_not_taken_for_the_name(tmp_path: Path, capsys: Said) -> None:
+    def work(job: Job) -> dict[str, Any]:
+        raise InputError("not a picture")
+
+    do(["n"], tmp_path, work=work)
+    assert capsys.readouterr().err == "panchroma: n: not a picture\n"
+
+
+def test_failures_are_recorded_for_machines(tmp_path: Path, capsys: Said) -> None:
+    def work(job: Job) -> dict[str, Any]:
+        raise InputError("is odd")
+
+    do(["one.in"], tmp_path, json=True, work=work)
+    assert capsys.readouterr().out == '{"source": "one.in", "ok": false, "error": "one.in: is odd"}\n'
+
+
+# --- what may be written --------------------------------------------------------------------------------------------------------
+
+
+def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -> None:
+    (tmp_path / "one.out").write_text("old")
+    assert do(["one.in", "two.in"], tmp_path) == 1
+    assert (tmp_path / "one.out").read_text() == "old"
+    assert (tmp_path / "two.out").read_text() == "two.in"
+    assert capsys.readouterr().err == f"panchroma: {tmp_path}/one.out: exists already; use --overwrite to replace it\n"
+    assert do(["one.in"], tmp_path, overwrite=True) == 0
+    assert (tmp_path / "one.out").read_text() == "one.in"
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_two_sources_of_one_stem_do_not_share_a_result(tmp_path: Path, capsys: Said, overwrite: bool) -> None:
+    assert do(["a/shot.in", "b/shot.in", "c/SHOT.in"], tmp_path, overwrite=overwrite) == 1
+    assert (tmp_path / "shot.out").read_text() == "a/shot.in"
+    assert len(list(tmp_path.iterdir())) == 1
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith("panchroma: b/shot.in: the result would have the same name as that of a/shot.in; use another")
+    assert second.startswith("panchroma: c/SHOT.in: the result would have the same name as that of a/shot.in; use another")
+
+
+def test_a_source_given_twice_is_done_once(tmp_path: Path, capsys: Said) -> None:
+    assert do(["one.in", "one.in"], tmp_path, overwrite=True) == 1
+    assert capsys.readouterr().err == "panchroma: one.in: is given twice\n"
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("link", ["itself", "symbolic", "hard", "folder"])
+def test_an_input_is_never_replaced(tmp_path: Path, capsys: Said, link: str, overwrite: bool) -> None:
+    source = tmp_path / "shot.out"
+    source.write_text("precious")
+    folder = tmp_path
+    if link in ("symbolic", "hard"):
+        folder = tmp_path / "results"
+        folder.mkdir()
+        place = folder / "shot.out"
+        place.symlink_to(source) if link == "symbolic" else place.hardlink_to(source)
+    elif link == "folder":
+        folder = tmp_path / "results"
+        folder.symlink_to(tmp_path)
+    # Not only an input's own result: that of any other source too.
+    both: list[list[str | Path]] = [[source], ["other/shot.in", source]]
+    for sources in both:
+        assert do(sources, folder, overwrite=overwrite) == 1
+        assert source.read_text() == "precious"
+        assert "shot.out: is an input; use another output folder" in capsys.readouterr().err
+
+
+def test_a_folder_in_the_place_of_a_result_is_refused(tmp_path: Path, capsys: Said) -> None:
+    (tmp_path / "one.out").mkdir()
+    assert do(["one.in"], tmp_path, overwrite=True) == 1
+    assert "one.out: is a folder; remove it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("source", ["x" * 300, "a/" * 3000, "nul\0"])
+def test_impossible_names_reach_the_work_that_refuses_them(tmp_path: Path, source: str) -> None:
+    seen: list[str] = []
+
+    def work(job: Job) -> dict[str, Any]:
+        seen.append(job.source)
+        return {}
+
+    assert do([source], tmp_path, work=work) == 0
+    assert seen == [source]
+
+
+# --- the output folder ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_output_folder_must_be_one(tmp_path: Path) -> None:
+    assert output_folder(str(tmp_path)) == tmp_path
+    file = tmp_path / "file"
+    file.touch()
+    missing = f"{tmp_path}/not yet"
+    for folder, words in (
+        (missing, f"{missing}: the output folder does not exist; create it first: mkdir -p '{missing}'"),
+        (str(file), f"{file}: is not a folder"),
+        (f"{file}/below", "does not exist"),
+        ("x" * 300, "does not exist"),
+        ("", "-o is empty"),
+    ):
+        with pytest.raises(OutputError) as caught:
+            output_folder(folder)
+        assert words in str(caught.value)
+
+
+def test_a_folder_without_permission_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.access", lambda *_: False)  # root may write everywhere
+    with pytest.raises(OutputError, match="no permission to write in this folder; choose another"):
+        output_folder(str(tmp_path))

@@ -1,0 +1,96 @@
+"""The pictures that explain: their panels show what they say."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from offline import PAPER, Rendering, render
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import ByteArray, FloatArray
+from shared.sensor import simulate_additive
+from tools.pictures import illustrations as figures
+from tools.pictures.illustrations import comparison, overview
+
+PANEL, GAP, CAPTION = figures._PANEL, figures._GAP, figures._CAPTION
+FILTERS = figures._FILTERS
+
+
+def panel(sheet: Image.Image, row: int, column: int) -> ByteArray:
+    """The pixels of one panel, without its caption."""
+    top, left = GAP + row * (PANEL + CAPTION + GAP), GAP + column * (PANEL + GAP)
+    return np.asarray(sheet)[top : top + PANEL, left : left + PANEL]
+
+
+@pytest.fixture(scope="module")
+def shot() -> tuple[Mosaic, Rendering]:
+    rgb: FloatArray = np.full((80, 90, 3), 0.2, np.float32)
+    rgb[30:60, 30:60] = 0.6, 0.2, 0.1
+    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
+    return mosaic, render(mosaic, PAPER)
+
+
+def test_the_overview_draws_both_patterns(shot: tuple[Mosaic, Rendering]) -> None:
+    sheet = overview(*shot, (10, 12))
+    cell = PANEL // 12
+    margin = (PANEL - 12 * cell) // 2
+
+    def drawn(column: int) -> list[str]:
+        names = {colour: letter for letter, colour in FILTERS.items()}
+        pixels = panel(sheet, 0, column)[margin + cell // 2 :: cell, margin + cell // 2 :: cell][:12, :12]
+        return ["".join(names[tuple(pixel)] for pixel in row) for row in pixels.tolist()]
+
+    assert drawn(0) == ["RG" * 6, "GB" * 6] * 6
+    tile = CfaPattern.bayer(6).tile
+    assert drawn(1) == [row * 2 for row in tile] * 2
+
+
+def test_the_overview_shows_the_same_part_in_every_panel(shot: tuple[Mosaic, Rendering]) -> None:
+    """The bright square begins 20 rows and 18 columns into the part shown: in samples, luminance and colour alike."""
+    sheet = overview(*shot, (10, 12))
+    factor = PANEL // figures._SHOWN
+    for row, column in ((0, 2), (1, 1), (1, 2)):
+        picture = panel(sheet, row, column)[: factor * figures._SHOWN, : factor * figures._SHOWN].astype(int)
+        brightness = picture[factor // 2 :: factor, factor // 2 :: factor].max(axis=2)
+        assert brightness[25, 18] > brightness[25, 15] + 20
+        assert brightness[20, 26] > brightness[17, 26] + 20
+
+
+def test_the_overview_shows_holes_where_the_colour_is(shot: tuple[Mosaic, Rendering]) -> None:
+    sheet = overview(*shot, (12, 12))  # a block begins here
+    factor = PANEL // figures._SHOWN
+    places = ((0, 2), (1, 0), (1, 1))
+    samples, colours, filled = (panel(sheet, *place)[factor // 2 :: factor, factor // 2 :: factor].astype(int) for place in places)
+    assert samples[0, 0].max() < samples[3, 3].min() - 20  # one channel is darker than the sum of three
+    assert np.ptp(filled[:4, :4].max(axis=2)) <= 2  # and the hole is filled
+    assert colours[0, 0].argmax() == 0
+    assert colours[0, 1].argmax() == 1
+    assert colours[1, 1].argmax() == 2
+    assert (colours[3, 3] == colours[4, 4]).all()  # nothing there
+
+
+@pytest.mark.parametrize("period", [3, 8, 16])
+def test_the_overview_takes_any_period(period: int) -> None:
+    rgb: FloatArray = np.random.default_rng(0).random((70, 70, 3), np.float32)
+    mosaic = simulate_additive(rgb, CfaPattern.bayer(period), SensorCalibration(), 0.0, np.random.default_rng(0))
+    assert overview(mosaic, render(mosaic, PAPER), (5, 5)).size == (3 * (PANEL + GAP) + GAP, 2 * (PANEL + CAPTION + GAP) + GAP)
+
+
+def test_the_comparison_has_a_row_per_crop_and_a_column_per_picture() -> None:
+    ramp: FloatArray = np.linspace(0, 1, 100 * 120 * 3, dtype=np.float32).reshape(100, 120, 3)
+    pictures = {"one": ramp, "other": 1 - ramp, "third": ramp * 0.5}
+    crops = {"here": (3, 5), "there": (30, 50)}
+    sheet = comparison(pictures, crops, size=33)
+    assert sheet.size == (3 * (PANEL + GAP) + GAP, 2 * (PANEL + CAPTION + GAP) + GAP)
+    for row, (top, left) in enumerate(crops.values()):
+        for column, picture in enumerate(pictures.values()):
+            shown = panel(sheet, row, column)[5::10, 5::10] / 255
+            np.testing.assert_allclose(shown, picture[top : top + 33, left : left + 33], atol=0.5 / 255 + 1e-6)
+
+
+def test_crops_of_another_size_keep_square_pixels() -> None:
+    picture: FloatArray = np.zeros((40, 100, 3), np.float32)
+    picture[:, 50:] = 1
+    sheet = panel(comparison({"one": picture}, {"wide": (0, 0)}, size=100), 0, 0)
+    assert (sheet[0, 150] == 255).all()  # 3 x 3 pixels each
+    assert (sheet[0, 149] == 0).all()
+    assert (sheet[40 * 3 :, :] == 255).all()  # nothing below

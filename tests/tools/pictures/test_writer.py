@@ -1,0 +1,402 @@
+"""Picture files, read back with programs that are not ours."""
+
+import io
+import json
+import shutil
+import subprocess
+import tempfile
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import OpenEXR
+import pytest
+import rawpy
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image
+
+from offline.colour import icc_profile, quantise, upright
+from shared import CaptureMetadata, SensorCalibration
+from shared.arrays import FloatArray
+from shared.display import SPACES, ColourTransform
+from shared.errors import InputError, OutputError
+from tools.pictures.writer import CAMERA, POSSIBLE, PictureKind, check_output, encode_picture, write_picture
+
+CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
+FOUR = SensorCalibration(
+    channels="RGBE",
+    neutral=(0.5, 1.0, 0.6, 0.9),
+    camera_to_xyz=((0.9, 0.2, 0.1, 0.1), (0.4, 0.6, -0.1, 0.1), (0.0, -0.1, 1.0, 0.2)),
+)
+METADATA = CaptureMetadata(
+    make="Acme",
+    model="Käthe 3",
+    lens="Acme 50mm",
+    artist="Ada Lovelace",
+    description="Zwei Bäume",
+    taken=datetime(2024, 5, 6, 7, 8, 9),  # noqa: DTZ001  Exif's local time
+    exposure_time=1 / 250,
+    f_number=2.8,
+    iso=400,
+    focal_length=50.0,
+    orientation=6,
+)
+SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
+KINDS = [PictureKind(name, bits, space) for name, spaces in POSSIBLE.items() for space, depths in spaces.items() for bits in depths]
+LOSSLESS_CODES = [kind for kind in KINDS if kind.format in ("tif", "png") and kind.bits < 32]
+EXIFTOOL = pytest.mark.skipif(shutil.which("exiftool") is None, reason="exiftool is not installed")
+
+
+def scene(shape: tuple[int, int], channels: int = 3, seed: int = 0) -> FloatArray:
+    """Random scene units, some below black and past white."""
+    return np.random.default_rng(seed).uniform(-0.1, 1.3, (*shape, channels)).astype(np.float32)
+
+
+def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, calibration: SensorCalibration = CALIBRATION) -> io.BytesIO:
+    metadata = replace(METADATA, orientation=orientation)
+    return io.BytesIO(encode_picture(rgb, kind, calibration=calibration, metadata=metadata))
+
+
+def shown(rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
+    return upright(ColourTransform.to_space(calibration, space).apply(rgb), orientation)
+
+
+def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]], dict[str, Any]]:
+    path = folder / "picture.exr"
+    path.write_bytes(file.getvalue())
+    with OpenEXR.File(str(path), separate_channels=True) as exr:
+        channels = exr.channels()
+        letters = "RGB" if set(channels) == set("RGB") else "RGBE"
+        return np.stack([channels[letter].pixels for letter in letters], axis=-1), dict(exr.header())
+
+
+# --- pixels ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", LOSSLESS_CODES, ids=str)
+@pytest.mark.parametrize("shape", SIZES)
+def test_codes_come_back(kind: PictureKind, shape: tuple[int, int]) -> None:
+    rgb = scene(shape)
+    file = encoded(rgb, kind)
+    expected = quantise(shown(rgb, kind.space, 6), kind.bits)
+    if kind.format == "tif":
+        read: NDArray[Any] = tifffile.imread(file)
+    elif kind.bits == 8:
+        read = np.asarray(Image.open(file))
+    else:
+        read = imagecodecs.png_decode(file.getvalue())  # Pillow has no colour of 16 bits
+    assert read.dtype == expected.dtype
+    assert np.array_equal(read, expected)
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+def test_libtiff_opens_eight_bits(space: str) -> None:
+    rgb = scene((70, 40))
+    assert np.array_equal(np.asarray(Image.open(encoded(rgb, PictureKind("tif", 8, space)))), quantise(shown(rgb, space, 6), 8))
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("shape", SIZES)
+def test_jpeg_is_close(shape: tuple[int, int], space: str) -> None:
+    rgb = np.full((*shape, 3), (0.2, 0.5, 0.1), np.float32)
+    read = np.asarray(Image.open(encoded(rgb, PictureKind("jpg", 8, space)))).astype(int)
+    assert np.abs(read - quantise(shown(rgb, space, 6), 8)).max() <= 3
+
+
+def test_jpeg_keeps_colour_at_full_resolution() -> None:
+    rgb = np.zeros((16, 16, 3), np.float32)
+    rgb[:, ::2] = 0.5, 0, 0
+    rgb[:, 1::2] = 0, 0, 0.7
+    read = np.asarray(Image.open(encoded(rgb, PictureKind("jpg", 8, "srgb"), orientation=1))).astype(int)
+    assert np.abs(read - quantise(shown(rgb, "srgb", 1), 8)).max() <= 12  # chroma at half resolution misses by 128
+
+
+@pytest.mark.parametrize("shape", SIZES)
+@pytest.mark.parametrize("calibration", [CALIBRATION, FOUR, SensorCalibration(channels="CE")], ids=lambda c: c.channels)
+def test_float_tiff_is_the_scene_untouched(shape: tuple[int, int], calibration: SensorCalibration) -> None:
+    rgb = scene(shape, len(calibration.channels))
+    with tifffile.TiffFile(encoded(rgb, PictureKind.of("tif", 32, CAMERA), calibration=calibration)) as tiff:
+        assert tiff.pages.first.tags["Orientation"].value == 6
+        assert tiff.asarray().reshape(rgb.shape).tobytes() == rgb.tobytes()
+        assert tiff.asarray().dtype == np.float32
+
+
+def test_float_tiff_can_be_mapped_into_memory(tmp_path: Path) -> None:
+    rgb = scene((70, 9))
+    path = tmp_path / "scene.tif"
+    write_picture(path, rgb, PictureKind.of("tif", 32, CAMERA), calibration=CALIBRATION, metadata=METADATA)
+    assert np.array_equal(tifffile.memmap(path, mode="r"), rgb)  # type: ignore[no-untyped-call,unused-ignore]
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_pictures_are_upright_and_say_so(orientation: int) -> None:
+    rgb = scene((5, 8))
+    for kind in (PictureKind.of("tif"), PictureKind.of("tif", 32, "linear-srgb")):
+        with tifffile.TiffFile(encoded(rgb, kind, orientation)) as tiff:
+            assert tiff.pages.first.tags["Orientation"].value == 1
+            pixels = shown(rgb, kind.space, orientation)
+            assert np.array_equal(tiff.asarray(), pixels if kind.bits == 32 else quantise(pixels, kind.bits))
+    for kind in (PictureKind.of("png"), PictureKind.of("jpg")):
+        image = Image.open(encoded(rgb, kind, orientation))
+        assert image.getexif()[274] == 1
+        assert image.size == ((8, 5) if orientation < 5 else (5, 8))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format == "npy"], ids=str)
+@pytest.mark.parametrize("shape", SIZES)
+def test_npy_comes_back(kind: PictureKind, shape: tuple[int, int]) -> None:
+    rgb = scene(shape)
+    read = np.load(encoded(rgb, kind), allow_pickle=False)
+    expected = rgb if kind.space == CAMERA else shown(rgb, kind.space, 6)
+    assert read.dtype == np.float32
+    assert np.array_equal(read, expected)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format == "exr"], ids=str)
+@pytest.mark.parametrize("shape", SIZES)
+def test_exr_comes_back(kind: PictureKind, shape: tuple[int, int], tmp_path: Path) -> None:
+    rgb = scene(shape)
+    read, header = exr_pixels(encoded(rgb, kind), tmp_path)
+    expected = rgb if kind.space == CAMERA else shown(rgb, kind.space, 6)
+    assert read.dtype == (np.float32 if kind.bits == 32 else np.float16)
+    assert np.array_equal(read, expected.astype(read.dtype))
+    assert ("chromaticities" in header) == (kind.space != CAMERA)
+    assert header.get("Orientation") == (6 if kind.space == CAMERA else None)
+
+
+def test_exr_names_the_channels_and_the_shot(tmp_path: Path) -> None:
+    rgb = scene((4, 5), 4)
+    read, header = exr_pixels(encoded(rgb, PictureKind.of("exr", 32, CAMERA), calibration=FOUR), tmp_path)
+    assert np.array_equal(read, rgb)
+    assert header["capDate"] == "2024:05:06 07:08:09"
+    assert header["expTime"] == pytest.approx(1 / 250)
+    assert header["isoSpeed"] == 400
+    assert header["comments"] == "Zwei Bäume"
+
+
+def test_halves_end_at_their_largest_number_not_at_infinity(tmp_path: Path) -> None:
+    read, _ = exr_pixels(encoded(np.full((2, 2, 3), 1e9, np.float32), PictureKind.of("exr", 16, CAMERA)), tmp_path)
+    assert (read == np.finfo(np.float16).max).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (33, 50)])
+def test_dng_holds_the_scene_up_to_white(shape: tuple[int, int]) -> None:
+    rgb = scene(shape)
+    with tifffile.TiffFile(encoded(rgb, PictureKind.of("dng"))) as tiff:
+        main = tiff.pages.first
+        assert main.tags["Orientation"].value == 6
+        assert main.pages is not None
+        codes = main.pages[0].asarray()
+    assert np.array_equal(codes, np.rint(rgb * np.float32(65535)).clip(0, 65535).astype(np.uint16))
+
+
+def test_a_raw_developer_sees_the_white_we_see(tmp_path: Path) -> None:
+    levels = np.linspace(0.1, 1.0, 32, dtype=np.float32)
+    grey = np.full((24, 32, 3), (0.5, 1.0, 0.7), np.float32) * levels[:, None]
+    path = tmp_path / "grey.dng"
+    write_picture(path, grey, PictureKind.of("dng"), calibration=CALIBRATION, metadata=replace(METADATA, orientation=1))
+    with rawpy.imread(str(path)) as raw:
+        developed = raw.postprocess(
+            use_camera_wb=True, no_auto_bright=True, gamma=(1, 1), output_bps=16, output_color=rawpy.ColorSpace.sRGB
+        )
+    light = developed[12] / 65535
+    # LibRaw scales its multipliers in sixteen bits; a per cent is far below what would tint a grey.
+    np.testing.assert_allclose(light, np.repeat(levels[:, None], 3, axis=1), rtol=0.01)
+
+
+def test_channels_named_in_another_order_are_the_same_colours_in_a_dng() -> None:
+    rgb = scene((6, 6))
+    turned = SensorCalibration(channels="BGR", neutral=(0.7, 1.0, 0.5))
+    plain, other = (
+        np.asarray(Image.open(encoded(pixels, PictureKind.of("dng"), 1, calibration)).convert("RGB")).astype(int)
+        for pixels, calibration in ((rgb, CALIBRATION), (rgb[..., ::-1], turned))
+    )
+    assert np.abs(other - plain).max() <= 1
+
+
+# --- what goes along ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg")], ids=str)
+def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
+    file = encoded(scene((5, 6)), kind)
+    if kind.format == "tif":
+        with tifffile.TiffFile(file) as tiff:
+            tag = tiff.pages.first.tags.get("InterColorProfile")
+            found = None if tag is None else tag.value
+    else:
+        # Past sixteen bits Pillow reads the header all the same.
+        found = Image.open(file).info.get("icc_profile")
+    assert found == (icc_profile(kind.space) if kind.space in SPACES else None)
+
+
+@EXIFTOOL
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg", "dng")], ids=str)
+def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
+    path = tmp_path / f"picture{kind.suffix}"
+    path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
+    report = subprocess.run(
+        ["exiftool", "-j", "-n", "-G0", "-validate", "-warning", "-EXIF:all", path], capture_output=True, check=True
+    )
+    (found,) = json.loads(report.stdout)
+    assert found["EXIF:Make"] == "Acme"
+    assert found["EXIF:Model"] == "Käthe 3"
+    assert found["EXIF:LensModel"] == "Acme 50mm"
+    assert found["EXIF:Artist"] == "Ada Lovelace"
+    assert found["EXIF:ImageDescription"] == "Zwei Bäume"
+    assert found["EXIF:DateTimeOriginal"] == "2024:05:06 07:08:09"
+    assert found["EXIF:ExposureTime"] == pytest.approx(1 / 250)
+    assert found["EXIF:FNumber"] == 2.8
+    assert found["EXIF:ISO"] == 400
+    assert found["EXIF:FocalLength"] == 50
+    assert found["EXIF:Orientation"] == (6 if kind.space == CAMERA else 1)
+    assert found["EXIF:Software"].startswith("Panchroma")
+    # Exif's own list of compressions ends before Deflate, which every TIFF reader has known for twenty years.
+    warnings = {text for key, text in found.items() if "Warning" in key} - {"Invalid value for IFD0 tag 0x0103 Compression"}
+    assert warnings == set()
+
+
+def test_a_shot_of_which_nothing_is_known(tmp_path: Path) -> None:
+    for kind in KINDS:
+        write_picture(
+            tmp_path / f"{kind.space}{kind.bits}{kind.suffix}",
+            scene((3, 4)),
+            kind,
+            calibration=SensorCalibration(),
+            metadata=CaptureMetadata(),
+        )
+    assert len(list(tmp_path.iterdir())) == len(KINDS)
+
+
+def test_the_same_rendering_gives_the_same_bytes() -> None:
+    rgb = scene((20, 30))
+    for kind in KINDS:
+        assert encoded(rgb, kind).getvalue() == encoded(rgb, kind).getvalue()
+
+
+def test_exposure_reaches_the_file() -> None:
+    kind = PictureKind.of("npy", space="linear-srgb")
+    rgb = scene((3, 3))
+    plain, brighter = (
+        np.load(io.BytesIO(encode_picture(rgb, kind, calibration=CALIBRATION, metadata=METADATA, exposure=stops)))
+        for stops in (0.0, 1.0)
+    )
+    np.testing.assert_allclose(brighter, 2 * plain, rtol=1e-6)
+
+
+# --- what can be chosen ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kind"),
+    [
+        ({}, ("tif", 16, "srgb")),
+        ({"bits": 8}, ("tif", 8, "srgb")),
+        ({"bits": 32}, ("tif", 32, "linear-srgb")),
+        ({"space": "camera"}, ("tif", 32, "camera")),
+        ({"bits": 32, "space": "camera"}, ("tif", 32, "camera")),
+        ({"format": "png"}, ("png", 8, "srgb")),
+        ({"format": "png", "space": "display-p3", "bits": 16}, ("png", 16, "display-p3")),
+        ({"format": "jpg"}, ("jpg", 8, "srgb")),
+        ({"format": "dng"}, ("dng", 16, "camera")),
+        ({"format": "exr"}, ("exr", 16, "linear-srgb")),
+        ({"format": "exr", "space": "camera"}, ("exr", 32, "camera")),
+        ({"format": "npy"}, ("npy", 32, "camera")),
+    ],
+    ids=str,
+)
+def test_what_is_left_open_is_the_first_that_fits(chosen: dict[str, Any], kind: tuple[str, int, str]) -> None:
+    assert PictureKind.of(**chosen) == PictureKind(*kind)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ({"format": "gif"}, "unknown picture format 'gif'; there are tif, png, jpg, dng, exr, npy"),
+        ({"format": "jpg", "bits": 16}, "jpg does not hold 16 bits; it holds srgb with 8 bits, display-p3 with 8 bits"),
+        ({"format": "jpg", "space": "camera"}, "jpg does not hold the space 'camera'; it holds srgb with 8"),
+        ({"format": "jpg", "bits": 0, "space": "srgb"}, "jpg does not hold srgb with 0 bits"),
+        ({"format": "png", "bits": 32, "space": "srgb"}, "png does not hold srgb with 32 bits; it holds srgb with 8 or 16 bits"),
+        ({"format": "tif", "bits": 12}, "tif does not hold 12 bits"),
+        ({"format": "dng", "space": "srgb"}, "dng does not hold the space 'srgb'; it holds camera with 16 bits"),
+        ({"format": "exr", "space": "srgb"}, "exr does not hold the space 'srgb'"),
+        ({"format": "tif", "space": "cmyk"}, "tif does not hold the space 'cmyk'"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_what_can(chosen: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        PictureKind.of(**chosen)
+    assert message in str(caught.value)
+
+
+def test_every_space_has_a_format() -> None:
+    assert {space for spaces in POSSIBLE.values() for space in spaces} == {*SPACES, CAMERA}
+
+
+@pytest.mark.parametrize(
+    ("kind", "calibration", "shape", "exposure", "message"),
+    [
+        (PictureKind.of("tif"), SensorCalibration(channels="RGBE"), (4, 4), 0.0, "no colour matrix"),
+        (PictureKind.of("dng"), SensorCalibration(channels="CMY"), (4, 4), 0.0, "no colour matrix"),
+        (PictureKind.of("dng"), FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
+        (PictureKind.of("jpg"), CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),
+        (PictureKind.of("dng"), CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
+        (PictureKind.of("tif"), CALIBRATION, (4, 4), 99.0, "exposure is 99.0 stops"),
+        (PictureKind.of("npy"), CALIBRATION, (4, 4), 1.0, "an exposure of 1 stops with --space camera"),
+    ],
+    ids=str,
+)
+def test_what_would_fail_after_the_render_is_known_before(
+    kind: PictureKind, calibration: SensorCalibration, shape: tuple[int, int], exposure: float, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        check_output(kind, calibration, shape, exposure)
+    with pytest.raises(InputError, match=message):
+        encode_picture(
+            np.zeros((*shape, len(calibration.channels)), np.float32),
+            kind,
+            calibration=calibration,
+            metadata=METADATA,
+            exposure=exposure,
+        )
+
+
+def test_what_is_no_picture_is_refused() -> None:
+    for rgb in (np.zeros((4, 4), np.float32), np.zeros((4, 4, 4), np.float32), np.full((4, 4, 3), np.nan, np.float32)):
+        for kind in KINDS:
+            with pytest.raises(InputError, match="picture"):
+                encoded(rgb, kind)
+
+
+def test_too_long_a_description_is_refused_by_jpeg_alone() -> None:
+    metadata = replace(METADATA, description="x" * 70000)
+    with pytest.raises(InputError, match=r"capture data fill 7\d{4} bytes, a JPEG holds at most"):
+        encode_picture(scene((4, 4)), PictureKind.of("jpg"), calibration=CALIBRATION, metadata=metadata)
+    assert encode_picture(scene((4, 4)), PictureKind.of("png"), calibration=CALIBRATION, metadata=metadata)
+
+
+# --- on disk --------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [PictureKind.of(name) for name in POSSIBLE], ids=str)
+def test_no_format_overwrites_unasked_or_leaves_parts(kind: PictureKind, tmp_path: Path) -> None:
+    path = tmp_path / f"picture{kind.suffix}"
+    path.write_bytes(b"mine")
+    with pytest.raises(OutputError, match="exists already"):
+        write_picture(path, scene((4, 4)), kind, calibration=CALIBRATION, metadata=METADATA)
+    assert path.read_bytes() == b"mine"
+    write_picture(path, scene((4, 4)), kind, calibration=CALIBRATION, metadata=METADATA, overwrite=True)
+    assert path.read_bytes() != b"mine"
+    with pytest.raises(OutputError, match="does not exist; create it first"):
+        write_picture(tmp_path / "no" / path.name, scene((4, 4)), kind, calibration=CALIBRATION, metadata=METADATA)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+    with pytest.raises(OutputError, match="no temporary file in"):
+        encoded(scene((4, 4)), PictureKind.of("exr"))

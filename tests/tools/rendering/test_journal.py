@@ -1,0 +1,107 @@
+"""The journal: what was written is read, by others too, and a cut-off line costs nothing but itself."""
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from tools.rendering.journal import NAME, Entry, Journal, digest, key
+from tools.rendering.lock import making
+
+
+def entry(output: str = "a.tif", digest: str = "d", run: str = "r") -> Entry:
+    return Entry(output, digest, "k", run, "a.dng")
+
+
+def test_what_is_appended_is_found_by_all_who_hold_it(tmp_path: Path) -> None:
+    one, other = Journal(tmp_path), Journal(tmp_path)
+    assert one.of("a.tif") == []
+    assert not (tmp_path / NAME).exists()
+    other.append(entry())
+    assert one.of("a.tif") == [entry()]
+    other.append(entry(digest="e"))
+    one.append(entry("sub/\udce9 x.tif"))
+    assert one.of("a.tif") == [entry(), entry(digest="e")]
+    assert other.of("sub/\udce9 x.tif") == [entry("sub/\udce9 x.tif")]
+
+
+@pytest.mark.parametrize("kept", [1, 40, -1])
+def test_a_torn_line_is_no_entry_and_spoils_none(tmp_path: Path, kept: int) -> None:
+    path = tmp_path / NAME
+    reader = Journal(tmp_path)
+    for name in ("a.tif", "b.tif"):
+        Journal(tmp_path).append(entry(name))
+    first, second = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(first + second[:kept])
+    assert reader.of("b.tif") == []
+    Journal(tmp_path).append(entry("c.tif"))
+    assert [bool(reader.of(name)) for name in ("a.tif", "b.tif", "c.tif")] == [True, kept == -1, True]
+
+
+@pytest.mark.parametrize("line", [b"[1]", b"{}", b'{"format": 2}', b"\xff\0", b"[" * 9999, b'{"format": 1, "output": 3}', b""])
+def test_lines_of_others_are_not_believed(tmp_path: Path, line: bytes) -> None:
+    (tmp_path / NAME).write_bytes(line + b"\n")
+    journal = Journal(tmp_path)
+    journal.append(entry())
+    assert journal.of("a.tif") == [entry()]
+
+
+def test_another_journal_in_its_place_is_read_anew(tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.append(entry())
+    journal.append(entry())
+    assert len(journal.of("a.tif")) == 2
+    (tmp_path / NAME).unlink()
+    assert journal.of("a.tif") == []
+    Journal(tmp_path).append(entry("b.tif"))
+    assert (journal.of("a.tif"), journal.of("b.tif")) == ([], [entry("b.tif")])
+
+
+def test_a_key_tells_every_part_and_a_digest_every_byte(tmp_path: Path) -> None:
+    assert len({key(a=1, b=2), key(a=1, b=3), key(a=2, b=1), key(a=1)}) == 4
+    assert key(a=1, b=2) == key(b=2, a=1)
+    (tmp_path / "one").write_bytes(b"12")
+    assert digest(tmp_path / "one") == "6b51d431df5d7f141cbececcf79edf3dd861c3b4069f0b11661a3eefacbba918"
+    assert [digest(path) for path in (tmp_path, tmp_path / "none", "/dev/zero", "x" * 300, "nul\0")] == [None] * 5
+
+
+def test_one_maker_at_a_time(tmp_path: Path) -> None:
+    output = tmp_path / ("x" * 250)
+    with making(output, wait=False) as first, making(output, wait=False) as second, making(tmp_path / "b", wait=False) as other:
+        assert (first, second, other) == (True, False, True)
+    assert list(tmp_path.iterdir()) == []
+    with making(output, wait=False) as again:
+        assert again
+
+
+def test_a_lock_that_a_dead_process_left_is_taken_over(tmp_path: Path) -> None:
+    output = tmp_path / "a.tif"
+    with making(output, wait=False):
+        (left,) = tmp_path.iterdir()
+    left.touch()
+    with making(output, wait=False) as mine:
+        assert mine
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
+    """Waiters who get the lock on a file that has been removed meanwhile have a lock on nothing."""
+    inside, most, turns = 0, 0, []
+
+    def work() -> None:
+        nonlocal inside, most
+        for _ in range(100):
+            with making(tmp_path / "a.tif", wait=True) as mine:
+                assert mine
+                inside += 1
+                most = max(most, inside)
+                turns.append(1)
+                inside -= 1
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (most, len(turns)) == (1, 400)
+    assert list(tmp_path.iterdir()) == []

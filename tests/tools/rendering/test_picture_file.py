@@ -1,0 +1,188 @@
+"""Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while it compiles."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+import offline
+from offline import BEST
+from offline.kernels.compile import available_threads, threads, use_threads
+from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from tests.data import ROOT
+from tests.tools.command import assert_refused, names, run
+from tools.host import memory
+from tools.host.console import LineProgress, StageProgress
+from tools.host.memory import allowed_memory, available_memory, told
+from tools.pictures.writer import POSSIBLE, PictureKind
+from tools.rendering import picture_file as rendering
+
+SMALL = (60, 90)
+LARGE = (1700, 1500)
+
+
+def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
+    """A busy one of 12 bits, a small one repeated."""
+    codes = np.random.default_rng(0).integers(300, 4000, (60, 60), np.uint16)
+    repeated = np.tile(codes, (-(-shape[0] // 60), -(-shape[1] // 60)))[: shape[0], : shape[1]]
+    return Mosaic(repeated, pattern or CfaPattern.bayer(), SensorCalibration(black_level=(256.0,) * 4, white_level=4095))
+
+
+def save(path: Path, shape: tuple[int, int]) -> Path:
+    write_dng(path, mosaic(shape), np.zeros((8, 8, 3), np.uint8))
+    return path
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    return folder
+
+
+# --- how much -------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("option", "size"), [("1", 1), ("3K", 3072), ("800M", 800 * 2**20), ("1.5g", 3 * 2**29), ("2GiB", 2**31), ("1TB", 2**40)]
+)
+def test_sizes_are_read(option: str, size: int) -> None:
+    assert allowed_memory(option) == size
+
+
+@pytest.mark.parametrize("option", ["", "0", "much", "-1G", "4 G", "4X", "0.0M"])
+def test_other_words_are_refused(option: str, out: Path) -> None:
+    outcome = run("render", "x.dng", "-o", out, f"--max-memory={option}")
+    assert outcome.code == 2
+    assert outcome.errors == [f"panchroma: --max-memory is {option!r}, expected a size such as 800M or 4G"]
+
+
+def test_left_open_it_is_most_of_what_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "available_memory", lambda: 1000)
+    assert allowed_memory(None) == 800
+
+
+def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "_CGROUP", tmp_path)
+    everything = available_memory()
+    assert everything > 2**20
+    (tmp_path / "memory.current").write_text("3000\n")
+    (tmp_path / "memory.max").write_text("5000\n")
+    assert available_memory() == 2000
+    (tmp_path / "memory.max").write_text("max\n")
+    assert available_memory() > 2**20
+
+
+@pytest.mark.parametrize(("size", "words"), [(1, "1 MB"), (900 * 2**20, "900 MB"), (2**30, "1.0 GB"), (2**30 + 1, "1.1 GB")])
+def test_sizes_are_told_rounded_up(size: int, words: str) -> None:
+    assert told(size) == words
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it")
+@pytest.mark.parametrize(("name", "bits"), [("tif", "16"), ("exr", "32")])
+def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, name: str, bits: str) -> None:
+    shot = save(tmp_path / "shot.dng", LARGE)
+    script = (
+        "import re; from pathlib import Path; from tools.cli import main\n"
+        "try: main()\n"
+        "finally: print(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1])"
+    )
+    line = [sys.executable, "-c", script, "render", str(shot), "-o", str(out), "-f", name, "--bits", bits]
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
+    peak = int(done.stdout.splitlines()[-1]) * 1024
+    foreseen = rendering.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), BEST)
+    assert foreseen / 2 < peak < foreseen
+
+
+def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a rendering of that size took when it was measured: 1.7 GB."""
+    frame = mosaic(SMALL)
+    monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
+    assert 1.7e9 < rendering.needed_memory(frame, PictureKind.of("tif"), BEST) < 2 * 2**30
+
+
+# --- what does not fit ----------------------------------------------------------------------------------------------------------
+
+
+def test_too_little_even_for_bands(tmp_path: Path, out: Path) -> None:
+    shot = save(tmp_path / "shot.dng", SMALL)
+    outcome = run("render", shot, "-o", out, "--max-memory", "100M")
+    assert_refused(outcome, "90 x 60 pixels as tif need 25", "100 MB are allowed; set --max-memory 25", name=str(shot))
+    assert names(out) == set()
+
+
+@pytest.mark.parametrize("name", [name for name in POSSIBLE if name != "tif"])
+def test_formats_that_are_made_as_a_whole_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, name: str) -> None:
+    shot, frame = save(tmp_path / "shot.dng", (600, 450)), mosaic((600, 450))
+    need = {each: rendering.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
+    limit = f"{(need['tif'] + need[name]) // 2**21}M"
+    outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
+    words = f"use -f tif, which needs {told(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
+    assert_refused(outcome, words, name=str(shot))
+    assert names(out) == set()
+    assert run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M").code == 0
+
+
+def test_the_limit_leaves_the_picture_as_it_is(tmp_path: Path, out: Path) -> None:
+    shot = save(tmp_path / "shot.dng", (700, 90))
+    (out / "free").mkdir()
+    assert run("render", shot, "-o", out / "free").code == 0
+    assert run("render", shot, "-o", out, "--max-memory", "300M").code == 0
+    assert (out / "shot.tif").read_bytes() == (out / "free" / "shot.tif").read_bytes()
+
+
+# --- threads --------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("option", "used"), [("1", 1), ("1000", available_threads())])
+def test_threads_are_those_asked_for_as_far_as_there_are(
+    option: str, used: int, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    genuine = rendering.render_to
+
+    def recorded(*given: Any, **named: Any) -> None:
+        seen.append(threads())
+        genuine(*given, **named)
+
+    monkeypatch.setattr("tools.rendering.attempt.render_to", recorded)
+    before = threads()
+    try:
+        assert run("render", save(tmp_path / "shot.dng", SMALL), "-o", out, "-j", option).code == 0
+    finally:
+        use_threads(before)
+    assert seen == [used]
+
+
+def test_no_threads_are_refused(out: Path) -> None:
+    outcome = run("render", "x.dng", "-o", out, "-j", "0")
+    assert (outcome.code, outcome.errors) == (2, ["panchroma: -j is 0, expected 1 or more"])
+
+
+# --- compiling ------------------------------------------------------------------------------------------------------------------
+
+
+def test_the_first_run_on_a_machine_says_that_it_compiles(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run but the first finds all kernels compiled: one that is new stands for them."""
+    genuine, shown, shot = offline.render_bands, [], save(tmp_path / "shot.dng", SMALL)
+
+    @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
+    def fresh(a: float) -> float:  # not kept on the disk, as a kernel would be: the next test run finds it new again
+        return a + 1
+
+    def compiling(*given: Any) -> Any:
+        fresh(1.0)
+        fresh(1)  # once per type
+        return genuine(*given)
+
+    monkeypatch.setattr("offline.render_bands", compiling)
+    monkeypatch.setattr(StageProgress, "remark", lambda _, text: shown.append(text))
+    monkeypatch.setattr(LineProgress, "remark", StageProgress.remark)
+    words = "compiling the renderer for this processor; it takes some seconds, once\n"
+    for times in (1, 0):
+        assert run("render", shot, "-o", out, "--overwrite").err.count(words) == times
+    assert [text for text in shown if "compiling" in text] == ["compiling fresh", "compiling fresh"]

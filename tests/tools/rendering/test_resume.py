@@ -1,0 +1,237 @@
+"""`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what is a user's is never lost."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared import Camera, SensorCalibration, read_dng
+from shared.calibration import NoiseModel, encoding
+from tests.tools.command import Outcome, assert_refused, results, run
+from tests.tools.rendering.examples import contents, save_shot
+from tools.rendering.journal import NAME
+
+
+@pytest.fixture
+def shots(tmp_path: Path) -> Path:
+    """A folder of three shots, one of them in a folder below it."""
+    for seed, name in enumerate(("a.dng", "b.dng", "sub/c.dng")):
+        save_shot(tmp_path / "shots" / name, seed)
+    return tmp_path / "shots"
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    (tmp_path / "out").mkdir()
+    return tmp_path / "out"
+
+
+def render(shots: Path, out: Path, *options: str) -> Outcome:
+    return run("render", shots, "-o", out, "--json", *options)
+
+
+def current(outcome: Outcome) -> set[str]:
+    """Names of the pictures that were there already; fails when a record is not ok."""
+    assert all(record["ok"] for record in outcome.records), outcome.err
+    return {Path(record["output"]).name for record in outcome.records if record.get("current")}
+
+
+def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
+    before = contents(shots)
+    outcome = render(shots, out)
+    assert (outcome.code, current(outcome)) == (0, set())
+    assert set(contents(out)) == {"a.tif", "b.tif", "sub/c.tif", NAME}
+    made = contents(out)
+    again = render(shots, out, "--resume")
+    assert (again.code, current(again)) == (0, {"a.tif", "b.tif", "c.tif"})
+    assert "3 current" in again.err
+    assert contents(out) == made
+    assert contents(shots) == before
+    assert render(shots, out).code == 1  # without --resume nothing that exists is accepted
+    assert contents(out) == made
+
+
+def test_a_moved_folder_is_still_current(shots: Path, out: Path, tmp_path: Path) -> None:
+    render(shots, out)
+    out.rename(tmp_path / "moved")
+    assert current(render(shots, tmp_path / "moved", "--resume")) == {"a.tif", "b.tif", "c.tif"}
+
+
+_OTHER = [("--exposure", "1"), ("--bits", "8"), ("--space", "display-p3"), ("--camera", "camera.json"), ("--defects", "hot.txt")]
+
+
+@pytest.mark.parametrize("option", _OTHER)
+def test_another_setting_makes_all_of_them_anew(
+    shots: Path, out: Path, tmp_path: Path, option: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    black, white = encoding(12)
+    known = SensorCalibration(gamma=(0.5, 1, 1.5), black_level=(black,) * 4, white_level=white, noise=NoiseModel.gaussian(0.02, 4))
+    (tmp_path / "camera.json").write_text(json.dumps(Camera(known).to_json()))
+    (tmp_path / "hot.txt").write_text("5, 8\n")
+    render(shots, out)
+    plain = contents(out)
+    outcome = render(shots, out, "--resume", *option)
+    assert (outcome.code, current(outcome)) == (0, set())
+    assert all(data != plain[name] for name, data in contents(out).items())
+    assert current(render(shots, out, "--resume", *option)) == {"a.tif", "b.tif", "c.tif"}
+
+
+def test_another_algorithm_or_preset_makes_all_of_them_anew(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from dataclasses import replace
+
+    import offline
+
+    render(shots, out)
+    monkeypatch.setattr("offline.version.ALGORITHM", -1)
+    assert current(render(shots, out, "--resume")) == set()
+    monkeypatch.setattr(offline, "PAPER", replace(offline.PAPER, luminance=replace(offline.PAPER.luminance, iterations=20)))
+    assert current(render(shots, out, "--resume", "--preset", "paper")) == set()
+    assert current(render(shots, out, "--resume", "--preset", "paper")) == {"a.tif", "b.tif", "c.tif"}
+
+
+def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path) -> None:
+    render(shots, out)
+    assert current(render(shots, out, "--resume", "--max-pixels", "221")) == {"a.tif", "b.tif", "c.tif"}
+    outcome = render(shots, out, "--overwrite", "--max-pixels", "220", "--workers", "2")
+    assert (outcome.code, outcome.err.count("220 are the limit")) == (1, 3), outcome.err
+
+
+def test_what_killed_processes_left_is_swept_in_folders_below_too(shots: Path, out: Path) -> None:
+    (out / "sub").mkdir()
+    for name in (".a.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.part", "sub/.c.tif.01234567.panchroma.lock"):
+        (out / name).touch()
+    render(shots, out)
+    assert set(contents(out)) == {"a.tif", "b.tif", "sub/c.tif", NAME}
+
+
+def test_a_shot_that_has_changed_is_rendered_anew_and_a_touched_one_is_not(shots: Path, out: Path) -> None:
+    render(shots, out)
+    (shots / "a.dng").unlink()
+    save_shot(shots / "a.dng", seed=9)
+    os.utime(shots / "b.dng")
+    assert current(render(shots, out, "--resume")) == {"b.tif", "c.tif"}
+    assert results(out) == {"a.tif", "b.tif", "sub"}  # the old a.tif was ours to the byte: no copy of it
+
+
+def test_one_that_is_missing_is_made(shots: Path, out: Path) -> None:
+    render(shots, out)
+    made = contents(out)
+    (out / "b.tif").unlink()
+    assert current(render(shots, out, "--resume")) == {"a.tif", "c.tif"}
+    assert (out / "b.tif").read_bytes() == made["b.tif"]
+
+
+@pytest.mark.parametrize("damage", ["torn", "retouched", "empty"])
+def test_one_that_has_changed_is_made_anew_and_what_it_was_is_kept(shots: Path, out: Path, damage: str) -> None:
+    render(shots, out)
+    made = contents(out)
+    old = {"torn": made["a.tif"][:99], "retouched": made["a.tif"] + b"!", "empty": b""}[damage]
+    for name in ("a.tif.bak", "a.tif.bak2"):  # twice: the first copy is not replaced by the second
+        (out / "a.tif").write_bytes(old + name.encode())
+        outcome = render(shots, out, "--resume")
+        assert (outcome.code, current(outcome)) == (0, {"b.tif", "c.tif"})
+        assert f"a.tif: has changed since it was made; it is kept as {name}" in outcome.err
+        assert (out / "a.tif").read_bytes() == made["a.tif"]
+    assert (out / "a.tif.bak").read_bytes() == old + b"a.tif.bak"
+    assert (out / "a.tif.bak2").read_bytes() == old + b"a.tif.bak2"
+
+
+def test_a_file_that_no_render_made_stays(shots: Path, out: Path) -> None:
+    (out / "a.tif").write_text("mine")
+    outcome = render(shots, out, "--resume")
+    assert_refused(outcome, "exists already, and no render noted that it made it", name=str(out / "a.tif"))
+    assert (out / "a.tif").read_text() == "mine"
+    assert results(out) == {"a.tif", "b.tif", "sub"}
+    assert render(shots, out, "--resume", "--overwrite").code == 0
+    assert (out / "a.tif").read_bytes()[:4] == b"II*\0"
+    assert results(out) == {"a.tif", "b.tif", "sub"}
+
+
+def test_a_run_cut_off_between_journal_and_picture_goes_on(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the one moment when a line is there and its file is not, and again when the file it replaces still is."""
+    move = os.link
+    replaced = Path.replace
+
+    def cut(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "link", cut)
+    assert render(shots, out).code == 130
+    assert results(out) == set()
+    monkeypatch.setattr(os, "link", move)
+    assert current(render(shots, out, "--resume")) == set()
+    monkeypatch.setattr(Path, "replace", cut)
+    old = contents(out)
+    assert render(shots, out, "--resume", "--exposure", "1").code == 130
+    monkeypatch.setattr(Path, "replace", replaced)
+    assert {name: data for name, data in contents(out).items() if name != NAME} == {
+        name: data for name, data in old.items() if name != NAME
+    }
+    assert current(render(shots, out, "--resume", "--exposure", "1")) == set()
+    assert set(contents(out)) == set(old)  # no copies: what was replaced was ours
+
+
+def test_a_dry_run_says_what_is_current(shots: Path, out: Path) -> None:
+    render(shots, out)
+    (out / "b.tif").unlink()
+    before = contents(out)
+    outcome = render(shots, out, "--resume", "--dry-run")
+    assert current(outcome) == {"a.tif", "c.tif"}
+    assert "1 to be made, 2 current" in outcome.err
+    assert contents(out) == before
+
+
+def test_files_of_others_in_a_folder_are_left_alone_and_named_ones_are_not(shots: Path, out: Path, tmp_path: Path) -> None:
+    (tmp_path / "rendered").mkdir()
+    assert run("render", shots / "a.dng", "-o", tmp_path / "rendered", "-f", "dng").code == 0
+    other = tmp_path / "rendered" / "a.dng"
+    (shots / "other.dng").write_bytes(other.read_bytes())
+    (shots / "torn.dng").write_bytes((shots / "a.dng").read_bytes()[:500])
+    outcome = render(shots, out)
+    assert_refused(outcome, "damaged", name=str(shots / "torn.dng"))
+    assert "3 made, 1 left alone, 1 failed" in outcome.err
+    named = shots / "other.dng"
+    assert_refused(run("render", named, "-o", out), "not a mosaic of Panchroma", name=str(named))
+
+
+def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path, out: Path, tmp_path: Path) -> None:
+    render(shots, out)
+    made = contents(out)
+    save_shot(tmp_path / "more" / "a.dng", 7)
+    outcome = run("render", tmp_path / "more", "-o", out, "--resume")
+    assert_refused(outcome, f"is the picture of {shots / 'a.dng'}", name=str(out / "a.tif"))
+    assert contents(out) == made
+    shots.rename(tmp_path / "moved")  # but a folder of shots may move
+    outcome = render(tmp_path / "moved", out, "--resume", "--exposure", "1")
+    assert (outcome.code, current(outcome)) == (0, set())
+
+
+def test_two_folders_with_the_same_names_are_refused_before_anything_is_lost(shots: Path, out: Path, tmp_path: Path) -> None:
+    save_shot(tmp_path / "more" / "b.dng", 7)
+    outcome = run("render", shots, tmp_path / "more", "-o", out)
+    (line,) = outcome.errors
+    assert line.startswith(f"panchroma: {tmp_path}/more/b.dng: the result would have the same name as that of {shots}/b.dng")
+    assert results(out) == {"a.tif", "b.tif", "sub"}
+
+
+def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(path: str, max_pixels: int) -> object:
+        mosaic = read_dng(path, max_pixels=max_pixels)
+        os.utime(path, ns=(1, 1))
+        return mosaic
+
+    monkeypatch.setattr("tools.rendering.attempt.read_dng", late)
+    assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
+    assert results(out) == set()
+
+
+def test_shards_make_everything_once(shots: Path, out: Path) -> None:
+    for seed in range(6):
+        save_shot(shots / f"more{seed}.dng", seed)
+    made = [record["output"] for part in "123" for record in render(shots, out, "--shard", f"{part}/3").records]
+    assert len(made) == len(set(made)) == 9
+    assert np.all([Path(path).exists() for path in made])
+    assert run("render", shots, "-o", out, "--shard", "4/3").code == 2

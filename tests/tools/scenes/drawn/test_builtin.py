@@ -1,0 +1,87 @@
+import hashlib
+
+import numpy as np
+import pytest
+
+from shared.colorimetry import D50, SRGB_TO_XYZ
+from shared.errors import InputError
+from tools.scenes.drawn.builtin import CHARTS, GAP, HEIGHT, builtin_scene
+from tools.scenes.drawn.charts import BRIGHTEST, COLOR_CHECKER_LAB, COOL, DARKEST, WARM, color_checker
+from tools.scenes.load import Scene, load_scene
+
+BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return builtin_scene(600, 400)
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(1, 1), (2, 1), (1, 3), (7, 5), (64, 48), (143, 96), (144, 96), (61, 300), (300, 61)]
+)
+def test_any_size_works_and_repeats(width: int, height: int) -> None:
+    first, second = builtin_scene(width, height), load_scene(f"builtin:{width}x{height}")
+    assert first.shape == (height, width)
+    assert hashlib.sha256(first.rgb.tobytes()).digest() == hashlib.sha256(second.rgb.tobytes()).digest()
+    assert first.rgb.min() >= np.float32(0.01)
+    assert first.rgb.max() <= np.float32(0.95)
+
+
+def test_strips_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = builtin_scene(160, 130).rgb
+    monkeypatch.setattr("tools.scenes.drawn.dead_leaves.STRIP", 17)
+    np.testing.assert_array_equal(builtin_scene(160, 130).rgb, whole)
+
+
+def test_it_knows_its_colours(scene: Scene) -> None:
+    assert scene.camera_to_xyz == SRGB_TO_XYZ
+    assert scene.neutral == (1.0, 1.0, 1.0)
+    assert scene.name == "builtin-600x400"
+    assert scene.notes == ()
+
+
+def test_leaves_have_the_spectrum_of_natural_scenes(scene: Scene) -> None:
+    """Power falls as frequency^-2 and a little more (Ruderman 1994: 1.8; Field 1987: 2.2)."""
+    luminance = np.log(scene.rgb[:240, :240].mean(axis=2))
+    window = np.hanning(240)[:, None] * np.hanning(240)
+    power = np.abs(np.fft.fft2((luminance - luminance.mean()) * window)) ** 2
+    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(240), np.fft.fftfreq(240)))
+    octaves = [power[(frequency >= low) & (frequency < 2 * low)].mean() for low in (0.02, 0.04, 0.08, 0.16)]
+    slope = np.polyfit(range(4), np.log2(octaves), 1)[0]
+    assert -3.0 < slope < -1.5
+
+
+def test_patches_are_the_published_ones(scene: Scene) -> None:
+    """Read from the picture where the layout puts them, through the scene's own matrix, into CIE L*a*b* again."""
+    size = round(HEIGHT * 400)
+    gap = (600 - sum(round(size * aspect) for aspect, _ in CHARTS)) / (len(CHARTS) + 1)
+    top, left = 400 - size - round(GAP * 400), round(gap)
+    assert scene.camera_to_xyz is not None
+    for index, expected in enumerate(COLOR_CHECKER_LAB):
+        row, column = (int((place + 0.5) * size / 4) for place in divmod(index, 6))
+        patch = scene.rgb[top + row - 3 : top + row + 4, left + column - 3 : left + column + 4].reshape(-1, 3)
+        assert np.ptp(patch, axis=0).max() < 1e-6
+        ratio = np.array(scene.camera_to_xyz) @ patch[0] / D50
+        f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+        lab = (116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2]))
+        if index not in BROUGHT_IN:
+            assert lab == pytest.approx(expected, abs=0.2)
+
+
+def test_no_other_patch_is_changed() -> None:
+    patches = color_checker().reshape(24, 3)
+    assert np.flatnonzero((patches == DARKEST).any(axis=1)).tolist() == BROUGHT_IN
+    assert patches.max() < BRIGHTEST
+
+
+def test_the_colour_pair_is_one_luminance() -> None:
+    assert sum(WARM) == pytest.approx(sum(COOL), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "source", ["builtin:", "builtin:100", "builtin:0x5", "builtin:5x0", "builtin:-1x4", "builtin:1x1x1", "builtin:99999x99999"]
+)
+def test_bad_sizes_are_refused(source: str) -> None:
+    with pytest.raises(InputError, match=r"builtin:1200x800|empty|lifts it"):
+        load_scene(source)

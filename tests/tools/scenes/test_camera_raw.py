@@ -1,0 +1,243 @@
+"""Camera RAWs: the step from quads to pixels, levels, colours, and sensors that have no quads."""
+
+import struct
+from datetime import datetime
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+import tifffile
+
+from shared.arrays import CodeArray
+from shared.colorimetry import D50, D65_XY, adaptation, xyz
+from shared.errors import InputError
+from shared.pattern import BAYER_ORDERS
+from tools.scenes.camera_colour import camera_to_xyz, estimate_neutral
+from tools.scenes.camera_raw import bayer_pattern
+from tools.scenes.load import load_scene
+
+LINEAR_RAW, CFA = 34892, 32803
+SHORT, LONG, RATIONAL, SRATIONAL = 3, 4, 5, 10
+# XYZ -> camera for D65, as a real camera's: Nikon D50 in the tables of dcraw.
+MATRIX = np.array([[7732, -2422, -789], [-8238, 15884, 2498], [-859, 783, 7330]]) / 10000
+
+
+def rationals(values: Any) -> tuple[int, ...]:
+    return tuple(part for value in np.ravel(values) for part in (round(value * 10000), 10000))
+
+
+def write_dng(
+    path: Path, samples: CodeArray, order: str = "RGGB", kind: int = CFA, fields: dict[int, tuple[int, Any]] | None = None
+) -> str:
+    """A DNG with these samples; fields: tag -> (TIFF type, values; numerator and denominator in turn where they are rational)."""
+    tags: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True), (50708, "s", 0, "Test camera", True)]
+    if kind == CFA:
+        side = round(len(order) ** 0.5)
+        tags += [
+            (33421, "H", 2, (side, side), True),
+            (33422, "B", len(order), bytes("RGB".index(letter) for letter in order), True),
+        ]
+    for tag, (field_type, values) in (fields or {}).items():
+        count = 0 if isinstance(values, str) else len(values) // (2 if field_type in (RATIONAL, SRATIONAL) else 1)
+        tags.append((tag, field_type, count, values if isinstance(values, str) else tuple(values), True))
+    single = kind == LINEAR_RAW and samples.ndim == 2  # tifffile writes none
+    tifffile.imwrite(path, samples, photometric="minisblack" if single else kind, extratags=tags, metadata=None, byteorder="<")
+    if single:
+        entry = struct.pack("<HHI", 262, SHORT, 1)
+        path.write_bytes(path.read_bytes().replace(entry + struct.pack("<I", 1), entry + struct.pack("<I", LINEAR_RAW)))
+    return str(path)
+
+
+def noise(rows: int, columns: int, *more: int) -> CodeArray:
+    return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more)).astype(np.uint16)
+
+
+@pytest.mark.parametrize("order", BAYER_ORDERS)
+@pytest.mark.parametrize(("rows", "columns"), [(60, 80), (61, 83)])
+def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: int, columns: int) -> None:
+    samples = noise(rows, columns)
+    scene = load_scene(write_dng(tmp_path / "a.dng", samples, order, fields={50714: (SHORT, [100]), 50717: (SHORT, [4095])}))
+    assert scene.shape == (rows // 2, columns // 2)
+    light = (samples - 100.0) / 3995
+    for row, column in ((0, 0), (7, 13), (rows // 2 - 1, columns // 2 - 1)):
+        quad = light[2 * row : 2 * row + 2, 2 * column : 2 * column + 2].ravel()
+        expected = [np.mean([value for value, letter in zip(quad, order, strict=True) if letter == channel]) for channel in "RGB"]
+        np.testing.assert_allclose(scene.rgb[row, column], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", BAYER_ORDERS)
+@pytest.mark.parametrize(("top", "left"), [(0, 1), (1, 0), (1, 1), (3, 2)])
+def test_the_visible_area_may_begin_anywhere(tmp_path: Path, order: str, top: int, left: int) -> None:
+    """Every sample tells its filter, so that a wrong phase would show; LibRaw may begin later than the file says."""
+    phase = {"R": 1000, "G": 2000, "B": 3000}
+    samples = np.zeros((64, 72), np.uint16)
+    for row, column in np.ndindex(64, 72):
+        samples[row, column] = phase[order[(row - top) % 2 * 2 + (column - left) % 2]]
+    fields = {50829: (LONG, [top, left, 64, 72]), 50717: (SHORT, [4000])}
+    scene = load_scene(write_dng(tmp_path / "a.dng", samples, order, fields=fields))
+    np.testing.assert_array_equal(scene.rgb, np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), scene.rgb.shape))
+
+
+def test_each_colour_has_its_own_black(tmp_path: Path) -> None:
+    fields = {50713: (SHORT, [2, 2]), 50714: (SHORT, [100, 200, 300, 400]), 50717: (SHORT, [1400])}
+    samples = np.full((60, 80), 500, np.uint16)
+    scene = load_scene(write_dng(tmp_path / "a.dng", samples, "RGGB", fields=fields))
+    expected = (400 / 1300, (300 / 1200 + 200 / 1100) / 2, 100 / 1000)
+    np.testing.assert_allclose(scene.rgb, np.broadcast_to(expected, scene.rgb.shape), rtol=1e-6)
+
+
+def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: Path) -> None:
+    samples = np.full((60, 80), 90, np.uint16)
+    samples[:2, :2] = 2100
+    scene = load_scene(write_dng(tmp_path / "a.dng", samples, fields={50714: (SHORT, [100]), 50717: (SHORT, [1100])}))
+    assert scene.rgb[1:, 1:].max() == 0
+    np.testing.assert_array_equal(scene.rgb[0, 0], [2, 2, 2])
+
+
+def test_white_balance_and_matrix_of_the_file(tmp_path: Path) -> None:
+    fields = {50721: (SRATIONAL, rationals(MATRIX)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
+    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+    assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
+    assert scene.notes == ()
+    assert scene.camera_to_xyz is not None
+    np.testing.assert_allclose(scene.camera_to_xyz, camera_to_xyz(MATRIX, (0.5, 1.0, 0.625)), atol=1e-6)
+
+
+def test_of_two_matrices_the_one_for_daylight_is_used(tmp_path: Path) -> None:
+    other = MATRIX + 0.05
+    fields = {
+        50721: (SRATIONAL, rationals(other)),
+        50778: (SHORT, [17]),
+        50722: (SRATIONAL, rationals(MATRIX)),
+        50779: (SHORT, [21]),
+        50728: (RATIONAL, rationals((0.5, 1.0, 0.625))),
+    }
+    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+    assert scene.camera_to_xyz is not None
+    np.testing.assert_allclose(scene.camera_to_xyz, camera_to_xyz(MATRIX, (0.5, 1.0, 0.625)), atol=1e-6)
+
+
+def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    shade = rng.uniform(0.1, 0.9, (30, 40, 1)) * (0.5, 1.0, 0.7) * 4000
+    samples = np.zeros((60, 80))
+    samples[::2, ::2], samples[::2, 1::2], samples[1::2, ::2], samples[1::2, 1::2] = np.moveaxis(shade[..., [0, 1, 1, 2]], -1, 0)
+    scene = load_scene(write_dng(tmp_path / "a.dng", samples.astype(np.uint16), fields={50717: (SHORT, [4000])}))
+    assert scene.neutral == pytest.approx((0.5, 1.0, 0.7), abs=0.005)
+    assert any("no white balance" in note and "0.500, 1.000" in note for note in scene.notes)
+    assert scene.camera_to_xyz is None
+    black = load_scene(write_dng(tmp_path / "b.dng", np.zeros((60, 80), np.uint16)))
+    assert black.neutral is None
+    assert any("too dark" in note for note in black.notes)
+
+
+def test_a_unit_matrix_is_no_matrix(tmp_path: Path) -> None:
+    fields = {50721: (SRATIONAL, rationals(np.eye(3))), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
+    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+    assert scene.camera_to_xyz is None
+    assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
+
+
+def test_capture_data(tmp_path: Path) -> None:
+    fields = {
+        271: (2, "Maker"),
+        272: (2, "Model 1"),
+        306: (2, "2024:05:06 07:08:09"),
+        315: (2, "Somebody"),
+        33434: (RATIONAL, (1, 50)),
+    }
+    metadata = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields)).metadata
+    assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
+    assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
+    assert metadata.exposure_time == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+def test_orientation_goes_along_and_pixels_stay(tmp_path: Path, orientation: int) -> None:
+    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields={274: (SHORT, [orientation])}))
+    assert scene.metadata.orientation == orientation
+    assert scene.shape == (30, 40)
+
+
+def test_odd_capture_data_are_left_out(tmp_path: Path) -> None:
+    fields = {306: (2, "yesterday"), 33434: (RATIONAL, (1, 0)), 33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
+    metadata = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields)).metadata
+    assert (metadata.taken, metadata.exposure_time, metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 5
+
+
+X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
+
+
+@pytest.mark.parametrize(
+    ("samples", "order", "kind", "reason"),
+    [
+        (noise(60, 80, 3), "", LINEAR_RAW, "several samples per pixel"),
+        (noise(60, 80), "", LINEAR_RAW, "monochrome"),
+        (noise(60, 84), X_TRANS, CFA, "X-Trans"),
+        (noise(60, 80), "RGGG", CFA, "nor a camera RAW that LibRaw knows"),
+    ],
+    ids=["linear", "monochrome", "x-trans", "no blue"],
+)
+def test_sensors_without_quads_are_refused_with_the_reason(
+    tmp_path: Path, samples: CodeArray, order: str, kind: int, reason: str
+) -> None:
+    with pytest.raises(InputError, match=reason):
+        load_scene(write_dng(tmp_path / "a.dng", samples, order, kind))
+
+
+@pytest.mark.parametrize(
+    ("letters", "pattern", "reason"),
+    [
+        ("RGBE", [[0, 1], [3, 2]], "the filters are RGEB"),
+        ("CMYG", [[0, 1], [2, 3]], "the filters are CMYG"),
+        ("RGBG", [[0, 2], [1, 3]], "the filters are RBGG"),
+        ("RGBG", [[0, 1], [2, 3]], "the filters are RGBG"),
+        ("RGBG", [[0, 1, 0, 1], [3, 2, 3, 2]], "every 4 x 2"),
+    ],
+)
+def test_other_quads_are_refused(letters: str, pattern: list[list[int]], reason: str) -> None:
+    """Sensors of which no file is at hand, as LibRaw describes them."""
+    raw = SimpleNamespace(
+        raw_type=rawpy.RawType.Flat, raw_image=1, num_colors=4, color_desc=letters.encode(), raw_pattern=np.array(pattern, np.uint8)
+    )
+    with pytest.raises(InputError, match=reason):
+        bayer_pattern(raw, rawpy)
+
+
+def test_levels_that_make_no_sense_are_refused(tmp_path: Path) -> None:
+    fields = {50714: (SHORT, [3000]), 50717: (SHORT, [2000])}
+    with pytest.raises(InputError, match="black level"):
+        load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+
+
+def test_a_raw_cut_short_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.dng"
+    write_dng(path, noise(60, 80))
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(InputError, match="cut short"):
+        load_scene(str(path))
+
+
+@pytest.mark.parametrize("illuminant", [D65_XY, (0.4476, 0.4074)])
+@pytest.mark.parametrize("neutral", [(0.5, 1.0, 0.7), (1.0, 0.8, 0.2)])
+def test_the_matrix_keeps_white_white(illuminant: tuple[float, float], neutral: tuple[float, ...]) -> None:
+    np.testing.assert_allclose(np.array(camera_to_xyz(MATRIX, neutral, illuminant)) @ neutral, D50, atol=1e-12)
+
+
+def test_under_its_own_light_the_matrix_is_the_plain_inverse() -> None:
+    white = xyz(*D65_XY)
+    neutral = MATRIX @ white
+    found = np.array(camera_to_xyz(MATRIX, tuple((neutral / neutral.max()).tolist())))
+    np.testing.assert_allclose(found / neutral.max(), adaptation(white, D50) @ np.linalg.inv(MATRIX), atol=1e-12)
+
+
+def test_the_estimate_ignores_clipped_and_dark_pixels() -> None:
+    rgb = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)) * np.array([0.6, 1.0, 0.4])
+    rgb[:5] = 1.0
+    rgb[5:10] = (0.01, 0.001, 0.001)
+    assert estimate_neutral(rgb.astype(np.float32)) == pytest.approx((0.6, 1.0, 0.4), abs=1e-6)
+    assert estimate_neutral(np.ones((20, 20, 3), np.float32)) is None
+    assert estimate_neutral(np.full((5, 5, 3), 0.5, np.float32)) is None  # too few to tell

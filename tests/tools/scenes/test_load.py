@@ -1,0 +1,202 @@
+"""The door: what may come in, what is refused and how that is said."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from PIL import Image
+
+from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from tests.data import DATA, ROOT
+from tools.scenes.load import load_scene
+from tools.scenes.scene import Scene, check_size
+
+PHOTOGRAPHS = sorted(path for path in DATA.glob("*/*") if path.is_file())
+
+
+@pytest.mark.skipif(not PHOTOGRAPHS, reason="no test photographs")
+@pytest.mark.parametrize("path", PHOTOGRAPHS, ids=lambda path: path.name)
+def test_every_test_photograph_loads(path: Path) -> None:
+    scene = load_scene(str(path))
+    assert scene.name == path.stem
+    assert scene.rgb.dtype == np.float32
+    assert scene.neutral is not None
+    assert max(scene.neutral) == 1
+    assert 0.4 < scene.rgb.max() < 1.01
+    assert scene.rgb.mean() > 0.01
+    with pytest.raises(ValueError, match="read-only"):
+        scene.rgb[0, 0, 0] = 1
+    if scene.camera_to_xyz is not None:  # white stays white
+        np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ scene.neutral, (0.9642, 1.0, 0.8249), atol=1e-9)
+
+
+def test_a_scene_is_checked_when_made() -> None:
+    good = np.full((2, 3, 3), 0.5, np.float32)
+    assert Scene(good, "a").shape == (2, 3)
+    for bad in (good[..., 0], good[..., :2], good[:0], np.zeros((2, 2, 4), np.float32)):
+        with pytest.raises(InputError, match="rows, columns, 3"):
+            Scene(bad, "a")
+    for value in (np.nan, np.inf, -np.inf):
+        spoiled = good.copy()
+        spoiled[1, 1, 1] = value
+        with pytest.raises(InputError, match="1 of 18 values are not finite"):
+            Scene(spoiled, "a")
+
+
+def test_negative_light_is_refused_and_rounding_is_not() -> None:
+    rgb = np.full((2, 2, 3), 4.0, np.float32)
+    rgb[0, 0, 0] = -0.003
+    assert Scene(rgb, "a").rgb[0, 0, 0] == 0
+    assert rgb[0, 0, 0] < 0  # the caller's array is left alone
+    rgb[0, 0, 0] = -0.005
+    with pytest.raises(InputError, match="light is not negative"):
+        Scene(rgb, "a")
+    with pytest.raises(InputError, match="light is not negative"):
+        Scene(-np.ones((1, 1, 3), np.float32), "a")
+    assert Scene(np.zeros((1, 1, 3), np.float32), "black").rgb.max() == 0
+
+
+def test_sizes_are_bounded_before_decoding() -> None:
+    check_size(11648, 8736, 6, 300 * 2**20)
+    with pytest.raises(InputError, match="empty"):
+        check_size(0, 5)
+    with pytest.raises(InputError, match="--max-pixels lifts it"):
+        check_size(MAX_PIXELS, 2)
+    with pytest.raises(InputError, match="fill the memory"):
+        check_size(10000, 10000, 6, 500_000)
+    check_size(100, 100, 6, 60)  # a flat little picture compresses well, and harms nobody
+
+
+def test_missing_empty_and_folder(tmp_path: Path) -> None:
+    (tmp_path / "empty.dng").touch()
+    for name, message in (
+        ("absent.dng", "no such file"),
+        ("empty.dng", "empty"),
+        (".", "is a folder"),
+        ("a\0b.png", "cannot be read"),
+    ):
+        with pytest.raises(InputError, match=message):
+            load_scene(str(tmp_path / name))
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "photo.dng", "photo.cr2", "photo.png", "photo.tif", "photo.npy", "photo.exr"])
+def test_something_else_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"These are no pictures, whatever the name says.\n" * 50)
+    with pytest.raises(InputError, match="neither a picture nor a camera RAW") as caught:
+        load_scene(str(path))
+    assert name not in str(caught.value)  # whoever prints it puts the name in front
+
+
+def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "photo.dng"
+    Image.new("RGB", (40, 30)).save(path, "JPEG")
+    with pytest.raises(InputError, match=r"is a JPEG picture.*photo\.jpg"):
+        load_scene(str(path))
+    path.rename(tmp_path / "photo.JPG")
+    assert load_scene(str(tmp_path / "photo.JPG")).shape == (30, 40)
+
+
+@pytest.mark.parametrize("beside", ["preview", "samples"])
+@pytest.mark.parametrize("suffix", [".dng", ".tif"])
+def test_our_own_shots_are_refused_with_the_right_command(tmp_path: Path, beside: str, suffix: str) -> None:
+    private: list[Any] = [(50740, "B", 12, b"Panchroma\0{}", True)]
+    version: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True)]
+    pattern: list[Any] = [(33421, "H", 2, (6, 6), True), (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True)]
+    path = tmp_path / f"shot{suffix}"
+    with tifffile.TiffWriter(path) as file:
+        file.write(
+            np.zeros((32, 32, 3), np.uint8),
+            photometric="rgb",
+            subifds=1,
+            extratags=version + (private if beside == "preview" else []),
+            metadata=None,
+        )
+        file.write(
+            np.zeros((96, 96), np.uint16),
+            photometric=32803,
+            extratags=pattern + (private if beside == "samples" else []),
+            metadata=None,
+        )
+    with pytest.raises(InputError, match=r"this is a shot.*panchroma render"):
+        load_scene(str(path))
+
+
+@pytest.mark.parametrize("layout", ["cfa", "linear"])
+def test_what_simulate_writes_is_a_shot(tmp_path: Path, layout: Any) -> None:
+    samples = np.full((36, 48), 1000, np.uint16)
+    mosaic = Mosaic(samples, CfaPattern.bayer(4), SensorCalibration())
+    write_dng(tmp_path / "shot.dng", mosaic, np.zeros((12, 16, 3), np.uint8), layout=layout)
+    with pytest.raises(InputError, match="this is a shot"):
+        load_scene(str(tmp_path / "shot.dng"))
+
+
+def test_a_shot_with_a_damaged_directory_does_not_reach_libraw(tmp_path: Path) -> None:
+    path = tmp_path / "shot.dng"
+    path.write_bytes(b"II*\0\xf0\xff\xff\x7f" + b"Panchroma\0" * 20)
+    with pytest.raises(InputError, match="this is a shot"):
+        load_scene(str(path))
+
+
+def mutations(data: bytes, count: int) -> list[bytes]:
+    """Cut short, bytes flipped in the head and anywhere, pieces overwritten."""
+    rng = np.random.default_rng(5)
+    found = [data[: len(data) * part // 8] for part in range(8)]
+    for _ in range(count):
+        broken = bytearray(data)
+        for place in rng.integers(0, min(len(data), 400), 3).tolist():
+            broken[place] = int(rng.integers(256))
+        found.append(bytes(broken))
+        start = int(rng.integers(len(data)))
+        found.append(data[:start] + rng.bytes(16) + data[start + 16 :])
+    return found
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif", ".npy", ".exr", ".dng"])
+def test_damaged_files_end_in_an_error_or_a_scene(tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / f"good{suffix}"
+    picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
+    match suffix:
+        case ".npy":
+            np.save(path, picture)
+        case ".exr":
+            with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": picture.astype(np.float32)}) as file:
+                file.write(str(path))
+        case ".tif":
+            tifffile.imwrite(path, picture, photometric="rgb", compression="deflate", metadata=None)
+        case ".dng":
+            tags = [
+                (50706, "B", 4, bytes((1, 4, 0, 0)), True),
+                (33421, "H", 2, (2, 2), True),
+                (33422, "B", 4, bytes((0, 1, 1, 2)), True),
+            ]
+            tifffile.imwrite(path, picture[..., 0], photometric=32803, extratags=tags, metadata=None)
+        case ".png":
+            path.write_bytes(imagecodecs.png_encode(picture))
+        case _:
+            Image.fromarray((picture >> 8).astype(np.uint8)).save(path)
+    data = path.read_bytes()
+    load_scene(str(path))
+    said = []
+    for broken in mutations(data, 40):
+        path.write_bytes(broken)
+        try:
+            load_scene(str(path))
+        except InputError as error:
+            said.append(str(error))
+    assert not any("\n" in message for message in said)
+    assert len(said) >= 7  # the files that were cut short, at least
+    assert capfd.readouterr().out == ""  # standard output is for data
+
+
+def test_commands_start_without_the_libraries_of_file_formats() -> None:
+    script = "import sys, tools.scenes.load; print({'rawpy', 'PIL', 'OpenEXR', 'scipy'} & set(sys.modules) or 'none')"
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT).stdout == "none\n"

@@ -1,0 +1,309 @@
+"""Pictures: which numbers are light already, and which are made light."""
+
+import struct
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from PIL import Image, ImageCms
+from PIL.PngImagePlugin import PngInfo
+
+from shared.colorimetry import SRGB_TO_XYZ, decode_srgb
+from shared.errors import InputError
+from tools.scenes.icc_reading import read_profile
+from tools.scenes.load import load_scene
+
+SRGB_PROFILE: bytes = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
+def profile(curve: bytes, primaries: Any = None) -> bytes:
+    """A small ICC profile with one curve for all channels."""
+    columns = np.array(SRGB_TO_XYZ if primaries is None else primaries).T
+    elements = [b"XYZ \0\0\0\0" + struct.pack(">3i", *np.rint(column * 65536).astype(int)) for column in columns] + [curve] * 3
+    names = (b"rXYZ", b"gXYZ", b"bXYZ", b"rTRC", b"gTRC", b"bTRC")
+    table, data = struct.pack(">I", 6), b""
+    for name, element in zip(names, elements, strict=True):
+        table += struct.pack(">4sII", name, 128 + 4 + 72 + len(data), len(element))
+        data += element + bytes(-len(element) % 4)
+    header = bytearray(128)
+    header[16:24], header[36:40] = b"RGB XYZ ", b"acsp"
+    return bytes(header) + table + data
+
+
+GAMMA_18 = profile(struct.pack(">4s4xIH", b"curv", 1, round(1.8 * 256)))
+LINEAR_PROFILE = profile(struct.pack(">4s4xI", b"curv", 0))
+
+
+def ramp(dtype: type, rows: int = 12, columns: int = 16) -> np.ndarray[Any, Any]:
+    top = np.iinfo(dtype).max
+    picture = np.random.default_rng(4).integers(0, top, (rows, columns, 3), dtype, endpoint=True)
+    picture[0, 0], picture[0, 1] = 0, top
+    return picture
+
+
+def srgb(encoded: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """IEC 61966-2-1, as printed."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".npy", ".webp"])
+def test_8_bits_are_srgb_unless_linear_is_said(tmp_path: Path, suffix: str) -> None:
+    picture, path = ramp(np.uint8), tmp_path / f"a{suffix}"
+    match suffix:
+        case ".tif":
+            tifffile.imwrite(path, picture, photometric="rgb")
+        case ".npy":
+            np.save(path, picture)
+        case _:
+            Image.fromarray(picture).save(path, lossless=True)
+    scene = load_scene(str(path))
+    np.testing.assert_allclose(scene.rgb, srgb(picture / 255), atol=1e-7)
+    assert (scene.camera_to_xyz, scene.neutral, scene.notes) == (SRGB_TO_XYZ, (1.0, 1.0, 1.0), ())
+    np.testing.assert_allclose(load_scene(str(path), linear=True).rgb, picture / 255, atol=1e-7)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".npy"])
+@pytest.mark.parametrize("linear", [False, True])
+def test_16_bits_are_linear_and_a_note_says_so(tmp_path: Path, suffix: str, linear: bool) -> None:
+    picture, path = ramp(np.uint16), tmp_path / f"a{suffix}"
+    match suffix:
+        case ".png":
+            path.write_bytes(imagecodecs.png_encode(picture))
+        case ".tif":
+            tifffile.imwrite(path, picture, photometric="rgb", compression="deflate")
+        case ".npy":
+            np.save(path, picture)
+    scene = load_scene(str(path), linear=linear)
+    np.testing.assert_allclose(scene.rgb, picture / 65535, atol=1e-7)
+    assert len(scene.notes) == (0 if linear else 1)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("suffix", [".tif", ".npy", ".exr"])
+def test_floating_point_is_scene_units(tmp_path: Path, dtype: type, suffix: str) -> None:
+    picture: np.ndarray[Any, Any] = (np.random.default_rng(0).random((12, 16, 3)) * 0.9).astype(dtype)
+    path = tmp_path / f"a{suffix}"
+    match suffix:
+        case ".tif":
+            tifffile.imwrite(path, picture, photometric="rgb")
+        case ".npy":
+            np.save(path, picture)
+        case ".exr":
+            picture = picture.astype(np.float32) if dtype == np.float64 else picture  # EXR has no double
+            with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": picture}) as file:
+                file.write(str(path))
+    scene = load_scene(str(path))
+    np.testing.assert_array_equal(scene.rgb, picture.astype(np.float32))
+    assert scene.notes == ()
+
+
+def test_values_past_white_stay_and_a_note_says_so(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([[0.5, 3.0]], np.float32))
+    scene = load_scene(str(tmp_path / "a.npy"))
+    assert scene.rgb.max() == 3
+    assert "1.0 is white" in scene.notes[0]
+
+
+def test_values_that_are_no_light_are_refused(tmp_path: Path) -> None:
+    for value, message in ((np.nan, "not finite"), (np.inf, "not finite"), (-0.5, "not negative")):
+        np.save(tmp_path / "a.npy", np.array([[0.5, value]], np.float32))
+        with pytest.raises(InputError, match=message):
+            load_scene(str(tmp_path / "a.npy"))
+
+
+@pytest.mark.parametrize("channels", [0, 1, 2, 3, 4])
+@pytest.mark.parametrize("suffix", [".tif", ".npy"])
+def test_grey_becomes_three_alike_and_transparency_goes(tmp_path: Path, suffix: str, channels: int) -> None:
+    picture = ramp(np.uint16, 10, 20)[..., :1].repeat(max(channels, 1), axis=2)
+    picture[..., -1:] = picture[..., -1:] // 2 if channels in (2, 4) else picture[..., -1:]
+    stored = picture[..., 0] if channels == 0 else picture
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npy":
+        np.save(path, stored)
+    else:
+        extra = ["unassalpha"] if channels in (2, 4) else None
+        tifffile.imwrite(
+            path,
+            stored,
+            photometric="rgb" if channels > 2 else "minisblack",
+            extrasamples=extra,
+            planarconfig="contig" if channels > 1 else None,
+        )
+    scene = load_scene(str(path))
+    np.testing.assert_allclose(scene.rgb, (picture[..., :1] / 65535).repeat(3, axis=2), atol=1e-7)
+    assert ("transparency is left out" in scene.notes) == (channels in (2, 4))
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGBA"])
+def test_other_png_kinds(tmp_path: Path, mode: str) -> None:
+    picture = Image.fromarray(ramp(np.uint8)).convert(mode)
+    picture.save(tmp_path / "a.png")
+    expected = np.asarray(picture.convert("RGB")) / 255
+    np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, srgb(expected), atol=1e-7)
+
+
+def test_planes_and_tiles_of_a_tiff(tmp_path: Path) -> None:
+    picture = ramp(np.uint16, 40, 50)
+    tifffile.imwrite(tmp_path / "a.tif", np.moveaxis(picture, -1, 0), photometric="rgb", planarconfig="separate")
+    tifffile.imwrite(tmp_path / "b.tif", picture, photometric="rgb", tile=(16, 16), compression="zlib")
+    for name in ("a.tif", "b.tif"):
+        np.testing.assert_allclose(load_scene(str(tmp_path / name)).rgb, picture / 65535, atol=1e-7)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("icc", "gamma"), [(GAMMA_18, 1.8), (LINEAR_PROFILE, 1.0)], ids=["gamma", "linear"])
+def test_a_profile_is_believed(tmp_path: Path, suffix: str, dtype: type, icc: bytes, gamma: float) -> None:
+    picture, path = ramp(dtype), tmp_path / f"a{suffix}"
+    if suffix == ".tif":
+        tifffile.imwrite(path, picture, photometric="rgb", iccprofile=icc)
+    elif dtype == np.uint8:
+        Image.fromarray(picture).save(path, icc_profile=icc)
+    else:  # Pillow writes no 16-bit colour: put the chunk in by hand
+        data = imagecodecs.png_encode(picture)
+        content = b"iCCP" + b"profile\0\0" + imagecodecs.zlib_encode(icc)
+        chunk = struct.pack(">I", len(content) - 4) + content + struct.pack(">I", imagecodecs.zlib_crc32(content))
+        path.write_bytes(data[:33] + chunk + data[33:])
+    scene = load_scene(str(path))
+    exponent = round(gamma * 256) / 256  # as the profile can write it
+    np.testing.assert_allclose(scene.rgb, (picture / np.iinfo(dtype).max) ** exponent, atol=1e-6)
+    assert scene.notes == ()
+    forced = load_scene(str(path), linear=True)
+    np.testing.assert_allclose(forced.rgb, picture / np.iinfo(dtype).max, atol=1e-6)
+    assert bool(forced.notes) == (gamma != 1)
+
+
+def test_a_profile_gives_the_primaries(tmp_path: Path) -> None:
+    wide = np.array([[0.6097, 0.2053, 0.1492], [0.3111, 0.6257, 0.0632], [0.0195, 0.0609, 0.7446]])  # Adobe RGB (1998), D50
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, ramp(np.uint16), photometric="rgb", iccprofile=profile(struct.pack(">4s4xI", b"curv", 0), wide))
+    scene = load_scene(str(path))
+    assert scene.camera_to_xyz is not None
+    np.testing.assert_allclose(scene.camera_to_xyz, wide, atol=2e-4)
+    np.testing.assert_allclose(np.array(scene.camera_to_xyz).sum(axis=1), (0.9642, 1, 0.8249), atol=1e-12)
+
+
+def test_curves_of_profiles() -> None:
+    x = np.linspace(0, 1, 101)
+    found = read_profile(SRGB_PROFILE)
+    assert found is not None
+    assert not found.linear
+    np.testing.assert_allclose(found.curves[1](x), srgb(x), atol=1e-4)
+    np.testing.assert_allclose(found.to_xyz, SRGB_TO_XYZ, atol=1e-4)
+    np.testing.assert_allclose(decode_srgb(x), srgb(x), atol=1e-15)
+    s15 = [round(value * 65536) for value in (2.0, 0.9, 0.1, 0.05)]
+    table = struct.pack(">4s4xI5H", b"curv", 5, 0, 1000, 10000, 30000, 65535)
+    for curve, expected in (
+        (struct.pack(">4s4xHxx1i", b"para", 0, *s15[:1]), x**2),
+        (struct.pack(">4s4xHxx3i", b"para", 1, *s15[:3]), (0.9 * x + 0.1) ** 2),
+        (struct.pack(">4s4xHxx4i", b"para", 2, *s15), (0.9 * x + 0.1) ** 2 + 0.05),
+        (table, np.interp(x, np.linspace(0, 1, 5), np.array([0, 1000, 10000, 30000, 65535]) / 65535)),
+    ):
+        parsed = read_profile(profile(curve))
+        assert parsed is not None
+        np.testing.assert_allclose(parsed.curves[2](x), expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [b"", b"nonsense", SRGB_PROFILE[:100], SRGB_PROFILE[:200], profile(b"mft2" + bytes(40))],
+    ids=["empty", "no profile", "cut in the header", "cut in the table", "other curves"],  # the profile has a date in it
+)
+def test_a_profile_that_cannot_be_read_is_ignored_and_said(tmp_path: Path, broken: bytes) -> None:
+    assert read_profile(broken) is None
+    if broken:
+        tifffile.imwrite(tmp_path / "a.tif", ramp(np.uint8), photometric="rgb", iccprofile=broken)
+        assert any("profile" in note for note in load_scene(str(tmp_path / "a.tif")).notes)
+
+
+@pytest.mark.parametrize(("gamma", "expected"), [(45455, "srgb"), (100000, 1.0), (50000, 2.0)])
+def test_png_gamma_is_believed(tmp_path: Path, gamma: int, expected: float | str) -> None:
+    info = PngInfo()
+    info.add(b"gAMA", struct.pack(">I", gamma))
+    picture = ramp(np.uint8)
+    Image.fromarray(picture).save(tmp_path / "a.png", pnginfo=info)
+    value = srgb(picture / 255) if isinstance(expected, str) else (picture / 255) ** expected
+    np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, value, atol=1e-6)
+
+
+def test_exr_chromaticities_and_kinds(tmp_path: Path) -> None:
+    grey = np.random.default_rng(0).random((5, 7)).astype(np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "chromaticities": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)}
+    for channels, good in (({"Y": grey}, True), ({"RGBA": np.dstack([grey] * 4)}, True), ({"Z": grey}, False)):
+        with OpenEXR.File(header, channels) as file:
+            file.write(str(tmp_path / "a.exr"))
+        if good:
+            scene = load_scene(str(tmp_path / "a.exr"))
+            np.testing.assert_array_equal(scene.rgb, grey[..., None].repeat(3, axis=2))
+            assert scene.camera_to_xyz is not None
+            np.testing.assert_allclose(scene.camera_to_xyz, SRGB_TO_XYZ, atol=1e-6)
+        else:
+            with pytest.raises(InputError, match="the channels Z"):
+                load_scene(str(tmp_path / "a.exr"))
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.zeros((4, 4, 5)),
+        np.zeros(7),
+        np.zeros((4, 4, 3), np.int16),
+        np.zeros((4, 4, 3), complex),
+        np.array([[{}]]),
+        np.zeros((0, 4, 3)),
+    ],
+    ids=["channels", "line", "signed", "complex", "objects", "empty"],
+)
+def test_arrays_that_are_no_pictures_are_refused(tmp_path: Path, array: np.ndarray[Any, Any]) -> None:
+    np.save(tmp_path / "a.npy", array)
+    with pytest.raises(InputError):
+        load_scene(str(tmp_path / "a.npy"))
+
+
+def test_cmyk_is_refused(tmp_path: Path) -> None:
+    Image.new("CMYK", (20, 20)).save(tmp_path / "a.jpg")
+    with pytest.raises(InputError, match="CMYK"):
+        load_scene(str(tmp_path / "a.jpg"))
+
+
+def test_a_tiff_that_points_past_its_end_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, ramp(np.uint16, 100, 100), photometric="rgb")
+    path.write_bytes(path.read_bytes()[:-1000])
+    with pytest.raises(InputError, match="cut short"):
+        load_scene(str(path))
+
+
+def test_bombs_are_refused_by_their_header(tmp_path: Path) -> None:
+    ihdr = b"IHDR" + struct.pack(">IIBBBBB", 100000, 100000, 16, 2, 0, 0, 0)
+    header = struct.pack(">I", 13) + ihdr + struct.pack(">I", imagecodecs.zlib_crc32(ihdr))
+    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header + bytes(100))
+    tifffile.imwrite(tmp_path / "a.tif", np.zeros((9000, 9000), np.uint32), compression="zlib", rowsperstrip=9000)
+    header_only = np.lib.format.header_data_from_array_1_0(np.zeros((1, 1, 3), np.float32))
+    with (tmp_path / "a.npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, {**header_only, "shape": (100000, 100000, 3)})
+    for name in ("a.png", "a.tif", "a.npy"):
+        with pytest.raises(InputError):
+            load_scene(str(tmp_path / name))
+
+
+def test_capture_data_of_a_jpeg(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[271], exif[274] = "Maker", 6
+    inner = exif.get_ifd(34665)
+    inner[36867], inner[33437], inner[34855], inner[42036] = "2024:05:06 07:08:09", 2.8, 400, "Lens 35"
+    Image.new("RGB", (30, 20)).save(tmp_path / "a.jpg", exif=exif)
+    metadata = load_scene(str(tmp_path / "a.jpg")).metadata
+    assert (metadata.make, metadata.orientation, metadata.f_number, metadata.iso, metadata.lens) == (
+        "Maker",
+        6,
+        2.8,
+        400,
+        "Lens 35",
+    )
+    assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone

@@ -1,0 +1,1 @@
+"""Find a ColorChecker in a shot and read its patches."""

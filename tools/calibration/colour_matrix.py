@@ -1,0 +1,175 @@
+"""Colour: the matrix from camera to XYZ (D50) that keeps white white, and the light's unevenness over the chart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.colorimetry import D50
+from shared.errors import InputError
+
+from .chart.place import COLUMNS, PATCHES, ROWS
+from .delta_e import delta_e_2000, lab, lab_slopes
+
+GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is a little yellow, the darker ones take stray light
+_GREY_ROW = slice(18, 24)
+UNEVEN = 1.25  # brightest over dimmest light on the chart: past it the report warns
+_CROOKED = 0.15  # of log level in the grey row: stray light and reflections stay below, tone curves do not
+_STEEPEST = 0.28  # of log light from patch to patch: fourfold over the row. Half in shade it is 0.19; sRGB's curve makes 0.36
+_ROUNDS = 12
+_FIELD_RIDGE = 0.02  # of a patch's weight: keeps corners quiet
+_HUBER = 0.08  # of log light: a patch off by more is reflection or a shadow's edge, not the field
+
+
+@dataclass(frozen=True, eq=False)
+class ColourFit:
+    """A camera's colours under one light.
+
+    matrix: (3, C), scene units -> XYZ (D50); takes `neutral` to D50 exactly. neutral: (C,), what white reads, largest 1.
+    light: (24,), relative illumination of each patch, mean 1; lab: (24, 3), the patches after correction, `reference` beside them.
+    difference: (24,) dE2000; plain: without the illumination field; left_out: each patch predicted by the others.
+    """
+
+    matrix: DoubleArray
+    neutral: DoubleArray
+    light: DoubleArray
+    lab: DoubleArray
+    reference: DoubleArray
+    difference: DoubleArray
+    plain: DoubleArray
+    left_out: DoubleArray
+
+    @property
+    def unevenness(self) -> float:
+        """Brightest over dimmest light on the chart."""
+        return float(self.light.max() / self.light.min())
+
+
+def fit_colour(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, thorough: bool = True) -> ColourFit:
+    """Matrix, neutral and illumination field from the patches of one chart.
+
+    camera: (24, C), linear; reference: (24, 3), XYZ (D50), white = 1; cells: (24, 2), places on the chart. thorough: with the
+    leave-one-out error, which takes 24 times as long (NaN without).
+    Raises InputError when the chart's greys are black or a channel is blind.
+    """
+    if camera.shape[0] != PATCHES or not (camera[list(GREYS)] > 0).all():
+        raise InputError("colour: the grey patches have no light in some channel; expose more")
+    matrix, neutral, light = _fit(camera, reference, cells, field=True)
+    flat_matrix, _, flat_light = _fit(camera, reference, cells, field=False)
+    wanted = lab(reference)
+    found = lab((camera / light[:, None]) @ matrix.T)
+    return ColourFit(
+        matrix=matrix,
+        neutral=neutral,
+        light=light / light.mean(),
+        lab=found,
+        reference=wanted,
+        difference=delta_e_2000(found, wanted),
+        plain=delta_e_2000(lab((camera / flat_light[:, None]) @ flat_matrix.T), wanted),
+        left_out=_left_out(camera, reference, cells) if thorough else np.full(PATCHES, np.nan),
+    )
+
+
+def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
+    """L*a*b* (24, 3) with a matrix known before, after white balance and exposure on the greys: the state without calibration."""
+    greys = list(GREYS)
+    balanced = camera / (camera[greys] / reference[greys, 1:2]).mean(axis=0) @ np.diag(np.linalg.lstsq(matrix, D50, rcond=None)[0])
+    return lab(balanced @ matrix.T)
+
+
+def _fit(
+    camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, field: bool, used: DoubleArray | None = None
+) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+    """Matrix, neutral (largest 1), and light with its absolute size, patch by patch.
+
+    Light and matrix in turn: given the matrix the light is what luminance is too bright by; given the light the matrix is a linear
+    least-squares problem.
+    """
+    used = np.ones(len(camera)) if used is None else used
+    greys = [index for index in GREYS if used[index]]
+    light = np.full(len(camera), (camera[greys].sum(axis=1) / reference[greys, 1]).mean())
+    matrix = neutral = np.zeros(0)
+    for _ in range(_ROUNDS):
+        even = camera / light[:, None]
+        neutral = (even[greys] / reference[greys, 1:2]).mean(axis=0)
+        matrix = _white_preserving(even, reference, neutral, used)
+        seen = np.maximum(even @ matrix[1], 1e-6)
+        excess = np.log(seen / reference[:, 1])
+        light = light * np.exp(_surface(excess, cells, used) if field else (excess * used).sum() / used.sum())
+    even = camera / light[:, None]
+    neutral = (even[greys] / reference[greys, 1:2]).mean(axis=0)
+    matrix = _white_preserving(even, reference, neutral, used)
+    scale = neutral.max()
+    return matrix * scale, neutral / scale, light * scale
+
+
+def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray) -> DoubleArray:
+    """Least squares over matrices M with M neutral = D50, errors counted as L*a*b* would, to first order.
+
+    M = D50 n^T / n.n + Q B^T, B a basis of what is orthogonal to n: white is kept whatever Q is (G. D. Finlayson, M. S. Drew,
+    "White-point preserving color correction", CIC 1997).
+    """
+    basis = np.linalg.svd(neutral[None])[2][1:].T
+    start = np.outer(D50, neutral) / (neutral @ neutral)
+    slopes = lab_slopes(reference) * _emphasis(reference)[:, None, None] * used[:, None, None]
+    free = camera @ basis
+    design = np.einsum("nij,nk->nijk", slopes, free).reshape(3 * len(camera), -1)
+    target = np.einsum("nij,nj->ni", slopes, reference - camera @ start.T).ravel()
+    solution, *_ = np.linalg.lstsq(design, target, rcond=None)
+    matrix: DoubleArray = start + solution.reshape(3, -1) @ basis.T
+    return matrix
+
+
+def _emphasis(reference: DoubleArray) -> DoubleArray:
+    """CIEDE2000 counts differences of saturated colours less, by 1 + 0.045 C (its Eq. 20)."""
+    _, a, b = lab(reference).T
+    emphasis: DoubleArray = 1 / (1 + 0.045 * np.hypot(a, b))
+    return emphasis
+
+
+def _terms(cells: DoubleArray) -> DoubleArray:
+    x, y = 2 * cells[:, 0] / COLUMNS - 1, 2 * cells[:, 1] / ROWS - 1
+    return np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
+
+
+def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> DoubleArray:
+    """A second-order surface through (24,) logarithms, robust against single patches."""
+    terms = _terms(cells)
+    ridge = np.diag([0.0, *[_FIELD_RIDGE * PATCHES] * (terms.shape[1] - 1)])
+    weight = used
+    values = excess
+    for _ in range(5):
+        weighted = terms * weight[:, None]
+        values = terms @ np.linalg.solve(weighted.T @ terms + ridge, weighted.T @ excess)
+        weight = used * np.minimum(1, _HUBER / np.maximum(np.abs(excess - values), 1e-9))
+    return values
+
+
+def _left_out(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray) -> DoubleArray:
+    """dE2000 of each patch under the matrix and the field of the 23 others."""
+    errors = np.zeros(len(camera))
+    for index in range(len(camera)):
+        used = np.ones(len(camera))
+        used[index] = 0
+        matrix, _, light = _fit(camera, reference, cells, field=True, used=used)
+        errors[index] = delta_e_2000(lab(camera[index] / light[index] @ matrix.T), lab(reference[index]))
+    return errors
+
+
+def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
+    """Why the grey row (its six levels, white to black, and their reference Y) is none: not monotone or not linear; None if it is.
+
+    Light that changes along the row by a constant factor per patch is allowed for, up to what a shadow does: the greys are nearly a
+    geometric row, so that a tone curve looks like light falling off very steeply.
+    """
+    if not (np.diff(level) < 0).all() or level[-1] <= 0:
+        return "the grey row does not get darker from patch to patch"
+    bend = np.log(level / reference)
+    place = np.arange(len(level), dtype=float)
+    line = np.polyfit(place, bend, 1, w=np.sqrt(reference))
+    worst = float(np.abs(bend - np.polyval(line, place))[:-1].max())
+    if worst > _CROOKED:
+        return f"the grey row is not linear (off by {100 * worst:.0f} %)"
+    if abs(line[0]) > _STEEPEST:
+        return f"the grey row is not linear, or the light on it changes {np.exp(abs(line[0]) * 5):.0f}-fold"
+    return None

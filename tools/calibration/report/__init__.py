@@ -1,0 +1,1 @@
+"""The calibration report: one page for the engineer who signs."""

@@ -1,0 +1,88 @@
+"""Save a camera's frames as shots: each becomes a DNG with its preview inside, TIME-COUNTER.dng.
+
+SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, or builtin:WIDTHxHEIGHT@FPS, a
+simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 --mode 4056:3040:12:P -o - |
+panchroma capture - -o shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112
+
+When frames come faster than they can be written, whole ones are dropped and counted; those of a folder, and of a recording, wait.
+SIGINT and SIGTERM end it after the file in hand (exit codes 130 and 0).
+"""
+
+import argparse
+from pathlib import Path
+
+from device.capture import Refused, Saved, capture
+from device.frame_queue import FrameQueue
+from device.shots import ShotFolder
+from shared.errors import InputError, OutputError
+from tools.host.console import Console
+from tools.host.jobs import FAILED, output_folder
+from tools.host.signals import Stopping
+from tools.live.source import add_source_options, open_source
+from tools.pictures.previews import add_graph_option, preview_maker
+
+_DEPTH = 2  # frames that may wait: one hides a slow write, a second a hiccup of the disk; more would only be older
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `panchroma capture`."""
+    add_source_options(parser)
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for the shots")
+    parser.add_argument("--frames", type=int, metavar="N", help="end after N shots (default: with the stream, or when told to)")
+    parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a recording that comes by pipe")
+    parser.add_argument("--latest", metavar="LINK", help="keep a symbolic link to the latest shot there")
+    add_graph_option(parser)
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
+    parser.add_argument("--json", action="store_true", help="one object per frame on stdout")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> int:
+    """Returns the exit code."""
+    for option in ("frames", "jobs"):
+        if (number := getattr(arguments, option)) is not None and number < 1:
+            raise InputError(f"--{option} is {number}, expected 1 or more")
+    if arguments.wait and arguments.source.startswith("builtin:"):
+        raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
+    folder = output_folder(arguments.output)
+    source = open_source(arguments)
+    shots = ShotFolder(folder, Path(arguments.latest) if arguments.latest else None)
+    preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.jobs)
+    for note in source.notes:
+        console.note(note)
+    saved = failed = 0
+
+    def refused(reason: str) -> None:
+        nonlocal failed
+        failed += 1
+        console.error(reason)
+        console.record(source=arguments.source, ok=False, error=reason)
+
+    with Stopping() as stopping:
+        frames = source.frames(stopping, lambda error: refused(str(error)))
+        queue = FrameQueue(frames, _DEPTH, wait=source.waits or arguments.wait, stopped=stopping)
+        try:
+            for each in capture(queue, source.sensor, preview, shots):
+                if isinstance(each, Refused):
+                    refused(each.reason)
+                    continue
+                saved += 1
+                _report(each, queue.dropped, arguments.source, console)
+                if saved == arguments.frames:
+                    break
+            else:
+                if arguments.frames and not stopping():
+                    refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
+        except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: what was saved stays good
+            refused(str(error))
+        # What waits when it ends is as lost as what found no place; but nobody wanted more than --frames.
+        lost = queue.dropped + (len(queue) if stopping() else 0)
+    console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
+    return stopping.code or (FAILED if failed else 0)
+
+
+def _report(shot: Saved, dropped: int, source: str, console: Console) -> None:
+    preview, write = shot.preview * 1e3, shot.write * 1e3
+    console.say(f"{shot.path}: preview {preview:.0f} ms, write {write:.0f} ms, dropped {dropped}")
+    console.record(
+        source=source, ok=True, output=str(shot.path), preview_ms=round(preview, 1), write_ms=round(write, 1), dropped=dropped
+    )

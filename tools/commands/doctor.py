@@ -1,0 +1,30 @@
+"""Check the installation: versions, what is missing for which command, kernels, threads, memory, durable writing; with remedies."""
+
+import argparse
+
+from tools.host.console import Console
+from tools.host.installation import BAD, CHECKS, MISSING, Finding
+from tools.host.jobs import FAILED
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `panchroma doctor`."""
+    parser.add_argument("--json", action="store_true", help="one object per check on stdout")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> int:
+    """Returns the exit code: 1 when something is wrong, not when something optional is missing."""
+    findings = [finding for check in CHECKS for finding in check()]
+    width = max(len(finding.name) for finding in findings)
+    for finding in findings:
+        console.say(_line(finding, width))
+        console.record(check=finding.name, ok=finding.state != BAD, state=finding.state, found=finding.found, remedy=finding.remedy)
+    wrong = sum(finding.state == BAD for finding in findings)
+    missing = sum(finding.state == MISSING for finding in findings)
+    console.say(f"{wrong} wrong, {missing} optional things missing" if wrong or missing else "all is well")
+    return FAILED if wrong else 0
+
+
+def _line(finding: Finding, width: int) -> str:
+    line = f"{finding.state:8}{finding.name:{width + 2}}{finding.found}"
+    return f"{line}\n{'':{width + 10}}-> {finding.remedy}" if finding.remedy else line

@@ -1,0 +1,171 @@
+"""Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera, and compare the renderings.
+
+Writes evaluation.html (one page, no network needed), evaluation.json and evaluation.csv. Results are kept in DIR/results as they
+come: an interrupted run goes on where it stopped, and another method or noise level adds only itself.
+"""
+
+import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from shared.errors import InputError, OutputError
+from shared.pattern import PERIODS
+from tools.evaluation.figures import Figures
+from tools.evaluation.verdict import plain_text
+from tools.host.console import Console, program_version
+from tools.host.countdown import duration
+from tools.host.jobs import FAILED, output_folder, processors
+from tools.host.memory import allowed_memory
+
+if TYPE_CHECKING:
+    from tools.evaluation.study import Study, Task
+    from tools.evaluation.team import Team
+
+_PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
+_SIGMAS, _EXPOSURES = (0.0, 0.01, 0.02, 0.03), (1.0, 1 / 4, 1 / 16)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `panchroma evaluate`."""
+    parser.add_argument("scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder of them")
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for the results")
+    light = parser.add_argument_group("light and noise")
+    light.add_argument(
+        "--protocol",
+        choices=("paper", "sensor"),
+        default="paper",
+        help="paper: additive Gaussian noise, not clipped; sensor: equal exposure time, shot and read noise, clipped, 12 bits",
+    )
+    light.add_argument(
+        "--sigma", type=float, nargs="+", metavar="S", help="noise of --protocol paper, scene units (default: 0 0.01 0.02 0.03)"
+    )
+    light.add_argument(
+        "--exposure", type=float, nargs="+", metavar="FACTOR", help="light with --protocol sensor (default: 1, 1/4, 1/16)"
+    )
+    light.add_argument("--seed", type=int, default=0, help="of the noise; the same for every scene")
+    light.add_argument("--linear", action="store_true", help="the pictures' numbers are light, whatever the files say")
+    what = parser.add_argument_group("what is compared")
+    what.add_argument(
+        "--period", type=int, nargs="+", default=[6], metavar="K", help="of the sparse-colour sensor; several make a study of K"
+    )
+    what.add_argument(
+        "--methods", nargs="+", metavar="NAME", help="default: all whose packages are installed; an unknown name lists them"
+    )
+    what.add_argument("--crop", type=int, metavar="PIXELS", help="only the middle of each scene, for a quick look")
+    run_ = parser.add_argument_group("the run")
+    run_.add_argument("-j", "--jobs", type=int, metavar="N", help="processes (default: one per core, as memory allows)")
+    run_.add_argument("--scheduler", metavar="ADDRESS", help="measure on the workers of this dask scheduler, tcp://HOST:PORT")
+    run_.add_argument("--scheduler-file", metavar="FILE", help="the same, of the scheduler that wrote this file")
+    run_.add_argument("--max-memory", metavar="SIZE", help="for all processes, for example 4G (default: most of what is free)")
+    run_.add_argument("--report", action=argparse.BooleanOptionalAction, default=True, help="make the page, or only the figures")
+    run_.add_argument("--overwrite", action="store_true", help="replace the page and the tables of an earlier run")
+    run_.add_argument("--dry-run", action="store_true", help="only list the work")
+    run_.add_argument("--json", action="store_true", help="one object per scene on stdout")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> int:
+    """Returns the exit code."""
+    from tools.evaluation.report import write_report, write_tables
+    from tools.evaluation.study import collect, tasks
+    from tools.evaluation.team import Team
+
+    folder = output_folder(arguments.output)
+    outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.report or name != _PAGE]
+    if not (arguments.overwrite or arguments.dry_run):
+        for path in outputs:
+            if path.exists():
+                raise OutputError(f"{path}: exists already; use --overwrite to replace it; the results behind it are kept")
+    team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
+    study, failures = _study(arguments, console, team)
+    todo, there = tasks(study, folder.absolute() if _elsewhere(arguments) else folder)
+    if arguments.dry_run:
+        return _list(todo, there, failures, console)
+    if there:
+        console.note(f"{there} results are kept from an earlier run")
+    failures += _measure(arguments, team, todo)
+    figures = Figures(study, collect(study, folder))
+    if not figures.scenes:
+        raise InputError("nothing could be measured; the lines above say why")
+    program = f"panchroma {program_version()}"
+    write_tables(figures, program, failures, folder / _JSON, folder / _CSV, overwrite=arguments.overwrite)
+    if arguments.report:
+        write_report(figures, program, failures, folder / _PAGE, team, overwrite=arguments.overwrite)
+    console.say(plain_text(figures))
+    console.say(", ".join(str(path) for path in outputs))
+    for scene in study.scenes:
+        console.record(source=scene.source, ok=True, group=scene.group, width=scene.columns, height=scene.rows)
+    return FAILED if failures else 0
+
+
+def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str]]:
+    """What is asked for, with the scenes that can be read; and a line for each that cannot."""
+    from tools.evaluation.methods import choose, default_names
+    from tools.evaluation.methods import methods as known_methods
+    from tools.evaluation.protocol import Protocol
+    from tools.evaluation.scene_sets import Reading, distinct, expand
+    from tools.evaluation.study import Study
+
+    protocol = Protocol(arguments.protocol, arguments.seed)
+    levels = arguments.sigma if protocol.kind == "paper" else arguments.exposure
+    if (arguments.exposure if protocol.kind == "paper" else arguments.sigma) is not None:
+        raise InputError("--sigma is the noise of --protocol paper, --exposure the light of --protocol sensor; use the other one")
+    levels = protocol.in_order(levels or list(_SIGMAS if protocol.kind == "paper" else _EXPOSURES))
+    for level in levels:
+        protocol.check_level(level)
+    methods = choose(arguments.methods or default_names())
+    if not arguments.methods and (absent := sorted({each.missing for each in known_methods().values() if each.missing})):
+        console.note(f"some methods are left out, for these packages are not installed: {', '.join(absent)}")
+    periods = sorted(set(arguments.period))
+    for period in periods:
+        if period not in PERIODS:
+            raise InputError(f"--period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
+    if arguments.crop is not None and arguments.crop < 1:
+        raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
+    reading = Reading(arguments.linear, arguments.crop)
+    sources = expand(arguments.scenes)
+    if _elsewhere(arguments):
+        from tools.host.cluster import everywhere
+
+        sources = [everywhere(source) for source in sources]
+    scenes, failures = team.read(sources, reading)
+    scenes, remarks = distinct(scenes)
+    for remark in remarks:
+        console.note(remark)
+    if not scenes:
+        raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
+    return Study(tuple(scenes), tuple(each.name for each in methods), tuple(levels), tuple(periods), protocol, reading), failures
+
+
+def _elsewhere(arguments: argparse.Namespace) -> bool:
+    """Whether others measure, to whom names are to be told in full."""
+    if arguments.scheduler and arguments.scheduler_file:
+        raise InputError("--scheduler or --scheduler-file: one of them")
+    return bool(arguments.scheduler or arguments.scheduler_file)
+
+
+def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
+    if not (_elsewhere(arguments) and todo):
+        return team.measure(todo)
+    from tools.host.cluster import connected
+
+    with connected(arguments.scheduler, arguments.scheduler_file) as client:
+        return replace(team, client=client).measure(todo)
+
+
+def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:
+    """--dry-run: the work, and how long it takes, roughly."""
+    for task in todo:
+        console.say(task.title)
+        for cell in task.cells:
+            console.record(source=cell.scene.source, level=cell.level, method=cell.method, period=cell.period or None, dry_run=True)
+    seconds = sum(task.seconds for task in todo)
+    results = sum(len(task.cells) for task in todo)
+    console.say(f"{results} results to make, {there} kept from an earlier run; roughly {duration(seconds)} of one core")
+    return FAILED if failures else 0
+
+
+def _jobs(arguments: argparse.Namespace) -> int:
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise InputError(f"-j is {arguments.jobs}, expected 1 or more")
+    given: int | None = arguments.jobs
+    return given or processors()

@@ -1,0 +1,149 @@
+"""Say what is in shots (pattern, levels, calibration, capture data) and in camera files.
+
+Reading checks a shot's samples against their digest, and a camera file field by field; --verify does that for whole archives.
+"""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shared import Mosaic, read_camera, read_dng
+from shared.dng import read_preview
+from shared.errors import InputError
+from tools.host.archive import verify
+from tools.host.console import Console, one_line
+from tools.host.jobs import FAILED, Job, add_limit, processors, run_jobs
+
+_COLUMN = 14  # characters of a name on the page
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Of `panchroma inspect`."""
+    parser.add_argument(
+        "shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma, or a camera.json; with --verify a folder of DNGs too"
+    )
+    parser.add_argument("--verify", action="store_true", help="only count the whole ones and name the damaged")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="of --verify, files at a time (default: one per core)")
+    add_limit(parser)
+    parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
+
+
+def run(arguments: argparse.Namespace, console: Console) -> int:
+    """Returns the exit code."""
+    if arguments.jobs is not None and arguments.jobs < 1:
+        raise InputError(f"--jobs is {arguments.jobs}, expected 1 or more")
+    if arguments.verify:
+        jobs = arguments.jobs or processors()
+        return FAILED if verify(arguments.shots, console, jobs=jobs, max_pixels=arguments.max_pixels) else 0
+
+    def work(job: Job) -> dict[str, Any]:
+        if Path(job.source).suffix.lower() == ".json":
+            return _camera(job.source, console)
+        mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
+        facts = _facts(mosaic, len(read_preview(job.source)))
+        console.say(_page(job.source, facts))
+        return facts
+
+    return run_jobs([Job(shot, ()) for shot in arguments.shots], work, console)
+
+
+def _camera(source: str, console: Console) -> dict[str, Any]:
+    """Facts about a camera file, said to people too."""
+    camera = read_camera(source)
+    calibration, pattern = camera.calibration, camera.pattern
+    document = calibration.to_json()
+    rows = {
+        "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
+        "pattern": f"{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}" if pattern else "unknown",
+        "levels": f"black {_row(calibration.black_level)}, white {calibration.white_level} ({calibration.bits} bits)",
+        "gamma": f"{_row(calibration.gamma)}  ({calibration.channels})",
+        "noise": _noise(document["noise"]),
+        "colour": "calibrated" if calibration.camera_to_xyz else "no matrix",
+        "neutral": _row(calibration.neutral) if calibration.neutral else "unknown",
+        "defects": f"{len(calibration.defects)} pixels",
+    }
+    for part, how in camera.measured.items():
+        rows[f"{part}:"] = ", ".join(f"{name} {_told(value)}" for name, value in how.items())
+    console.say(f"{source}\n" + "\n".join(f"  {name:<13}{value}" for name, value in rows.items()))
+    return {"camera": camera.to_json(), "calibration_id": calibration.id}
+
+
+def _told(value: Any) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
+    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    panchromatic = mosaic.signal[measured]
+    metadata = asdict(mosaic.metadata)
+    taken = mosaic.metadata.taken
+    return {
+        "width": mosaic.shape[1],
+        "height": mosaic.shape[0],
+        "pattern": {
+            "period": mosaic.pattern.period,
+            "channels": mosaic.pattern.channels,
+            "letters": mosaic.pattern.letters_from(),
+            "light_efficiency": round(mosaic.pattern.light_efficiency, 3),
+        },
+        "bits": mosaic.calibration.bits,
+        "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
+        "saturated": float((panchromatic >= mosaic.calibration.full_scale).mean()),
+        "calibration": mosaic.calibration.to_json(),
+        "calibration_id": mosaic.calibration.id,
+        "metadata": {**metadata, "taken": taken.isoformat() if taken else None},
+        "preview_bytes": preview_bytes,
+    }
+
+
+def _page(source: str, facts: dict[str, Any]) -> str:
+    """The facts for people."""
+    pattern, calibration = facts["pattern"], facts["calibration"]
+    rows = {
+        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
+        "pattern": f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
+        "": "\n".join(f"  {'':{_COLUMN}}{' '.join(row)}" for row in pattern["letters"]).lstrip(),
+        "luminance": f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated",
+        "levels": f"black {_row(calibration['black_level'])}, white {calibration['white_level']}",
+        "gamma": _row(calibration["gamma"]) + f"  ({calibration['channels']})",
+        "noise": _noise(calibration["noise"]),
+        "colour": "calibrated" if calibration["camera_to_xyz"] else "no matrix",
+        "neutral": _row(calibration["neutral"]) if calibration["neutral"] else "unknown",
+        "sensor": f"{one_line(calibration['sensor']) or 'unnamed'}, calibration {facts['calibration_id']}"
+        + (f", from camera file {calibration['camera']}" if calibration["camera"] else ""),
+        "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
+    }
+    rows |= _capture(facts["metadata"])
+    return f"{one_line(source)}\n" + "\n".join(f"  {name:<{_COLUMN}}{value}" for name, value in rows.items())
+
+
+def _capture(metadata: dict[str, Any]) -> dict[str, str]:
+    """The capture data that are known, with their units."""
+    seconds = metadata["exposure_time"]
+    exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
+    rows = {
+        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "description", "taken")},
+        "exposure": exposure,
+        "aperture": metadata["f_number"] and f"f/{metadata['f_number']:g}",
+        "ISO": metadata["iso"] and f"{metadata['iso']}",
+        "focal length": metadata["focal_length"] and f"{metadata['focal_length']:g} mm",
+        "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
+    }
+    return {name: one_line(value) for name, value in rows.items() if value}
+
+
+def _noise(noise: dict[str, Any] | None) -> str:
+    if noise is None:
+        return "unknown"
+    if not any(noise["shot"]):
+        return f"sigma {_row(noise['read'])} scene units"
+    return f"variance = {_row(noise['shot'])} x signal + ({_row(noise['read'])})^2, scene units"
+
+
+def _row(values: tuple[float, ...]) -> str:
+    """Figures, or one where all are equal."""
+    shown = values[:1] if len(set(values)) == 1 else values
+    return " ".join(f"{value:.6g}" for value in shown)

@@ -1,0 +1,1 @@
+"""The evaluation report: one page with verdict, plots, gallery and tables."""

@@ -1,0 +1,49 @@
+"""What speeds depend on besides the program: the machine, and the libraries of it and of its rivals."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from tools.host.console import program_version
+from tools.host.jobs import processors
+from tools.host.memory import available_memory
+
+from .peers import PEERS
+
+_LIBRARIES = ("numpy", "numba", "llvmlite", "imagecodecs", "onnxruntime")
+
+
+def environment(threads: int) -> dict[str, Any]:
+    """For machines and people: names, versions, figures. load: processes that ran on the average of the last minute."""
+    packages = dict.fromkeys((*_LIBRARIES, *(peer.distribution for peer in PEERS)))
+    return {
+        "panchroma": program_version(),
+        "processor": _processor(),
+        "cores": processors(),
+        "threads": threads,
+        "free_memory": available_memory(),
+        "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in packages},
+    }
+
+
+def _processor() -> str:
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,1 @@
+"""A camera at work: frames in, saved shots and a viewfinder out."""

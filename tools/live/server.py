@@ -1,0 +1,187 @@
+"""The viewfinder's web page: a server for one camera and the few people who look through it."""
+
+import ipaddress
+import json
+import socket
+import sys
+import threading
+from functools import cache
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from socketserver import TCPServer
+from typing import Any
+from urllib.parse import urlsplit
+
+from shared.errors import InputError, OutputError, PanchromaError
+
+from .viewfinder import Viewfinder
+
+_PAGE = Path(__file__).parent / "page"
+_FILES = {
+    "/": ("index.html", "text/html; charset=utf-8"),
+    "/style.css": ("style.css", "text/css; charset=utf-8"),
+    "/script.js": ("script.js", "text/javascript; charset=utf-8"),
+}
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; script-src 'self'; connect-src 'self'; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    # Another site must not show the picture, nor lay an invisible page of ours under its visitor's clicks.
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+_BOUNDARY = "frame"
+_WATCHERS = 8
+_PATIENCE = 10.0  # seconds that a client may take to ask, or to swallow what it gets
+_SEND_BUFFER = 1 << 17  # bytes: what a slow client has in the pipe is the age of its picture
+
+
+class ViewfinderServer(ThreadingHTTPServer):
+    """Serves `finder` at `address`, (host, port); port 0 takes any that is free. Raises OutputError when the port is taken."""
+
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(self, address: tuple[str, int], finder: Viewfinder) -> None:
+        self.finder = finder
+        self.seats = threading.BoundedSemaphore(_WATCHERS)
+        try:
+            if ipaddress.ip_address(address[0]).version == 6:
+                self.address_family = socket.AF_INET6
+            super().__init__(address, _Handler)
+        except ValueError:
+            raise InputError(f"{address[0]!r} is no address of a network interface, such as 127.0.0.1 or 0.0.0.0") from None
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise OutputError(f"{address[0]} port {address[1]}: nothing can be served there ({reason})") from None
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        host, port = self.server_address[:2]
+        name = str(host)
+        return f"http://[{name}]:{port}/" if ":" in name else f"http://{name}:{port}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A client that has gone, or sleeps, is no error of ours; anything else is told as ever."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
+    def server_bind(self) -> None:
+        """Bind, and do not ask the name service who we are: a camera in the field would wait for its answer."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: ViewfinderServer
+    timeout = _PATIENCE
+
+    def do_GET(self) -> None:
+        path = self.path.partition("?")[0]
+        if not self._welcome():
+            return
+        if path == "/stream.mjpg":
+            self._stream()
+        elif path == "/status":
+            self._answer(HTTPStatus.OK, self.server.finder.status())
+        elif path in _FILES:  # names come from here alone, never from a request
+            name, kind = _FILES[path]
+            self._send(HTTPStatus.OK, (_PAGE / name).read_bytes(), kind)
+        else:
+            self._answer(HTTPStatus.NOT_FOUND, {"error": "there is nothing here"})
+
+    def do_POST(self) -> None:
+        if not self._welcome():
+            return
+        origin = self.headers.get("Origin")
+        if origin is not None and origin != f"http://{self.headers['Host']}":
+            self._answer(HTTPStatus.FORBIDDEN, {"error": "shots are taken from the camera's own page"})
+        elif self.path != "/capture":
+            self._answer(HTTPStatus.NOT_FOUND, {"error": "there is nothing here"})
+        else:
+            self._capture()
+
+    def _capture(self) -> None:
+        try:
+            shot = self.server.finder.shoot()
+        except PanchromaError as error:
+            status = HTTPStatus.INSUFFICIENT_STORAGE if isinstance(error, OutputError) else HTTPStatus.CONFLICT
+            self._answer(status, {"error": str(error)})
+        else:
+            facts = {"file": shot.path.name, "preview_ms": 1e3 * shot.preview, "write_ms": 1e3 * shot.write}
+            self._answer(HTTPStatus.OK, facts)
+
+    def _stream(self) -> None:
+        if not self.server.seats.acquire(blocking=False):
+            self._answer(HTTPStatus.SERVICE_UNAVAILABLE, {"error": f"{_WATCHERS} people look through this camera already"})
+            return
+        try:
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+            self._head(HTTPStatus.OK, f"multipart/x-mixed-replace; boundary={_BOUNDARY}")
+            self.wfile.write(f"--{_BOUNDARY}\r\n".encode())
+            number = 0
+            while (view := self.server.finder.after(number)) is not None:
+                number = view.number
+                head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
+                # The boundary at once and not before the next picture: browsers show one when they have seen its end.
+                self.wfile.write(head.encode() + view.jpeg + f"\r\n--{_BOUNDARY}\r\n".encode())
+        finally:
+            self.server.seats.release()
+
+    def _welcome(self) -> bool:
+        """Whether the request means this camera; answers it if not.
+
+        A page of another site can make its own name point here (DNS rebinding), and would then be taken for ours. An address, or a
+        name that the machine has itself, is not in its hands.
+        """
+        if _is_own(self.headers.get("Host", "")):
+            return True
+        self._answer(HTTPStatus.MISDIRECTED_REQUEST, {"error": "ask for the camera by its address, or by its own name"})
+        return False
+
+    def _answer(self, status: HTTPStatus, facts: dict[str, Any]) -> None:
+        self._send(status, json.dumps(facts).encode(), "application/json")
+
+    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
+        self._head(status, kind, len(body))
+        self.wfile.write(body)
+
+    def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
+        self.send_response(status)
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        if length is not None:
+            self.send_header("Content-Length", str(length))
+        self.end_headers()
+
+    def version_string(self) -> str:
+        """Of the Server header."""
+        return "panchroma"
+
+    def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002  the base's name
+        """Nobody reads a line for each of a thousand status requests."""
+
+
+def _is_own(host: str) -> bool:
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return False
+    if name in _own_names():
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+@cache
+def _own_names() -> frozenset[str]:
+    name = socket.gethostname().lower()
+    return frozenset({"localhost", name, f"{name.partition('.')[0]}.local"})  # .local: as multicast DNS tells the neighbours

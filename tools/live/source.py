@@ -1,0 +1,159 @@
+"""Where a camera's frames come from, and the options that say so: of `capture` and `view`."""
+
+import argparse
+import os
+import re
+import stat
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from device.capture import Sensor
+from device.frame_folder import watch_folder
+from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from shared import CfaPattern, SensorCalibration, read_camera
+from shared.calibration import BITS, encoding
+from shared.colorimetry import SRGB_TO_XYZ
+from shared.errors import InputError
+from shared.sensor import typical_noise
+from tools.host.options import add_pattern_options, pattern_of
+
+_STREAM, _BUILTIN = "-", "builtin:"
+_BUILTIN_BITS = 12
+
+Frames = Callable[[Callable[[], bool], Callable[[InputError], None]], Iterator[RawFrame]]
+"""Opens a source: given what says whether to stop, and what to tell of each file that is no frame."""
+
+
+@dataclass(frozen=True)
+class FrameSource:
+    """Frames of a known sensor.
+
+    waits: whether it is known to wait for a slow consumer. A sensor does not.
+    notes: what a user should be told of how it was understood.
+    """
+
+    sensor: Sensor
+    frames: Frames
+    waits: bool
+    notes: tuple[str, ...] = ()
+
+
+def add_source_options(parser: argparse.ArgumentParser) -> None:
+    """SOURCE, and all that has to be known of its frames; `open_source` understands them."""
+    parser.add_argument(
+        "source", metavar="SOURCE", help="- (standard input), a folder that is watched for frames, or builtin:WIDTHxHEIGHT@FPS"
+    )
+    frames = parser.add_argument_group("the frames of a stream or folder (rpicam-raw prints all this when it starts)")
+    frames.add_argument("--width", type=int, metavar="PIXELS", help="of a frame")
+    frames.add_argument("--height", type=int, metavar="PIXELS", help="of a frame")
+    frames.add_argument(
+        "--format",
+        metavar="NAME",
+        help=f"{', '.join(FORMATS)}, or what V4L2 and libcamera call it: SRGGB10_CSI2P, pRCC, RG16, Y12P",
+    )
+    frames.add_argument("--stride", type=int, default=0, metavar="BYTES", help="from line to line (default: no padding)")
+    frames.add_argument(
+        "--bits", type=int, metavar="N", help=f"that u16 uses, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)"
+    )
+    frames.add_argument("--new", action="store_true", help="leave out what is in the folder already")
+    sensor = parser.add_argument_group("the camera")
+    sensor.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
+    add_pattern_options(sensor)
+
+
+def open_source(arguments: argparse.Namespace) -> FrameSource:
+    """The source that was asked for; raises InputError for one that cannot be, or options that contradict it."""
+    source: str = arguments.source
+    is_builtin, is_stream = source.startswith(_BUILTIN), source == _STREAM
+    _refuse(arguments, is_builtin or is_stream, "--new", "only a folder has frames already")
+    if is_builtin:
+        for option in ("--width", "--height", "--format", "--stride", "--bits"):
+            _refuse(arguments, True, option, "the built-in sensor says it itself")
+        return _builtin(source, arguments)
+    sensor, notes = _described(arguments)
+    layout = sensor.layout
+    if is_stream:
+        if sys.stdin is None or sys.stdin.isatty():
+            raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
+        # Behind a pipe there may be a sensor.
+        waits = stat.S_ISREG(os.fstat(sys.stdin.fileno()).st_mode)
+        # Unbuffered, also because a buffered reader, left in the middle of a read, does not let the interpreter end.
+        return FrameSource(
+            sensor, lambda *_: read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout), waits, notes
+        )
+    folder = Path(source)
+    if not folder.is_dir():
+        raise InputError(f"{source}: is no folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
+    return FrameSource(
+        sensor,
+        lambda stopped, refused: watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped),
+        True,
+        notes,
+    )
+
+
+def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str) -> None:
+    if unfit and getattr(arguments, option.lstrip("-")):
+        raise InputError(f"{option} does not go with {arguments.source}: {reason}")
+
+
+def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
+    """The sensor whose frames the options describe, and notes."""
+    missing = [option for option in ("width", "height", "format") if not getattr(arguments, option)]
+    if missing:
+        raise InputError(
+            f"{arguments.source}: frames have no header; say what they are with --{', --'.join(missing)} (and --stride). "
+            "rpicam-raw prints it when it starts"
+        )
+    name, bits = format_named(arguments.format)
+    layout = FrameLayout(arguments.width, arguments.height, name, arguments.stride)
+    if arguments.camera:
+        if arguments.bits:
+            raise InputError("--bits does not go with --camera: the camera file knows")
+        return Sensor(layout, *_known(arguments)), ()
+    black, _ = encoding(arguments.bits or bits)
+    # A sensor clips at its highest code, and most put black a sixteenth above zero.
+    calibration = SensorCalibration(black_level=(float(black),) * 4, white_level=(1 << (arguments.bits or bits)) - 1)
+    note = f"no --camera: black is taken to be {black}, white {calibration.white_level}, and the colours stay unknown"
+    return Sensor(layout, pattern_of(arguments), calibration), (note,)
+
+
+def _known(arguments: argparse.Namespace) -> tuple[CfaPattern, SensorCalibration]:
+    """Pattern and calibration of the camera in --camera; raises InputError when the options name another pattern."""
+    camera = read_camera(arguments.camera)
+    pattern = pattern_of(arguments, camera.pattern)
+    try:
+        camera.check_pattern(pattern)
+    except InputError as error:
+        raise InputError(f"{arguments.camera}: {error}") from None
+    return pattern, camera.calibration
+
+
+def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
+    found = re.fullmatch(r"builtin:(\d{1,5})x(\d{1,5})@(\d{1,4}(?:\.\d{1,3})?)", source)
+    rate = float(found[3]) if found else 0.0
+    if not found or not rate:
+        raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
+    if arguments.camera:
+        pattern, camera = _known(arguments)
+    else:
+        pattern = pattern_of(arguments)
+        black, _ = encoding(_BUILTIN_BITS)
+        camera = SensorCalibration(black_level=(float(black),) * 4, white_level=(1 << _BUILTIN_BITS) - 1, sensor="simulated")
+    # The colours are the scene's where the camera's are unknown.
+    camera = replace(
+        camera,
+        noise=camera.noise or typical_noise(camera),
+        camera_to_xyz=camera.camera_to_xyz or SRGB_TO_XYZ,
+        neutral=camera.neutral or (1.0,) * 3,
+    )
+    sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, camera)
+
+    def frames(*_: object) -> Iterator[RawFrame]:
+        from .simulated_sensor import moving_scene
+
+        return moving_scene(sensor, rate)
+
+    return FrameSource(sensor, frames, waits=False)

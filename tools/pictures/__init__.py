@@ -1,0 +1,1 @@
+"""Files out: pictures, previews and illustrations, in every format that can be written."""

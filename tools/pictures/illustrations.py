@@ -1,0 +1,110 @@
+"""Pictures that explain: what the camera is, and how its render compares."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from offline import Rendering
+from offline.colour import quantise
+from shared import CfaPattern, Mosaic
+from shared.arrays import ByteArray, FloatArray
+from shared.display import ColourTransform
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+_GAP, _PANEL, _CAPTION = 18, 330, 58
+_PAPER, _INK, _SOFT = (255, 255, 255), (24, 24, 27), (113, 113, 122)
+_FILTERS = {"R": (214, 64, 60), "G": (62, 160, 85), "B": (58, 96, 200), "W": (236, 236, 232)}
+_DRAWN = 12  # pixels of a pattern drawing
+_SHOWN = 55  # scene pixels across a panel of the overview
+
+Crop = tuple[int, int]
+
+
+def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
+    """How the camera works, in six panels: two filter patterns, and one small part of a frame on its way to a picture.
+
+    corner: (row, column) of that part.
+    """
+    rows, columns = (slice(start, start + _SHOWN) for start in corner)
+    shown = ColourTransform.to_space(mosaic.calibration)
+    gain = mosaic.calibration.full_scale / float(np.quantile(rendering.luminance[rows, columns], 0.98))  # as bright as paper
+    scale = gain / mosaic.calibration.full_scale
+    grey = np.repeat(mosaic.signal[rows, columns, None] * scale, 3, axis=2)
+    planes = mosaic.pattern.filter_map(mosaic.shape)[rows, columns]
+    tints = np.array([_FILTERS[letter] for letter in mosaic.pattern.planes], np.float32) / 255
+    tints[-1] = 1
+    colours = np.where((planes < 3)[..., None], np.sqrt(np.clip(grey * 3, 0, 1)) * tints[planes], 0.1)
+    luminance = np.repeat(rendering.luminance[rows, columns, None] * scale, 3, axis=2)
+    bayer = ("RG", "GB")
+    panels = [
+        ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(tuple(row * (_DRAWN // 2) for row in bayer * 6))),
+        (
+            "The sparse-colour sensor",
+            f"{mosaic.pattern.light_efficiency:.1f} times the light, full-resolution luminance",
+            _pattern(_letters(mosaic.pattern)),
+        ),
+        ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(grey, 0, 1)))),
+        ("... and colour", f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels", _enlarged(colours)),
+        ("Luminance, holes filled", "wavelet total variation (Eqs. 1-5)", _enlarged(np.sqrt(np.clip(luminance, 0, 1)))),
+        (
+            "Colour, propagated",
+            "along the edges of luminance (Eqs. 6-17)",
+            _enlarged(shown.apply(rendering.rgb[rows, columns] * np.float32(gain))),
+        ),
+    ]
+    return _sheet(panels, across=3)
+
+
+def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: int = 66) -> "Image":
+    """Crops of the same places side by side: a row per crop, a column per picture.
+
+    pictures: name -> display RGB, (H, W, 3) in 0..1; crops: name -> (row, column) of the first pixel.
+    """
+    panels = []
+    for place, (row, column) in crops.items():
+        for name, picture in pictures.items():
+            panels.append((name, place, _enlarged(picture[row : row + size, column : column + size])))
+    return _sheet(panels, across=len(pictures))
+
+
+def _letters(pattern: CfaPattern) -> tuple[str, ...]:
+    planes = pattern.filter_map((_DRAWN, _DRAWN))
+    return tuple("".join(pattern.planes[plane] for plane in row) for row in planes.tolist())
+
+
+def _pattern(letters: tuple[str, ...]) -> ByteArray:
+    """A drawing of filters, one cell a pixel."""
+    cell = _PANEL // len(letters)
+    picture = np.full((_PANEL, _PANEL, 3), _PAPER, np.uint8)
+    margin = (_PANEL - cell * len(letters)) // 2
+    for row, line in enumerate(letters):
+        for column, letter in enumerate(line):
+            top, left = margin + row * cell, margin + column * cell
+            picture[top : top + cell - 2, left : left + cell - 2] = _FILTERS[letter]
+    return picture
+
+
+def _enlarged(display: FloatArray) -> ByteArray:
+    """Pixels as squares, as large as a panel holds."""
+    factor = max(1, _PANEL // max(display.shape[:2]))
+    return np.kron(quantise(display.astype(np.float32), 8), np.ones((factor, factor, 1), np.uint8)).astype(np.uint8)
+
+
+def _sheet(panels: list[tuple[str, str, ByteArray]], across: int) -> "Image":
+    """Panels with a title and a line below, on white."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    down = -(-len(panels) // across)
+    width, height = _GAP + across * (_PANEL + _GAP), _GAP + down * (_PANEL + _CAPTION + _GAP)
+    sheet = Image.new("RGB", (width, height), _PAPER)
+    draw = ImageDraw.Draw(sheet)
+    title, line = ImageFont.load_default(19), ImageFont.load_default(15)
+    for index, (name, explanation, pixels) in enumerate(panels):
+        left = _GAP + index % across * (_PANEL + _GAP)
+        top = _GAP + index // across * (_PANEL + _CAPTION + _GAP)
+        sheet.paste(Image.fromarray(pixels), (left, top))
+        draw.text((left, top + _PANEL + 5), name, _INK, title)
+        draw.text((left, top + _PANEL + 30), explanation, _SOFT, line)
+    return sheet

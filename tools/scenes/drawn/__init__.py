@@ -1,0 +1,1 @@
+"""Built-in scenes, drawn at any size."""

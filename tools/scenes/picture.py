@@ -1,0 +1,102 @@
+"""Pictures as scenes: which numbers are light already, and which have to be made light first."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+
+from .camera_colour import estimate_neutral
+from .decoders import Decoded
+from .icc_reading import LINEAR, SRGB, Encoding
+from .scene import Scene
+
+_ASSUMED_LINEAR = "nothing in the file says what its numbers are: taken as linear light with sRGB primaries, balanced for white"
+
+
+@dataclass(frozen=True)
+class Range:
+    """The codes that mean no light and white, of linear camera samples in a picture file; note: how that is known."""
+
+    black: int
+    white: int
+    note: str
+
+
+def sampled_scene(picture: Decoded, name: str, known: Range) -> Scene:
+    """The scene in linear camera samples, (code - black) / (white - black); what noise left below black becomes 0.
+
+    Raises InputError for what `Scene` refuses.
+    """
+    light = (picture.pixels.astype(np.float32) - known.black) / np.float32(known.white - known.black)
+    light = np.maximum(light, 0)
+    return Scene(light, name, None, estimate_neutral(light), picture.metadata, (*picture.notes, known.note))
+
+
+def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:
+    """The scene in a decoded picture; a grey one gives r = g = b.
+
+    What the numbers are, first rule that holds:
+      1. linear=True: light, whatever the file says.
+      2. Floating point (scene units): light. A profile gives the primaries alone.
+      3. The file says so (ICC profile, PNG's sRGB and gAMA): undo that curve.
+      4. 8 bits: sRGB (IEC 61966-2-1).
+      5. More bits: light, as cameras and raw developers write it for measurements; a note says so.
+    Integers are divided by their largest value. Raises InputError for integers wider than 32 bits, and for what `Scene` refuses.
+    """
+    encoding, notes = _encoding(picture, linear)
+    pixels = picture.pixels
+    if pixels.dtype.kind == "f":
+        with np.errstate(over="ignore"):  # `Scene` refuses infinite values
+            rgb = pixels.astype(np.float32)
+        notes += _remark_on_range(rgb)
+    elif pixels.dtype.kind == "u" and picture.peak and pixels.dtype.itemsize <= 4:
+        rgb = _linearised(picture, picture.peak, encoding)
+    else:
+        raise InputError(f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or floating point")
+    if rgb.shape[2] == 1:
+        rgb = np.repeat(rgb, 3, axis=2)
+    return Scene(rgb, name, encoding.to_xyz, (1.0, 1.0, 1.0), picture.metadata, picture.notes + notes)
+
+
+def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]]:
+    said = picture.encoding
+    floating = picture.pixels.dtype.kind == "f"
+    if linear or floating:
+        primaries = Encoding(LINEAR.curves, said.to_xyz if said else LINEAR.to_xyz, "linear")
+        if said and not said.linear:
+            why = "floating point is" if floating and not linear else "as asked, the numbers are"
+            return primaries, (f"{why} taken as linear light, although the file says {said.name}",)
+        return primaries, ()
+    if said:
+        return said, ()
+    if (picture.peak or 0) <= 255:
+        return SRGB, ()
+    return LINEAR, (_ASSUMED_LINEAR,)
+
+
+def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
+    """Integers through the curves, as a table where one is shorter than the picture."""
+    pixels = picture.pixels
+    if pixels.max() > peak:
+        raise InputError(f"a sample is {pixels.max()}, but the file declares {peak} as its largest value")
+    light: FloatArray = np.empty(pixels.shape, np.float32)
+    for channel in range(pixels.shape[2]):
+        curve = encoding.curves[channel]
+        plane = pixels[..., channel]
+        if peak <= 65535:
+            table: DoubleArray = curve(np.arange(peak + 1) / peak)
+            light[..., channel] = table.astype(np.float32)[plane]
+        else:
+            light[..., channel] = curve(plane / peak)
+    return light
+
+
+def _remark_on_range(rgb: FloatArray) -> tuple[str, ...]:
+    highest = float(rgb.max(initial=0))
+    if not 1 < highest < np.inf:
+        return ()
+    return (
+        f"the brightest value is {highest:.4g}, and 1.0 is white: sensors clip what is brighter; divide first if that is not meant",
+    )
