@@ -22,6 +22,9 @@ SRGB_POWER, SRGB_OFFSET, SRGB_SLOPE = 2.4, 0.055, 12.92
 SRGB_KNEE, SRGB_ENCODED_KNEE = 0.0031308, 0.04045
 
 
+CIE_EPSILON, CIE_KAPPA = (6 / 29) ** 3, (29 / 3) ** 3  # CIE 15:2018
+
+
 def xyz(x: float, y: float) -> DoubleArray:
     """CIE XYZ (Y = 1) of a chromaticity; float64 (3,)."""
     return np.array([x / y, 1.0, (1 - x - y) / y])
@@ -64,6 +67,23 @@ def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
     power = (np.maximum(encoded, SRGB_ENCODED_KNEE) / scale + SRGB_OFFSET / scale) ** SRGB_POWER
     linear: DoubleArray = np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
     return linear
+
+
+def xyz_to_lab(values: DoubleArray) -> DoubleArray:
+    """XYZ (..., 3), relative to D50 with Y = 1 for white -> L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
+    ratio = np.asarray(values) / D50
+    f = np.where(ratio > CIE_EPSILON, np.cbrt(np.maximum(ratio, 0)), (CIE_KAPPA * ratio + 16) / 116)
+    lab: DoubleArray = np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
+    return lab
+
+
+def lab_to_xyz(lab: DoubleArray) -> DoubleArray:
+    """L*a*b* (..., 3) -> XYZ (..., 3) relative to D50, Y = 1 for white: the inverse of `xyz_to_lab`."""
+    lightness, a, b = np.moveaxis(np.asarray(lab, np.float64), -1, 0)
+    fy = (lightness + 16) / 116
+    f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)
+    result: DoubleArray = np.where(f**3 > CIE_EPSILON, f**3, (116 * f - 16) / CIE_KAPPA) * D50
+    return result
 
 
 SRGB_TO_XYZ = as_rows(primaries_to_xyz(SRGB_PRIMARIES))

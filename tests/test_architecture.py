@@ -1,4 +1,4 @@
-"""The arrows between the packages: tools -> device, offline -> shared, and no other. Read from the source: an import
+"""Which package may import which, and which room of `tools` which: every arrow points down. Read from the source: an import
 inside a function counts too.
 """
 
@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,19 @@ MAY_IMPORT = {
     "tools": {"tools", "device", "offline", "shared"},
 }
 OURS = {*MAY_IMPORT, "tests"}
+# The rooms of `tools`, from the ground up. Those that make things (rendering ... live) do not import each other.
+_BELOW = {"host", "scenes", "pictures"}
+ROOMS = {
+    "host": {"host"},
+    "scenes": {"scenes", "host"},
+    "pictures": {"pictures", "scenes", "host"},
+    "rendering": {"rendering", *_BELOW},
+    "calibration": {"calibration", *_BELOW},
+    "evaluation": {"evaluation", *_BELOW},
+    "live": {"live", *_BELOW},
+    "cli": {"host"},  # it finds the commands by name
+    "commands": {"commands", "rendering", "calibration", "evaluation", "live", *_BELOW},
+}
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
@@ -50,6 +64,12 @@ def imported(module: str, text: str) -> Iterator[str]:
                 yield name
 
 
+def room(module: str) -> str:
+    """Where a module or a name is in the house: a room of `tools`, or the package itself."""
+    package, _, inside = module.partition(".")
+    return inside.partition(".")[0] if package == "tools" else package
+
+
 def violations(module: str, text: str) -> list[str]:
     package = module.partition(".")[0]
     found = []
@@ -57,6 +77,8 @@ def violations(module: str, text: str) -> list[str]:
         target = name.partition(".")[0]
         if target in OURS and target not in MAY_IMPORT[package]:
             found.append(f"{module} imports {name}: {package} may import only {', '.join(sorted(MAY_IMPORT[package]))}")
+        elif target == package == "tools" and room(module) in ROOMS and room(name) not in ROOMS[room(module)]:
+            found.append(f"{module} imports {name}: of tools it may import only {', '.join(sorted(ROOMS[room(module)]))}")
         elif target in ONLY_IN and not any(f"{module}.".startswith(f"{home}.") for home in ONLY_IN[target]):
             found.append(f"{module} imports {name}: only {', '.join(ONLY_IN[target])} may")
         elif target not in OURS | set(sys.stdlib_module_names) | set(ONLY_IN) and target not in THIRD_PARTY.get(package, {target}):
@@ -66,6 +88,21 @@ def violations(module: str, text: str) -> list[str]:
 
 def test_every_arrow_is_in_the_diagram() -> None:
     assert [fault for module, text in sources() for fault in violations(module, text)] == []
+
+
+def test_every_module_of_tools_is_in_a_room() -> None:
+    assert {room(module) for module, _ in sources() if module.startswith("tools.")} - {"__init__"} == set(ROOMS)
+
+
+def test_the_house_can_be_drawn_on_a_page() -> None:
+    """Few rooms, few arrows between them, and an order of floors in which every arrow points down."""
+    arrows: dict[str, set[str]] = {}
+    for module, text in sources():
+        targets = {room(name) for name in imported(module, text) if name.partition(".")[0] in OURS}
+        arrows.setdefault(room(module), set()).update(targets - {room(module), "__init__"})
+    floors = list(TopologicalSorter(arrows).static_order())  # raises CycleError where an arrow points up
+    assert len(floors) <= 15
+    assert sum(map(len, arrows.values())) <= 50
 
 
 def test_the_walk_sees_the_sources() -> None:
@@ -91,7 +128,7 @@ def test_the_walk_sees_the_sources() -> None:
         ("device.graphs", "import onnx"),
         ("offline.affinity", "from numba import njit"),
         ("tools.commands.bench", "import numba"),
-        ("offline.colour", "from PIL import ImageCms"),
+        ("offline.render", "from PIL import ImageCms"),
         ("shared.pattern", "from .. import offline"),
         ("shared.dng.file", "from ...device import runtime"),
         ("shared.pattern", "import importlib\nimportlib.import_module('offline.render')"),
@@ -111,6 +148,8 @@ def test_a_planted_import_is_caught(module: str, text: str) -> None:
         ("offline.affinity", "import scipy.sparse\nfrom shared.arrays import FloatArray\nfrom .kernels import solver"),
         ("offline.kernels.solver", "import numba\nfrom numba import njit"),
         ("tools.cli", "import rich, rawpy\nimport device.graph, offline, shared\nimport onnx"),
+        ("tools.evaluation.page.page", "from ..figures import Figures\nfrom tools.host.console import Console"),
+        ("tools.commands.render", "from tools.rendering.run import render_shots\nfrom tools.live import source"),
     ],
 )
 def test_an_allowed_import_passes(module: str, text: str) -> None:

@@ -11,8 +11,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from tools.host.console import Console, StandardOutputError, fault, program_version
+from tools.host.console import Console, StandardOutputError, fault
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
+from tools.host.versions import program_version
 
 # Verb -> what it does. Each is a module of this package (_ for -) with `add_arguments(parser)` and `run(arguments, console) -> exit
 # code`; only the one that is asked for is imported, so that help comes at once.
@@ -119,7 +120,7 @@ def _set_threads(parsed: argparse.Namespace) -> None:
     count: int | None = getattr(parsed, "threads", None)
     if count is None:
         return
-    from offline.kernels.compile import available_threads, use_threads
+    from offline import available_threads, use_threads
     from shared.errors import InputError
 
     if count < 1:

@@ -21,8 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import BEST
-from offline.kernels.compile import use_threads
+from offline import BEST, use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import encoding
 from shared.sensor import simulate_additive
@@ -32,8 +31,8 @@ from tests.tools.rendering.examples import contents
 from tests.tools.rendering.test_remote import cluster
 from tools.host.console import StageProgress
 from tools.pictures.writer import PictureKind
-from tools.rendering.attempt import Order
 from tools.rendering.journal import NAME
+from tools.rendering.order import Order
 from tools.rendering.picture_file import render_to
 from tools.scenes.drawn.builtin import builtin_scene
 

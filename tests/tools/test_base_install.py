@@ -59,7 +59,7 @@ def test_the_walk_finds_the_base_and_nothing_else() -> None:
 
 
 def test_a_hidden_package_is_missed() -> None:
-    done = camera("render", "nothing.dng", "-o", ".")
+    done = camera("render", "nothing.dng", "-o", ".", "-j", "1")  # threads are the renderer's
     assert b"No module named" in done.stderr + done.stdout
 
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50
+from shared.colorimetry import D50, xyz_to_lab
 from shared.errors import InputError
 
 from .chart.place import COLUMNS, PATCHES, ROWS
-from .delta_e import delta_e_2000, lab, lab_slopes
+from .delta_e import delta_e_2000, lab_slopes
 
 GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is a little yellow, the darker ones take stray light
 _GREY_ROW = slice(18, 24)
@@ -56,8 +56,8 @@ def fit_colour(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, 
         raise InputError("colour: the grey patches have no light in some channel; expose more")
     matrix, neutral, light = _fit(camera, reference, cells, field=True)
     flat_matrix, _, flat_light = _fit(camera, reference, cells, field=False)
-    wanted = lab(reference)
-    found = lab((camera / light[:, None]) @ matrix.T)
+    wanted = xyz_to_lab(reference)
+    found = xyz_to_lab((camera / light[:, None]) @ matrix.T)
     return ColourFit(
         matrix=matrix,
         neutral=neutral,
@@ -65,7 +65,7 @@ def fit_colour(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, 
         lab=found,
         reference=wanted,
         difference=delta_e_2000(found, wanted),
-        plain=delta_e_2000(lab((camera / flat_light[:, None]) @ flat_matrix.T), wanted),
+        plain=delta_e_2000(xyz_to_lab((camera / flat_light[:, None]) @ flat_matrix.T), wanted),
         left_out=_left_out(camera, reference, cells) if thorough else np.full(PATCHES, np.nan),
     )
 
@@ -74,7 +74,7 @@ def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleAr
     """L*a*b* (24, 3) with a matrix known before, after white balance and exposure on the greys: the state without calibration."""
     greys = list(GREYS)
     balanced = camera / (camera[greys] / reference[greys, 1:2]).mean(axis=0) @ np.diag(np.linalg.lstsq(matrix, D50, rcond=None)[0])
-    return lab(balanced @ matrix.T)
+    return xyz_to_lab(balanced @ matrix.T)
 
 
 def _fit(
@@ -122,7 +122,7 @@ def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: Doub
 
 def _emphasis(reference: DoubleArray) -> DoubleArray:
     """CIEDE2000 counts differences of saturated colours less, by 1 + 0.045 C (its Eq. 20)."""
-    _, a, b = lab(reference).T
+    _, a, b = xyz_to_lab(reference).T
     emphasis: DoubleArray = 1 / (1 + 0.045 * np.hypot(a, b))
     return emphasis
 
@@ -152,7 +152,7 @@ def _left_out(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray) -
         used = np.ones(len(camera))
         used[index] = 0
         matrix, _, light = _fit(camera, reference, cells, field=True, used=used)
-        errors[index] = delta_e_2000(lab(camera[index] / light[index] @ matrix.T), lab(reference[index]))
+        errors[index] = delta_e_2000(xyz_to_lab(camera[index] / light[index] @ matrix.T), xyz_to_lab(reference[index]))
     return errors
 
 

@@ -1,34 +1,15 @@
-"""CIE L*a*b* and the colour difference CIEDE2000."""
+"""The colour difference CIEDE2000, and how fast L*a*b* changes."""
 
 import numpy as np
 
 from shared.arrays import DoubleArray
-from shared.colorimetry import D50
-
-_EPSILON, _KAPPA = (6 / 29) ** 3, (29 / 3) ** 3  # CIE 15:2018
-
-
-def lab(xyz: DoubleArray) -> DoubleArray:
-    """XYZ (..., 3), relative to D50 with Y = 1 for white -> L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
-    ratio = np.asarray(xyz) / D50
-    f = np.where(ratio > _EPSILON, np.cbrt(np.maximum(ratio, 0)), (_KAPPA * ratio + 16) / 116)
-    values: DoubleArray = np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
-    return values
-
-
-def xyz(values: DoubleArray) -> DoubleArray:
-    """Inverse of `lab`."""
-    lightness, a, b = np.moveaxis(np.asarray(values, np.float64), -1, 0)
-    fy = (lightness + 16) / 116
-    f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)
-    result: DoubleArray = np.where(f**3 > _EPSILON, f**3, (116 * f - 16) / _KAPPA) * D50
-    return result
+from shared.colorimetry import CIE_EPSILON, CIE_KAPPA, D50
 
 
 def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:
     """Derivative of L*a*b* by XYZ at colours (N, 3): (N, 3, 3)."""
     ratio = np.maximum(np.asarray(xyz_values) / D50, 1e-6)
-    slope = np.where(ratio > _EPSILON, np.cbrt(ratio) / (3 * ratio), _KAPPA / 116) / D50
+    slope = np.where(ratio > CIE_EPSILON, np.cbrt(ratio) / (3 * ratio), CIE_KAPPA / 116) / D50
     lightness = np.array([[0, 116, 0], [500, -500, 0], [0, 200, -200]], float)
     slopes: DoubleArray = lightness[None] * slope[:, None, :]
     return slopes

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from shared.arrays import DoubleArray
+from shared.colorimetry import lab_to_xyz
 from shared.errors import InputError
 from shared.reading import MAX_DOCUMENT, read_whole
-from tools.scenes.drawn.charts import COLOR_CHECKER_LAB
+from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
 
 from .chart.place import COLUMNS, PATCHES
-from .delta_e import xyz
 
 _PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
@@ -20,7 +20,7 @@ _LARGEST = 1000  # of XYZ on a scale of 100, or of L*a*b*: no chart has what is 
 
 def color_checker_xyz() -> DoubleArray:
     """XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
-    return xyz(np.array(COLOR_CHECKER_LAB))
+    return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
 
 def read_reference(path: Path) -> DoubleArray:
@@ -52,7 +52,7 @@ def read_reference(path: Path) -> DoubleArray:
         raise InputError(f"{path}: {label} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once")
     ordered = np.empty_like(values)
     ordered[order] = values
-    return ordered / 100 if names == "XYZ_X" else xyz(ordered)
+    return ordered / 100 if names == "XYZ_X" else lab_to_xyz(ordered)
 
 
 def ti3(reference: DoubleArray, camera: DoubleArray) -> str:

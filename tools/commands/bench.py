@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from shared.errors import InputError
 from tools.host.console import Console, StageProgress
+from tools.host.processors import THREAD_VARIABLES
 
 if TYPE_CHECKING:
     from tools.evaluation.speed.files import FileTiming
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 _MEGAPIXELS, _ROUNDS, _FRAMES = 3.2, 9, 100
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
-# Read when these libraries are loaded: LibRaw's OpenMP, and what NumPy multiplies matrices with.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,10 +44,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for option in ("rounds", "frames"):
         if getattr(arguments, option) < 1:
             raise InputError(f"--{option} is {getattr(arguments, option)}, expected 1 or more")
-    from offline.kernels.compile import threads
+    from offline import threads
 
     used = threads()
-    os.environ.update(dict.fromkeys(_THREADS, str(used)))
+    # For the peers, which are loaded later. Numba is at work already and takes no other number.
+    os.environ.update({name: str(used) for name in THREAD_VARIABLES if not name.startswith("NUMBA")})
 
     from tools.evaluation.speed.environment import environment
     from tools.evaluation.speed.material import Material, frame_shape
@@ -77,9 +77,8 @@ def _speeds(material: "Material", rounds: int, threads: int, console: Console) -
     from tools.evaluation.speed.presets import presets
     from tools.evaluation.speed.rounds import StageClock, Timing, alternate
     from tools.evaluation.speed.tables import speed_lines
-    from tools.rendering.picture_file import telling_compilation
-
-    from .preview import Previews
+    from tools.host.compilation import telling_compilation
+    from tools.pictures.previews import Previews
 
     limit_threads(threads)
     clocks: dict[str, StageClock] = {}

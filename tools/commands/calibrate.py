@@ -13,8 +13,9 @@ from typing import Any
 
 from shared import Camera, Mosaic, read_dng
 from shared.errors import InputError, OutputError, PanchromaError
-from tools.host.console import Console, program_version
+from tools.host.console import Console
 from tools.host.jobs import output_folder
+from tools.host.versions import program_version
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

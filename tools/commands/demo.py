@@ -22,14 +22,13 @@ from shared.sensor import simulate_additive
 from shared.writing import write_durably
 from tools.evaluation.metrics import Quality, quality
 from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
+from tools.host.compilation import telling_compilation
 from tools.host.console import Console
 from tools.host.jobs import Job, output_folder, run_jobs
+from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
-from tools.rendering.picture_file import telling_compilation
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
-
-from .preview import Previews
 
 _WIDTH, _HEIGHT, _BITS, _SEED = 1200, 800, 12, 0
 _FOLDER = "panchroma-demo"

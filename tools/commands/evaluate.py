@@ -12,10 +12,12 @@ from shared.errors import InputError, OutputError
 from shared.pattern import PERIODS
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
-from tools.host.console import Console, program_version
+from tools.host.console import Console
 from tools.host.countdown import duration
-from tools.host.jobs import FAILED, output_folder, processors
+from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory
+from tools.host.processors import processors
+from tools.host.versions import program_version
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task

@@ -15,7 +15,8 @@ from shared.dng import read_preview
 from shared.errors import InputError
 from tools.host.archive import verify
 from tools.host.console import Console, one_line
-from tools.host.jobs import FAILED, Job, add_limit, processors, run_jobs
+from tools.host.jobs import FAILED, Job, add_limit, run_jobs
+from tools.host.processors import processors
 
 _COLUMN = 14  # characters of a name on the page
 

@@ -6,21 +6,16 @@ It lies as the samples do; the Exif orientation says which way is up.
 import argparse
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
-from shared import Mosaic, read_camera, read_dng
-from shared.arrays import ByteArray
-from shared.errors import InputError
+from shared import read_camera, read_dng
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.jobs import Job, add_limit, output_folder, plan, run_jobs
 from tools.pictures.encoders import encode_jpeg
 from tools.pictures.exif_writing import jpeg_directory
-from tools.pictures.previews import add_graph_option, load_graph
-
-if TYPE_CHECKING:
-    from device import Preview
+from tools.pictures.previews import Previews, add_graph_option
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,30 +58,3 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     jobs = plan(arguments.shots, lambda source: [f"{Path(source).stem}.jpg"], folder)
     return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
-
-
-class Previews:
-    """Makes preview pictures of mosaics; a graph is loaded once per pattern.
-
-    scale: as of `Preview.for_mosaic`; graph: the file of the one to use, whatever its scale. Raises InputError for a scale below 1,
-    and for a graph that cannot be used.
-    """
-
-    def __init__(self, scale: int = 1, graph: str | None = None) -> None:
-        if scale < 1:
-            raise InputError(f"--scale is {scale}, expected 1 or more")
-        self._scale = scale
-        self._loaded: dict[str, Preview] = {}
-        self._given = load_graph(graph, scale) if graph else None
-
-    def __call__(self, mosaic: Mosaic) -> ByteArray:
-        """The picture, uint8 sRGB (h, w, 3), turned like the samples. Raises InputError when no graph fits the pattern."""
-        from device import Preview
-        from device.contract import tile_name
-
-        if self._given:
-            return cast(ByteArray, self._given.run(mosaic))
-        pattern = f"{tile_name(mosaic.pattern)} {mosaic.pattern.channels}"
-        if pattern not in self._loaded:
-            self._loaded[pattern] = Preview.for_mosaic(mosaic, self._scale)
-        return cast(ByteArray, self._loaded[pattern].run(mosaic))

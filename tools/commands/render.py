@@ -16,8 +16,8 @@ from tools.host.console import Console
 from tools.host.jobs import FAILED, add_limit, fail, identity, output_folder, refuse_existing, refuse_loss
 from tools.host.memory import allowed_memory
 from tools.pictures.writer import POSSIBLE, PictureKind, check_gain
-from tools.rendering.attempt import Order
 from tools.rendering.defect_list import read_defects
+from tools.rendering.order import Order
 from tools.rendering.run import Hands, passes, render_shots
 from tools.rendering.shots import Shard, Shot, expand
 
@@ -70,10 +70,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for below in {shot.output.parent for shot in shots} - {order.folder}:
         sweep(below)
     if (arguments.scheduler or arguments.scheduler_file) and not arguments.dry_run:
-        from tools.host import cluster
+        from tools.host.cluster import connected
+        from tools.rendering import remote
 
-        with cluster.connected(arguments.scheduler, arguments.scheduler_file) as client:
-            through = cluster.passes(order, client, arguments.threads, arguments.max_memory, console.note)
+        with connected(arguments.scheduler, arguments.scheduler_file) as client:
+            through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
             all_made = render_shots(shots, through, console)
     else:
         hands = Hands.of(order, shots, 1 if arguments.dry_run else arguments.workers, arguments.threads, arguments.max_memory)

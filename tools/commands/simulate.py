@@ -18,11 +18,10 @@ from shared.sensor import simulate_additive, simulate_sensor
 from tools.host.console import Console
 from tools.host.jobs import Job, add_limit, output_folder, plan, run_jobs
 from tools.host.options import add_pattern_options, pattern_of
+from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.load import is_drawn, load_scene
 from tools.scenes.scene import Scene
-
-from .preview import Previews
 
 _DEFAULT_BITS = 12
 _TRUTH = PictureKind("tif", 32, "camera")

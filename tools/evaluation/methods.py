@@ -4,7 +4,6 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import cast
 
@@ -14,6 +13,7 @@ from offline import BEST, PAPER, RenderSettings, render
 from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from tools.host.versions import package_version
 
 from .code_digest import digest
 from .protocol import BayerShot
@@ -62,7 +62,7 @@ class Method:
     @property
     def missing(self) -> str | None:
         """A package that is needed and not installed."""
-        return next((package for package in self.packages if _version(package) is None), None)
+        return next((package for package in self.packages if package_version(package) is None), None)
 
     def identity(self) -> tuple[str, ...]:
         """What the results depend on, from the photograph to the figures; equal for methods that do the same.
@@ -74,7 +74,7 @@ class Method:
         function = call.func if isinstance(call, partial) else call
         code = digest(f"{function.__module__}:{function.__qualname__}", *(_SPARSE if self.ours else _BAYER)) if function else ""
         files = (_content(self.files),) if self.files else ()
-        return (own, code, *files, *(f"{each} {_version(each)}" for each in self.packages))
+        return (own, code, *files, *(f"{each} {package_version(each)}" for each in self.packages))
 
 
 _HERE = "tools.evaluation"
@@ -118,7 +118,7 @@ def _registry() -> dict[str, Method]:
         for name in ALGORITHMS
     ]
     # One of several distributions that hold the same module.
-    cv = next((name for name in _OPENCV if _version(name)), _OPENCV[0])
+    cv = next((name for name in _OPENCV if package_version(name)), _OPENCV[0])
     opencv = [Method("ea", "Bayer, OpenCV edge-aware", demosaic=demosaic_opencv, packages=(cv,), seconds=0.05)]
     low_light = [
         Method(
@@ -196,14 +196,6 @@ def render_bayer(method: Method, shot: BayerShot, neutral: Neutral | None, denoi
 def denoise(shot: BayerShot) -> FloatArray:
     """The samples after BM3D, which is told the noise."""
     return denoise_bayer(shot.samples, shot.shot, shot.read)
-
-
-@cache
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 @cache

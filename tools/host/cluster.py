@@ -8,27 +8,21 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
-from tools.rendering.attempt import Note, Order, Outcome, Share, attempt
-from tools.rendering.run import Pass, said_once
-from tools.rendering.shots import Shot
 
 from . import workers
-from .console import StageProgress, fault
-from .memory import allowed_memory
 
 P = TypeVar("P")
 R = TypeVar("R")
 
 _SECONDS = 20  # to answer, for a scheduler
 _AHEAD = 1000  # shots that the scheduler knows of: it may be given a million
-_ALONE = threading.Lock()  # in a worker: the kernels share out their own threads, and its memory is for one shot
+ALONE = threading.Lock()  # in a worker: the kernels share out their own threads, and its memory is for one shot
 
 
 @contextmanager
@@ -52,13 +46,6 @@ def _existing(file: str | None) -> str:
     if file is None or not Path(file).is_file():  # dask would wait for it
         raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
     return file
-
-
-def passes(order: Order, client: Any, threads: int | None, memory: str | None, note: Note) -> list[Pass]:
-    """How the workers go through a list. memory: of each worker; threads: of each, by default those it was started with."""
-    everywhere = replace(order, folder=order.folder.absolute())
-    once = said_once(note)
-    return [partial(_through, client, partial(_work, everywhere, threads, memory, last), once) for last in (False, True)]
 
 
 def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tuple[P, R | BaseException]]:
@@ -102,44 +89,10 @@ def run_quietly(client: Any, work: Callable[[P], R], pieces: Sequence[P], count:
 
 
 def _alone(work: Callable[[P], R], piece: P) -> "R | PanchromaError | MemoryError":
-    with _ALONE:
+    with ALONE:
         return workers.attempt(work, piece)
-
-
-def _through(
-    client: Any, work: Callable[[Shot], tuple[Outcome, list[str]]], note: Note, shots: Sequence[Shot]
-) -> Iterator[tuple[Shot, Outcome]]:
-    given = {_everywhere(shot): shot for shot in shots}
-    for there, result in run(client, work, list(given)):
-        shot = given[there]
-        if isinstance(result, BaseException):
-            yield shot, Outcome("failed", str(result) if isinstance(result, InputError) else fault(result))
-            continue
-        outcome, notes = result
-        for text in notes:
-            note(text)
-        if outcome.state == "made" and not shot.output.exists():
-            outcome = Outcome("failed", f"{shot.output}: was made where this machine does not see it; -o must be a shared folder")
-        yield shot, outcome
 
 
 def everywhere(source: str) -> str:
     """The name of a file wherever a process runs; what is no file, such as a built-in scene, as it is."""
     return os.path.abspath(source) if os.path.exists(source) else source  # noqa: PTH100, PTH110 (Path takes no impossible names)
-
-
-def _everywhere(shot: Shot) -> Shot:
-    return Shot(everywhere(shot.source), shot.output.absolute(), shot.found)
-
-
-def _work(order: Order, threads: int | None, memory: str | None, last: bool, shot: Shot) -> tuple[Outcome, list[str]]:
-    """In a worker."""
-    from distributed import get_worker
-
-    from offline.kernels.compile import available_threads, use_threads
-
-    notes: list[str] = []
-    with _ALONE:
-        use_threads(min(threads or get_worker().state.nthreads, available_threads()))  # of this thread of the worker
-        outcome = attempt(order, Share(allowed_memory(memory), last), shot, notes.append, StageProgress())
-    return outcome, notes

@@ -6,7 +6,6 @@ import sys
 import time
 import traceback
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -17,14 +16,6 @@ if TYPE_CHECKING:
 
 _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 _PACKAGES = ("shared", "device", "offline", "tools")
-
-
-def program_version() -> str:
-    """Of the installed package."""
-    try:
-        return version("panchroma")
-    except PackageNotFoundError:
-        return "unknown version"
 
 
 class StandardOutputError(Exception):

@@ -1,14 +1,15 @@
 """Long-lived processes that share a list of work; one that dies is replaced, and what it was at is done again."""
 
 import multiprocessing
-import os
 import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from types import FrameType
 from typing import Any, Generic, NoReturn, TypeVar
+
+from .processors import limited_threads
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -16,8 +17,6 @@ Note = Callable[[str], None]
 
 _DEATHS = 2  # so often may a piece of work end its process before it is given up
 _PATIENCE = 10.0  # seconds that a process gets to leave in order
-# Libraries read these when they are loaded.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
 def run(work: Callable[[P, Note], R], pieces: Sequence[P], count: int, threads: int, note: Note) -> Iterator[tuple[P, R | None]]:
@@ -31,7 +30,7 @@ def run(work: Callable[[P, Note], R], pieces: Sequence[P], count: int, threads: 
     deaths: Counter[int] = Counter()
     crew: dict[Any, _Member[P, R]] = {}
     try:
-        with _environment(dict.fromkeys(_THREADS, str(threads))):
+        with limited_threads(threads):
             for _ in range(min(count, len(queue))):
                 member = _Member(work)
                 crew[member.connection] = member
@@ -119,17 +118,3 @@ def _serve(connection: Connection, work: Callable[[P, Note], R]) -> None:
 
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)  # passes through every `with`: nothing stays half-written
-
-
-@contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value

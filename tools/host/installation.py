@@ -15,9 +15,9 @@ from typing import Any
 from shared.errors import PanchromaError
 from shared.writing import write_durably
 
-from .console import program_version
-from .jobs import processors
 from .memory import available_memory
+from .processors import THREAD_VARIABLES, processors
+from .versions import program_version
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
 _ALL = "pip install -e '.[all]'"
@@ -158,13 +158,10 @@ def _kernels() -> Iterator[Finding]:
     yield Finding("kernel cache", GOOD, f"{folder}, {compiled} compiled" + ("" if compiled else ": the first render does it"))
 
 
-_THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-
 def _threads() -> Iterator[Finding]:
     usable, cores = processors(), os.cpu_count() or 1
     yield Finding("processors", GOOD, f"{usable} of {cores} may be used")
-    for name in _THREADS:
+    for name in THREAD_VARIABLES:
         if name not in os.environ:
             continue
         given = os.environ[name]

@@ -32,11 +32,6 @@ def add_limit(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def processors() -> int:
-    """Those this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def output_folder(folder: str) -> Path:
     """The folder of `-o`, without what killed processes have left there half written.
 

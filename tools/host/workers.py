@@ -12,13 +12,13 @@ from typing import TypeVar
 
 from shared.errors import InputError, PanchromaError
 
+from .processors import limited_threads
+
 T = TypeVar("T")
 R = TypeVar("R")
 
 BASE_BYTES = 250 * 2**20  # of a process with its libraries
 PIXEL_BYTES = 400  # of the hungriest method and its measurement, twice what was measured
-# One process per core, one thread per process: pieces are many and small. Libraries read these when they are loaded.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
 def need(pixels: int) -> int:
@@ -43,30 +43,24 @@ def run(
         for piece in pieces:
             yield piece, attempt(work, piece)
         return
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    pool = ProcessPoolExecutor(min(count, len(pieces)), multiprocessing.get_context("spawn"), _begin)
-    ended = False
-    try:
-        futures = {pool.submit(attempt, work, piece): piece for piece in pieces}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-        ended = True
-    except BrokenProcessPool:
-        raise InputError(
-            "a process at work was killed, most likely for want of memory: run again with a smaller -j or --max-memory; "
-            "what was finished is kept"
-        ) from None
-    finally:
-        if not ended:
-            for child in multiprocessing.active_children():
-                child.terminate()
-        pool.shutdown(wait=ended, cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    with limited_threads(1):  # pieces are many and small
+        pool = ProcessPoolExecutor(min(count, len(pieces)), multiprocessing.get_context("spawn"), _begin)
+        ended = False
+        try:
+            futures = {pool.submit(attempt, work, piece): piece for piece in pieces}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+            ended = True
+        except BrokenProcessPool:
+            raise InputError(
+                "a process at work was killed, most likely for want of memory: run again with a smaller -j or --max-memory; "
+                "what was finished is kept"
+            ) from None
+        finally:
+            if not ended:
+                for child in multiprocessing.active_children():
+                    child.terminate()
+            pool.shutdown(wait=ended, cancel_futures=True)
 
 
 def attempt(work: Callable[[T], R], piece: T) -> R | PanchromaError | MemoryError:

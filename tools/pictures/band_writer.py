@@ -9,7 +9,6 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from offline.colour import icc_profile, quantise, upright
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform, checked_picture
@@ -18,6 +17,8 @@ from shared.writing import Sealed, durable_file
 
 from .encoders import write_tiff_picture
 from .exif_writing import picture_directory
+from .icc_writing import icc_profile
+from .samples import quantise, upright
 from .writer import CAMERA, PictureKind, check_output
 
 FORMAT = "tif"

@@ -1,13 +1,11 @@
 """Capture data as TIFF and Exif want them, for the pictures that we write."""
 
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
-
 from shared import CaptureMetadata
 from shared.dng import metadata_directory
 from shared.dng.exif import resolution_fields
 from shared.dng.tags import MAKER, Tag
 from shared.tiff import Directory, FieldType
+from tools.host.versions import package_version
 
 # Exif 2.3, tables 4 and 15: what it requires beside the capture data.
 _COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y, _YCBCR_POSITIONING = 40961, 37121, 40960, 40962, 40963, 531
@@ -38,10 +36,6 @@ def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: b
     return directory
 
 
-@cache
 def software() -> str:
-    """Our name and version."""
-    try:
-        return f"{MAKER} {version('panchroma')}"
-    except PackageNotFoundError:  # a checkout that is not installed
-        return MAKER
+    """Name and version of the program; a checkout that is not installed has no version."""
+    return " ".join(filter(None, (MAKER, package_version("panchroma"))))

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from offline import Rendering
-from offline.colour import quantise
 from shared import CfaPattern, Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
+
+from .samples import quantise
 
 if TYPE_CHECKING:
     from PIL.Image import Image

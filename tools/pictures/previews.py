@@ -3,6 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, cast
 
+from shared import Mosaic
 from shared.arrays import ByteArray
 from shared.errors import InputError
 
@@ -44,3 +45,30 @@ def preview_maker(sensor: "Sensor", *, graph: str | None = None, scale: int = 1,
     else:
         preview = Preview.for_mosaic(sensor.dark(), scale=scale, threads=threads)
     return lambda mosaic: cast(ByteArray, preview.run(mosaic))
+
+
+class Previews:
+    """Makes preview pictures of mosaics; a graph is loaded once per pattern.
+
+    scale: as of `Preview.for_mosaic`; graph: the file of the one to use, whatever its scale. Raises InputError for a scale below 1,
+    and for a graph that cannot be used.
+    """
+
+    def __init__(self, scale: int = 1, graph: str | None = None) -> None:
+        if scale < 1:
+            raise InputError(f"--scale is {scale}, expected 1 or more")
+        self._scale = scale
+        self._loaded: dict[str, Preview] = {}
+        self._given = load_graph(graph, scale) if graph else None
+
+    def __call__(self, mosaic: Mosaic) -> ByteArray:
+        """The picture, uint8 sRGB (h, w, 3), turned like the samples. Raises InputError when no graph fits the pattern."""
+        from device import Preview
+        from device.contract import tile_name
+
+        if self._given:
+            return cast(ByteArray, self._given.run(mosaic))
+        pattern = f"{tile_name(mosaic.pattern)} {mosaic.pattern.channels}"
+        if pattern not in self._loaded:
+            self._loaded[pattern] = Preview.for_mosaic(mosaic, self._scale)
+        return cast(ByteArray, self._loaded[pattern].run(mosaic))

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from offline.colour import icc_profile, quantise, upright
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
@@ -24,6 +23,8 @@ from shared.writing import Sealed, write_durably
 
 from .encoders import LONGEST_JPEG_SIDE, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
 from .exif_writing import jpeg_directory, picture_directory, software
+from .icc_writing import icc_profile
+from .samples import quantise, upright
 
 CAMERA = "camera"
 

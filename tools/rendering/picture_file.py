@@ -1,7 +1,6 @@
 """One mosaic -> one picture file, within a limit of memory: TIFF in bands, straight to the disk, other formats as a whole."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,20 +116,3 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
     if lowest and min(lowest) >= mosaic.calibration.full_scale:
         which = "sample" if settings.highlights.restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")
-
-
-@contextmanager
-def telling_compilation(note: Callable[[str], None], progress: StageProgress) -> Iterator[None]:
-    """Say once that the renderer is being compiled, and show which part of it, where it is: on the first run on a machine."""
-    from offline.kernels.compile import compilation
-
-    told_once: list[str] = []
-
-    def begins(kernel: str) -> None:
-        if not told_once:
-            note("compiling the renderer for this processor; it takes some seconds, once")
-        told_once.append(kernel)
-        progress.remark(f"compiling {kernel}")
-
-    with compilation(begins):
-        yield

@@ -11,10 +11,12 @@ from shared.errors import PanchromaError
 from tools.host import crew
 from tools.host.console import Console, StageProgress
 from tools.host.countdown import Countdown
-from tools.host.jobs import fail, processors
+from tools.host.jobs import fail
 from tools.host.memory import allowed_memory
+from tools.host.processors import processors
 
-from .attempt import Order, Outcome, Share, attempt
+from .attempt import attempt
+from .order import Order, Outcome, Share
 from .picture_file import needed_memory
 from .shots import Shot
 

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.sensor import simulate_sensor
 from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
-from tools.scenes.drawn.chart import CORNERS, applied, chart_scene, homography
+from tools.scenes.drawn.chart import CORNERS, chart_scene
+from tools.scenes.drawn.perspective import apply_homography, homography
 from tools.scenes.scene import Scene
 
 TRUTH = SensorCalibration(
@@ -41,7 +42,7 @@ def true_place() -> ChartPlace:
     cells = np.array([(0, 0), (COLUMNS, 0), (COLUMNS, ROWS), (0, ROWS)], float)
     to_frame = homography(cells, np.array(CORNERS) * (WIDTH, HEIGHT))
     edge = (1 - PATCH) / 2
-    x, y = applied(
+    x, y = apply_homography(
         to_frame, np.array([edge, COLUMNS - edge, COLUMNS - edge, edge]), np.array([edge, edge, ROWS - edge, ROWS - edge])
     )
     return ChartPlace(tuple(zip(x.tolist(), y.tolist(), strict=True)))

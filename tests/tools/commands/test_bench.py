@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from offline import PAPER, RenderSettings
-from offline.kernels.compile import threads, use_threads
+from offline import PAPER, RenderSettings, threads, use_threads
 from tests.tools.command import run
 from tools.commands import bench
 from tools.evaluation.speed import peers, presets

@@ -141,7 +141,7 @@ def test_a_method_can_be_an_entry(change: Change) -> None:
 
 
 def test_nothing_is_not_a_source() -> None:
-    with pytest.raises(ValueError, match=r"tools\.metrics:nothing"):
+    with pytest.raises(ValueError, match=r"tools\.evaluation\.metrics:nothing"):
         digest("tools.evaluation.metrics:nothing")
 
 

@@ -8,6 +8,7 @@ from tools.evaluation import methods as module
 from tools.evaluation.methods import Method, choose, default_names, methods, render_bayer, render_sparse
 from tools.evaluation.protocol import BayerShot, Protocol
 from tools.evaluation.rivals import demosaic_bilinear
+from tools.host.versions import package_version
 
 ASKED_FOR = {"paper", "best", "preview", "bilinear", "malvar", "menon", "dlmmse", "ahd", "dcb", "dht", "aahd", "ea"}
 LOW_LIGHT = {"bm3d+menon", "bm3d+dlmmse"}
@@ -26,8 +27,8 @@ def test_methods_are_chosen_by_name_and_checked() -> None:
 
 
 def test_a_method_without_its_package_is_left_out_and_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = {name: module._version(name) for name in ("colour-demosaicing", "rawpy")}
-    monkeypatch.setattr(module, "_version", lambda name: None if name == "bm3d" else known.get(name, "1"))
+    known = {name: package_version(name) for name in ("colour-demosaicing", "rawpy")}
+    monkeypatch.setattr(module, "package_version", lambda name: None if name == "bm3d" else known.get(name, "1"))
     assert "bm3d+menon" not in default_names()
     assert "menon" in default_names()
     with pytest.raises(InputError, match=r"bm3d\+menon needs the package bm3d: pip install -e '.\[rivals\]'"):

@@ -76,7 +76,7 @@ def test_a_fault_of_ours_is_named_as_such_with_its_place_and_the_rest_goes_on(tm
     assert do(["odd.in", "two.in"], tmp_path, work=work) == 1
     assert done == ["two.in"]
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("panchroma: odd.in: a fault of Panchroma, please report it: IndexError in work.py:")
+    assert line.startswith("panchroma: odd.in: a fault of Panchroma, please report it: IndexError in jobs.py:")
 
 
 def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path) -> None:

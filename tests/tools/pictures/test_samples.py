@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms, ImageOps
 
-from offline.colour import icc_profile, quantise, upright
 from shared.colorimetry import decode_srgb, encode_srgb
 from shared.display import SPACES
 from shared.errors import InputError
+from tools.pictures.icc_writing import icc_profile
+from tools.pictures.samples import quantise, upright
 
 # --- codes ------------------------------------------------------------------------------------------------------------------------
 

@@ -19,11 +19,12 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image
 
-from offline.colour import icc_profile, quantise, upright
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import SPACES, ColourTransform
 from shared.errors import InputError, OutputError
+from tools.pictures.icc_writing import icc_profile
+from tools.pictures.samples import quantise, upright
 from tools.pictures.writer import CAMERA, POSSIBLE, PictureKind, check_output, encode_picture, write_picture
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))

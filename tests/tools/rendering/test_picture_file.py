@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import offline
-from offline import BEST
-from offline.kernels.compile import available_threads, threads, use_threads
+from offline import BEST, available_threads, threads, use_threads
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from tests.data import ROOT
 from tests.tools.command import assert_refused, names, run

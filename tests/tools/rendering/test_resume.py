@@ -223,7 +223,7 @@ def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path,
         os.utime(path, ns=(1, 1))
         return mosaic
 
-    monkeypatch.setattr("tools.rendering.attempt.read_dng", late)
+    monkeypatch.setattr("tools.rendering.order.read_dng", late)
     assert_refused(run("render", shots / "a.dng", "-o", out), "has changed while it was read", name=str(shots / "a.dng"))
     assert results(out) == set()
 

@@ -13,7 +13,7 @@ from shared import Mosaic
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
-from tools.scenes.drawn.chart import applied, homography
+from tools.scenes.drawn.perspective import apply_homography, homography
 
 from ..colour_matrix import fit_colour, grey_row_fault
 from .detector import BOX_MARGIN, calmed, detect, resized
@@ -166,7 +166,9 @@ def _patch_area(box: DoubleArray) -> DoubleArray:
     except np.linalg.LinAlgError:
         return box
     edge = BOX_MARGIN + (1 - PATCH) / 2
-    x, y = applied(to_frame, np.array([edge, wide - edge, wide - edge, edge]), np.array([edge, edge, high - edge, high - edge]))
+    x, y = apply_homography(
+        to_frame, np.array([edge, wide - edge, wide - edge, edge]), np.array([edge, edge, high - edge, high - edge])
+    )
     return np.stack([x, y], axis=-1)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import find_objects, gaussian_filter, label, sobel, zoom
 
 from shared.arrays import DoubleArray, FloatArray
-from tools.scenes.drawn.chart import applied
+from tools.scenes.drawn.perspective import apply_homography
 
 from .place import COLUMNS, PATCH, ROWS
 
@@ -145,7 +145,7 @@ def _windows(nodes: dict[Cell, int], centres: DoubleArray) -> Iterator[DoubleArr
                         (left - edge, top + tall - 1 + edge),
                     ]
                 )
-                corners = np.stack(applied(to_frame, ends[:, 0], ends[:, 1]), axis=-1)
+                corners = np.stack(apply_homography(to_frame, ends[:, 0], ends[:, 1]), axis=-1)
                 # The first side must be a long one, seen either way up.
                 yield corners if wide == COLUMNS else np.roll(corners, -1, axis=0)
 

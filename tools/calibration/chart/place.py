@@ -7,7 +7,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray
 from shared.errors import InputError
-from tools.scenes.drawn.chart import applied, homography
+from tools.scenes.drawn.perspective import apply_homography, homography
 
 from ..samples import Region
 
@@ -58,7 +58,7 @@ class ChartPlace:
 
     def at(self, u: DoubleArray, v: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
         """(x, y) pixels of points given in cells, from (0, 0) to (6, 4)."""
-        return applied(self._to_frame, u, v)
+        return apply_homography(self._to_frame, u, v)
 
     def lies_in(self, shape: tuple[int, int]) -> bool:
         """Whether all corners are inside a frame (rows, columns)."""

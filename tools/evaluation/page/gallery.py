@@ -7,10 +7,10 @@ from math import lcm, log2
 
 import numpy as np
 
-from offline.colour import quantise
 from shared import Mosaic, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
+from tools.pictures.samples import quantise
 
 from ..figures import Figures
 from ..measures import WINDOW, Measures, window_origins

@@ -2,13 +2,12 @@
 
 import os
 import platform
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from tools.host.console import program_version
-from tools.host.jobs import processors
 from tools.host.memory import available_memory
+from tools.host.processors import processors
+from tools.host.versions import package_version, program_version
 
 from .peers import PEERS
 
@@ -27,7 +26,7 @@ def environment(threads: int) -> dict[str, Any]:
         "load": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None,
         "system": platform.platform(),
         "python": platform.python_version(),
-        "packages": {name: _version(name) for name in packages},
+        "packages": {name: package_version(name) for name in packages},
     }
 
 
@@ -40,10 +39,3 @@ def _processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None

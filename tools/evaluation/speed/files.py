@@ -52,7 +52,7 @@ def _measure(shot: str, preset: str, threads: int) -> FileTiming:
     """In the new process."""
     import statistics
 
-    from offline.kernels.compile import use_threads
+    from offline import use_threads
     from shared import Mosaic, read_dng
     from tools.pictures.band_writer import write_picture_bands
     from tools.pictures.writer import PictureKind

@@ -8,7 +8,8 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 
 from ..scene import Scene
-from .charts import BRIGHTEST, CARD, DARKEST, colour_star, detail_chart, grey_star, patches_chart
+from .charts import CARD, colour_star, detail_chart, grey_star, patches_chart
+from .color_checker import BRIGHTEST, DARKEST
 from .dead_leaves import dead_leaves
 
 SAMPLES = 3  # of a chart, per pixel and axis

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ
 
 from ..scene import Scene
-from .charts import CARD, PATCH, color_checker
+from .charts import CARD
+from .color_checker import PATCH, color_checker
+from .perspective import apply_homography, homography
 
 SAMPLES = 3  # per pixel and axis
 WALL = (0.36, 0.34, 0.31)
@@ -24,7 +25,7 @@ def chart_scene(width: int, height: int) -> Scene:
     for down in range(SAMPLES):
         for right in range(SAMPLES):
             x, y = np.meshgrid(np.arange(width) + (right + 0.5) / SAMPLES, np.arange(height) + (down + 0.5) / SAMPLES)
-            u, v = applied(to_cells, x, y)
+            u, v = apply_homography(to_cells, x, y)
             card = (u > -RIM) & (u < 6 + RIM) & (v > -RIM) & (v < 4 + RIM)
             column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
             inside = (np.abs(u - column.astype(int) - 0.5) < PATCH / 2) & (np.abs(v - row.astype(int) - 0.5) < PATCH / 2)
@@ -35,20 +36,3 @@ def chart_scene(width: int, height: int) -> Scene:
     fall = 0.65 * np.linspace(0, 1, width)[None, :] + 0.35 * np.linspace(0, 1, height)[:, None]
     rgb *= (bright + (dim - bright) * fall**1.5).astype(np.float32)[..., None]
     return Scene(rgb, f"chart-{width}x{height}", SRGB_TO_XYZ, (1.0, 1.0, 1.0))
-
-
-def homography(source: DoubleArray, destination: DoubleArray) -> DoubleArray:
-    """The projective map (3, 3) that takes four points (4, 2) to four others; last entry 1."""
-    rows = []
-    for (x, y), (u, v) in zip(source.tolist(), destination.tolist(), strict=True):
-        rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
-    solved = np.linalg.solve(np.array(rows), destination.ravel())
-    return np.append(solved, 1.0).reshape(3, 3)
-
-
-def applied(matrix: DoubleArray, x: DoubleArray, y: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """(x, y) through a projective map."""
-    below = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]
-    return (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]) / below, (
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]
-    ) / below

@@ -6,7 +6,8 @@ import pytest
 from shared.colorimetry import D50, SRGB_TO_XYZ
 from shared.errors import InputError
 from tools.scenes.drawn.builtin import CHARTS, GAP, HEIGHT, builtin_scene
-from tools.scenes.drawn.charts import BRIGHTEST, COLOR_CHECKER_LAB, COOL, DARKEST, WARM, color_checker
+from tools.scenes.drawn.charts import COOL, WARM
+from tools.scenes.drawn.color_checker import BRIGHTEST, COLOR_CHECKER_LAB, DARKEST, color_checker
 from tools.scenes.load import Scene, load_scene
 
 BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value

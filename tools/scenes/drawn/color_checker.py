@@ -1,0 +1,27 @@
+"""The ColorChecker Classic: published colours of its patches, and how they are laid out."""
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ, lab_to_xyz
+
+DARKEST, BRIGHTEST = 0.01, 0.95  # reflectances that a chart of ours may have
+
+# CIE L*a*b* (D50, 2 degrees) of the ColorChecker Classic, in reading order: X-Rite's reference data for charts made after November
+# 2014, as colour-science 0.4.7 republishes them ("ColorChecker24 - After November 2014").
+COLOR_CHECKER_LAB = (
+    (37.54, 14.37, 14.92), (64.66, 19.27, 17.50), (49.32, -3.82, -22.54), (43.46, -12.74, 22.72),
+    (54.94, 9.61, -24.79), (70.48, -32.26, -0.37), (62.73, 35.83, 56.50), (39.43, 10.75, -45.17),
+    (50.57, 48.64, 16.67), (30.10, 22.54, -20.87), (71.77, -24.13, 58.19), (71.51, 18.24, 67.37),
+    (28.37, 15.42, -49.80), (54.38, -39.72, 32.27), (42.43, 51.05, 28.62), (81.80, 2.67, 80.41),
+    (50.63, 51.28, -14.12), (49.57, -29.71, -28.32), (95.19, -1.03, 2.93), (81.29, -0.57, 0.44),
+    (66.89, -0.75, -0.06), (50.76, -0.13, 0.14), (35.63, -0.46, -0.48), (20.64, 0.07, -0.46),
+)  # fmt: skip
+PATCH = 0.84  # of the distance between patches
+
+
+def color_checker() -> DoubleArray:
+    """The 24 patches as linear sRGB, (4, 6, 3); cyan's red and yellow's blue are raised to DARKEST."""
+    xyz = lab_to_xyz(np.array(COLOR_CHECKER_LAB).reshape(4, 6, 3))
+    patches: DoubleArray = np.clip(xyz @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, DARKEST, BRIGHTEST)
+    return patches
