@@ -50,19 +50,19 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     """
     geometry = Geometry(pattern, scale)
     g = Nodes()
-    sensor = Sensor(g, geometry)
-    probes = measure_blocks(g, geometry, sensor)
-    filled, luminance = fill_holes(g, geometry, sensor, probes)
-    chromaticity = estimate_chromaticities(g, geometry, sensor, probes, filled, luminance)  # Eqs. 8-9
-    blocks = pool(g, sensor, chromaticity, luminance, "" if linear else contract.WHITE)
-    pixels, cells = pixel_light(g, geometry, sensor, filled) if scale == 1 else cell_light(g, geometry, sensor)
+    inputs = Inputs(g, geometry)
+    probes = measure_blocks(g, geometry, inputs)
+    filled, luminance = fill_holes(g, geometry, inputs, probes)
+    chromaticity = estimate_chromaticities(g, geometry, inputs, probes, filled, luminance)  # Eqs. 8-9
+    blocks = pool(g, inputs, chromaticity, luminance, "" if linear else contract.WHITE)
+    pixels, cells = pixel_light(g, geometry, inputs, filled) if scale == 1 else cell_light(g, geometry, inputs)
     spread = propagate(g, geometry, blocks, cells)  # Eq. 10
     camera = [g("Mul", light, spread) for light in pixels]  # Eq. 17
-    picture = interleave(g, geometry, sensor, camera if linear else [display(g, each) for each in camera], linear=linear)
+    picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
     return finish(g, geometry, picture, linear=linear)
 
 
-class Sensor:
+class Inputs:
     """The inputs of the graph in its own units, and the size of the frame in patches."""
 
     def __init__(self, g: Nodes, geometry: Geometry) -> None:
@@ -79,15 +79,15 @@ class Sensor:
         self.unit = g("Slice", contract.SCALE, [channels], [channels + 1])  # scene units per code
         square = g("Mul", self.unit, self.unit)
         self.floor, self.still = g("Div", _FLOOR, self.unit), g("Div", _STILL, square)
-        shot, read = g.split(contract.NOISE, (1, 1), axis=0)
-        self._shot, self._read = g("Div", shot, self.unit), g("Div", read, square)
+        shot, read_variance = g.split(contract.NOISE, (1, 1), axis=0)
+        self._shot, self._read_variance = g("Div", shot, self.unit), g("Div", read_variance, square)
 
     def variance(self, g: Nodes, luminance: str) -> str:
         """sigma_z^2 of a panchromatic sample."""
-        return g("Add", g("Mul", g("Relu", luminance), self._shot), self._read)
+        return g("Add", g("Mul", g("Relu", luminance), self._shot), self._read_variance)
 
 
-def measure_blocks(g: Nodes, geometry: Geometry, sensor: Sensor) -> list[str]:
+def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
     """The probes of every block, a tensor (n, blocks) per kind; samples as panchromatic codes would show the same light."""
     period = geometry.pattern.period
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
@@ -95,20 +95,20 @@ def measure_blocks(g: Nodes, geometry: Geometry, sensor: Sensor) -> list[str]:
     rows, columns, row_steps, column_steps, samples = g.split(probes, geometry.kinds, axis=0)
     channels = [channel for _, _, channel in geometry.sites]
     black = g("Unsqueeze", g("Gather", contract.BLACK, channels), [1, 2])
-    gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), sensor.unit), [1, 2])
+    gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), inputs.unit), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return [g("Sub", rows, sensor.black), g("Sub", columns, sensor.black), row_steps, column_steps, samples]
+    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples]
 
 
-def fill_holes(g: Nodes, geometry: Geometry, sensor: Sensor, probes: list[str]) -> tuple[str, str]:
+def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str]:
     """Luminance at the colour sites of every block, (sites, blocks), and its mean over the sites, (1, blocks).
 
     A local mean with a direction: interpolated along rows and along columns, the one that changes less around the block counting
     more, by the inverse of its squared differences.
     """
     rows, columns, *steps, _ = probes
-    variance = sensor.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
-    least = g("Add", sensor.still, g("Mul", variance, 2.0))  # noise alone makes differences
+    variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
+    least = g("Add", inputs.still, g("Mul", variance, 2.0))  # noise alone makes differences
     row_change, column_change = (
         g("Add", g("Mul", g.total(g("Mul", each, each), count, axis=0), 1 / count), least)
         for each, count in zip(steps, geometry.kinds[2:4], strict=True)
@@ -119,32 +119,32 @@ def fill_holes(g: Nodes, geometry: Geometry, sensor: Sensor, probes: list[str]) 
     return filled, g("Mul", g.total(filled, sites, axis=0), 1 / sites)
 
 
-def estimate_chromaticities(g: Nodes, geometry: Geometry, sensor: Sensor, probes: list[str], filled: str, luminance: str) -> str:
+def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
     """c_j of every block, (C, blocks): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1."""
     channels = [channel for _, _, channel in geometry.sites]
-    counts = [channels.count(channel) for channel in range(sensor.channels)]
+    counts = [channels.count(channel) for channel in range(inputs.channels)]
 
     def of_channels(products: str) -> str:
         parts = g.split(products, counts, axis=0)
         return g("Concat", *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)), axis=0)
 
-    variance = g("Max", sensor.variance(g, luminance), _LEAST_VARIANCE)
-    full_scale = g.total(sensor.gamma, sensor.channels, axis=0)
+    variance = g("Max", inputs.variance(g, luminance), _LEAST_VARIANCE)
+    full_scale = g.total(inputs.gamma, inputs.channels, axis=0)
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
     free = g("Div", g("Add", of_channels(g("Mul", filled, probes[-1])), g("Div", variance, full_scale)), a)
-    pull = g("Div", sensor.gamma, a)
-    missing = g("Sub", 1.0, g.total(g("Mul", free, sensor.gamma), sensor.channels, axis=0))
-    return g("Add", free, g("Mul", pull, g("Div", missing, g.total(g("Mul", pull, sensor.gamma), sensor.channels, axis=0))))
+    pull = g("Div", inputs.gamma, a)
+    missing = g("Sub", 1.0, g.total(g("Mul", free, inputs.gamma), inputs.channels, axis=0))
+    return g("Add", free, g("Mul", pull, g("Div", missing, g.total(g("Mul", pull, inputs.gamma), inputs.channels, axis=0))))
 
 
-def pool(g: Nodes, sensor: Sensor, chromaticity: str, luminance: str, white: str) -> str:
+def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str, white: str) -> str:
     """What propagation asks of a block, (2 + C, inner blocks): 1 / luminance, least squared difference, picture per light.
 
     The darker a block is beside its noise, the more its chromaticity is a mean over the 3 x 3 blocks around it, weighted by
     squared luminance: that is how precise they are.
     """
-    variance = sensor.variance(g, luminance)
-    light = g("Max", luminance, sensor.floor)
+    variance = inputs.variance(g, luminance)
+    light = g("Max", luminance, inputs.floor)
     power = g("Mul", light, light)
     sums = g("Concat", g("Mul", chromaticity, power), power, axis=0)
     around = sums
@@ -152,13 +152,13 @@ def pool(g: Nodes, sensor: Sensor, chromaticity: str, luminance: str, white: str
         around = g.sum([g("Slice", around, [first], [last], [axis]) for first, last in ((0, -2), (1, -1), (2, END))])
     light, power, variance, own = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (light, power, variance, sums))
     share = g("Div", variance, g("Add", variance, g("Mul", power, _POOLING)))
-    pooled, weight = g.split(g("Add", own, g("Mul", g("Sub", around, own), share)), (sensor.channels, 1), axis=0)
-    units = g("Unsqueeze", g("Div", sensor.unit, white), [1, 2]) if white else sensor.unit
+    pooled, weight = g.split(g("Add", own, g("Mul", g("Sub", around, own), share)), (inputs.channels, 1), axis=0)
+    units = g("Unsqueeze", g("Div", inputs.unit, white), [1, 2]) if white else inputs.unit
     least = g("Add", g("Mul", g("Div", variance, power), _NOISE_WEIGHT), _CONTRAST)
     return g("Concat", g("Div", 1.0, light), least, g("Mul", g("Div", pooled, weight), units), axis=0)
 
 
-def pixel_light(g: Nodes, geometry: Geometry, sensor: Sensor, filled: str) -> tuple[list[str], str]:
+def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tuple[list[str], str]:
     """Luminance of every pixel, holes filled, a tensor (cells, patches) per pixel of a cell; and its mean over each cell."""
     period, across, cell = geometry.pattern.period, geometry.across, geometry.cell
     above, below, left, right = geometry.halo
@@ -167,11 +167,11 @@ def pixel_light(g: Nodes, geometry: Geometry, sensor: Sensor, filled: str) -> tu
     codes = g("Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [1])
     codes = g("Transpose", g("Reshape", codes, [-1, period, 0]), perm=[1, 0, 2])
     codes = g("Transpose", g("Reshape", codes, [0, 0, -1, period]), perm=[0, 1, 3, 2])
-    codes = g.reshape(codes, [across, cell, sensor.patches[0], across, cell, sensor.patches[1]])
-    codes = g.reshape(g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5]), [cell**2 * across**2, *sensor.patches])
+    codes = g.reshape(codes, [across, cell, inputs.patches[0], across, cell, inputs.patches[1]])
+    codes = g.reshape(g("Transpose", codes, perm=[1, 4, 0, 3, 2, 5]), [cell**2 * across**2, *inputs.patches])
     pixels = []
     for pixel, part in enumerate(g.split(codes, [across**2] * cell**2, axis=0)):
-        light = g("Sub", g("Cast", part, to=FLOAT), sensor.black)
+        light = g("Sub", g("Cast", part, to=FLOAT), inputs.black)
         holes = [(site, hole) for site, hole in enumerate(geometry.holes) if hole.pixel == pixel]
         if holes:
             # Patches have one block less than there are: the inner ones, and one more on each side for `pool`.
@@ -184,13 +184,13 @@ def pixel_light(g: Nodes, geometry: Geometry, sensor: Sensor, filled: str) -> tu
     return pixels, g("Mul", g.sum(pixels), 1 / cell**2)
 
 
-def cell_light(g: Nodes, geometry: Geometry, sensor: Sensor) -> tuple[list[str], str]:
+def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs) -> tuple[list[str], str]:
     """The same where a cell is a pixel of the picture: the mean of its panchromatic samples, holes left out, (cells, patches)."""
     above, below, left, right = geometry.halo
     codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
     image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
     sums = g("Squeeze", g("Conv", image, geometry.cells[:, None], strides=[geometry.pattern.period] * 2), [0])
-    light = g("Sub", g("Div", sums, geometry.cells.sum(axis=(1, 2))[:, None, None]), sensor.black)
+    light = g("Sub", g("Div", sums, geometry.cells.sum(axis=(1, 2))[:, None, None]), inputs.black)
     return [light], light
 
 
@@ -223,14 +223,14 @@ def display(g: Nodes, camera: str) -> str:
     return g("QuantizeLinear", curve, 1 / _GAIN, np.array(_OFFSET, np.uint8))
 
 
-def interleave(g: Nodes, geometry: Geometry, sensor: Sensor, planes: list[str], *, linear: bool) -> str:
+def interleave(g: Nodes, geometry: Geometry, inputs: Inputs, planes: list[str], *, linear: bool) -> str:
     """Planes of the picture, all pixels of it channel by channel, per pixel of a cell -> (rows, columns, channels)."""
-    within, across, channels = geometry.cell // geometry.scale, geometry.across, sensor.channels if linear else 3
+    within, across, channels = geometry.cell // geometry.scale, geometry.across, inputs.channels if linear else 3
     values = g("Concat", *(g("Reshape", each, [channels, across**2, -1]) for each in planes), axis=0)
-    values = g.reshape(values, [within, within, channels, across, across, *sensor.patches])
+    values = g.reshape(values, [within, within, channels, across, across, *inputs.patches])
     # Back, in two steps: whole rows of patches into place, then columns together.
     values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])
-    values = g.reshape(values, [-1, within * across * channels, sensor.patches[1]])
+    values = g.reshape(values, [-1, within * across * channels, inputs.patches[1]])
     return g("Reshape", g("Transpose", values, perm=[0, 2, 1]), [0, -1, channels])
 
 
