@@ -8,7 +8,6 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from shared.writing import write_durably
 
 from .memory import available_memory
 from .processors import THREAD_VARIABLES, processors
-from .versions import program_version
+from .versions import package_version, program_version
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
 _ALL = "pip install -e '.[all]'"
@@ -64,9 +63,7 @@ def _packages() -> Iterator[Finding]:
         remedy = "pip install -e '.[rivals]'" if name == "bm3d" else _ALL if needed_by else "pip install -e ."
         state = MISSING if needed_by else BAD
         wanted = ".".join(map(str, least))
-        try:
-            found = version(name)
-        except PackageNotFoundError:
+        if (found := package_version(name)) is None:
             yield Finding(name, state, f"not installed: {needed_by or 'nothing works without it'}", remedy)
             continue
         if _numbers(found) < least:
@@ -97,12 +94,7 @@ _OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "
 
 def _opencv() -> Iterator[Finding]:
     """They all install the same module, cv2, one over the other."""
-    installed = []
-    for name in _OPENCV:
-        try:
-            installed.append(f"{name} {version(name)}")
-        except PackageNotFoundError:
-            continue
+    installed = [f"{name} {found}" for name in _OPENCV if (found := package_version(name))]
     wanted = _OPENCV[-1]
     if not installed:
         yield Finding("OpenCV", MISSING, "not installed: evaluate (the rival ea), calibrate's search for the chart", _ALL)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from shared.arrays import ByteArray, DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ, lab_to_xyz
+from shared.colorimetry import SRGB_TO_XYZ, encode_srgb, lab_to_xyz
 
 from ..chart.place import COLUMNS, NAMES, PATCHES
 from ..delta_e import delta_e_2000
@@ -265,6 +265,5 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _hex(lab_values: DoubleArray) -> list[str]:
     """CSS colours of L*a*b* (N, 3), sRGB, clipped."""
-    linear = np.clip(lab_to_xyz(lab_values) @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, 0, 1)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
+    encoded = encode_srgb((lab_to_xyz(lab_values) @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T).astype(np.float32))
     return ["#" + "".join(f"{round(255 * value):02x}" for value in row) for row in encoded.tolist()]
