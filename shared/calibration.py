@@ -52,17 +52,6 @@ class NoiseModel:
         return math.sqrt(self.shot[plane] * max(signal, 0.0) + self.read[plane] ** 2)
 
 
-def encoding(bits: int) -> tuple[int, int]:
-    """(black level, white level) of a `bits`-bit sample with one sixteenth of the range below black and above white.
-
-    So much room keeps additive noise from being clipped at either end.
-    """
-    if bits not in BITS:
-        raise InputError(f"samples of {bits} bits: expected {BITS[0]} to {BITS[-1]}")
-    margin = 1 << (bits - 4)
-    return margin, (1 << bits) - 1 - margin
-
-
 @dataclass(frozen=True)
 class SensorCalibration:
     """One sensor's calibration, for any number C of channels; checked when made (InputError names the field).
@@ -71,7 +60,7 @@ class SensorCalibration:
     gamma: the C weights of Eq. 7, positive. By default all 1.
     noise: per plane (channels, then panchromatic), scene units; None = unknown.
     black_level: sensor codes, per plane; white_level: the code that reads `full_scale` scene units.
-        By default those of `encoding(16)`.
+        By default those of `of_bits(16)`.
     camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white), for the light the neutral belongs to; None = uncalibrated.
     neutral: what a white surface reads in each channel under the light of the shot, up to scale; None = unknown.
     defects: sensor (row, column) of pixels that do not measure light, in reading order.
@@ -82,7 +71,7 @@ class SensorCalibration:
     gamma: tuple[float, ...] = ()
     noise: NoiseModel | None = None
     black_level: tuple[float, ...] = ()
-    white_level: int = encoding(16)[1]
+    white_level: int = 61439
     camera_to_xyz: tuple[tuple[float, ...], ...] | None = None
     neutral: tuple[float, ...] | None = None
     defects: tuple[tuple[int, int], ...] = ()
@@ -100,8 +89,7 @@ class SensorCalibration:
         self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count)
         if min(self.gamma) <= 0:
             raise InputError(f"calibration: gamma is {self.gamma}, expected positive weights")
-        black = (float(encoding(16)[0]),) * (count + 1)
-        self._set("black_level", black if _absent(self.black_level) else self.black_level, count + 1)
+        self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
         try:
             object.__setattr__(self, "white_level", operator.index(self.white_level))  # NumPy's integers too: JSON takes only int
         except TypeError:
@@ -126,6 +114,24 @@ class SensorCalibration:
                 raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")
             object.__setattr__(self, "camera_to_xyz", rows)
         object.__setattr__(self, "defects", _places(self.defects))
+
+    @classmethod
+    def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
+        """A calibration for samples of `bits` bits, 10 to 16, with black a sixteenth of the range above code 0.
+
+        headroom: white as far below the highest code, so that additive noise is clipped at neither end; otherwise white is the
+            highest code, where a real sensor clips.
+        fields: all other fields by name; those given here win.
+        Raises InputError for another number of bits, and for what the fields may not be.
+        """
+        if bits not in BITS:
+            raise InputError(f"samples of {bits} bits: expected {BITS[0]} to {BITS[-1]}")
+        black, highest = 1 << (bits - 4), (1 << bits) - 1
+        levels = {
+            "black_level": (black,) * (len(fields.get("channels", cls.channels)) + 1),
+            "white_level": highest - black if headroom else highest,
+        }
+        return cls(**{**levels, **fields})
 
     @property
     def full_scale(self) -> float:

@@ -38,11 +38,11 @@ def probe(folder: Path) -> dict[str, np.ndarray]:
     for name, pattern in PATTERNS.items():
         for layout in LAYOUTS:
             bits = layout.bits
-            calibration = SensorCalibration(
+            calibration = SensorCalibration.of_bits(
+                bits,
+                headroom=False,
                 gamma=(0.9, 1.1, 0.8),
                 noise=NoiseModel((2e-4,) * 4, (1e-3,) * 4),
-                black_level=(float(1 << (bits - 4)),) * 4,
-                white_level=(1 << bits) - 1,
                 camera_to_xyz=SRGB_TO_XYZ,
                 neutral=(0.5, 1.0, 0.7),
             )

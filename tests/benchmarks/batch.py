@@ -23,7 +23,6 @@ import numpy as np
 
 from offline import BEST, use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
-from shared.calibration import encoding
 from shared.sensor import simulate_additive
 from tests.data import ROOT
 from tests.tools.command import PROGRAM
@@ -45,8 +44,7 @@ def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
     """Shots of the built-in scene, each with noise of its own."""
     folder.mkdir()
     scene, pattern = builtin_scene(*size), CfaPattern.bayer()
-    black, white = encoding(12)
-    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white)
+    calibration = SensorCalibration.of_bits(12)
     preview = np.zeros((8, 8, 3), np.uint8)
     for seed in range(count):
         taken = simulate_additive(scene.rgb, pattern, calibration, 0.01, np.random.default_rng(seed))

@@ -85,7 +85,7 @@ def photograph(path: Path, *, chart: bool = True) -> None:
     """Gamma and colour from a photograph simulated as a mosaic."""
     scene = load_scene(str(path))
     pattern = CfaPattern.bayer(6)
-    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=3839)
+    calibration = SensorCalibration.of_bits(12)
     taken = simulate_additive(scene.rgb, pattern, calibration, 0.003, np.random.default_rng(0))
     mosaic = Mosaic(taken.codes, pattern, calibration)
     try:

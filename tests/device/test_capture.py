@@ -21,7 +21,7 @@ from shared.errors import InputError, OutputError
 from tests.device.packer import pack, random_codes
 
 SIZE = (26, 32)
-CALIBRATION = SensorCalibration(black_level=(64.0,) * 4, white_level=1023)
+CALIBRATION = SensorCalibration.of_bits(10, headroom=False)
 SENSOR = Sensor(FrameLayout(SIZE[1], SIZE[0], "raw10", 48), CfaPattern.bayer(), CALIBRATION)
 TAKEN = datetime(2026, 3, 9, 7, 5, 1, tzinfo=UTC)
 

@@ -16,7 +16,6 @@ from device.capture import Sensor
 from device.frames import FrameLayout, RawFrame, read_frames
 from device.preview import find_model
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
-from shared.calibration import encoding
 from shared.dng import encode_dng, read_preview
 from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
@@ -136,8 +135,7 @@ def _streams() -> list[Sample]:
     samples = []
     for name, bits, stride in (("raw10", 10, 40), ("raw12", 12, 64), ("u16", 12, 0)):
         layout = FrameLayout(24, 18, name, stride)
-        black, white = encoding(bits)
-        sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration(black_level=(black,) * 4, white_level=white))
+        sensor = Sensor(layout, CfaPattern.bayer(6), SensorCalibration.of_bits(bits))
         data = b"".join(pack(random_codes((18, 24), bits, seed), name, layout.stride) for seed in range(2))
 
         def read(path: Path, sensor: Sensor = sensor) -> bytes:

@@ -18,7 +18,6 @@ from offline import BEST, PAPER, render
 from offline.version import ALGORITHM
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.calibration import encoding
 from shared.display import ColourTransform
 from shared.sensor import simulate_additive
 from tools.scenes.drawn.builtin import builtin_scene
@@ -54,8 +53,7 @@ def saved() -> Golden:
 
 def _picture(preset: str) -> FloatArray:
     """Of a noisy shot of the built-in scene, 36 x 28, K = 6."""
-    black, white = encoding(12)
-    calibration = SensorCalibration(gamma=(0.9, 1.1, 0.8), black_level=(black,) * 4, white_level=white)
+    calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
     taken = simulate_additive(builtin_scene(36, 28).rgb, CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0))
     rgb = render(Mosaic(taken.codes, taken.pattern, taken.calibration), PRESETS[preset]).rgb
     return np.stack([rgb, ColourTransform.to_space(calibration, "srgb").apply(rgb)])

@@ -18,7 +18,7 @@ LIMIT = 3.0
 
 def exposed(scene: FloatArray, neutral: tuple[float, ...] | None = NEUTRAL) -> Mosaic:
     """Sensor codes of a scene, clipped at full scale."""
-    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095, neutral=neutral)
+    calibration = SensorCalibration.of_bits(12, headroom=False, neutral=neutral)
     return simulate_sensor(scene, CfaPattern.bayer(), calibration, 1.0, np.random.default_rng(0))
 
 
@@ -90,7 +90,7 @@ def test_samples_without_a_limit_are_not_clipped() -> None:
 @every_case
 def test_any_pattern_and_number_of_channels(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     channels = len(pattern.channels)
-    calibration = SensorCalibration(pattern.channels, gamma_of(pattern), black_level=(256.0,) * (channels + 1), white_level=4095)
+    calibration = SensorCalibration.of_bits(12, headroom=False, channels=pattern.channels, gamma=gamma_of(pattern))
     scene = materials(shape, channels).astype(np.float32)
     mosaic = simulate_sensor(scene, pattern, calibration, 1.8, np.random.default_rng(0))
     assert (mosaic.signal >= clipping_level(mosaic)).any()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared.calibration import BITS, SCHEMA, NoiseModel, SensorCalibration, encoding
+from shared.calibration import BITS, SCHEMA, NoiseModel, SensorCalibration
 from shared.errors import InputError
 from shared.pattern import CfaPattern
 
@@ -33,16 +33,24 @@ def test_defaults_are_the_papers_sensor() -> None:
 
 
 @pytest.mark.parametrize("bits", BITS)
-def test_encoding_leaves_room_at_both_ends(bits: int) -> None:
-    black, white = encoding(bits)
-    assert black == (1 << bits) - 1 - white == 2**bits // 16
-    assert SensorCalibration(black_level=(black,) * 4, white_level=white).bits == bits
+def test_levels_of_bits_leave_room_at_both_ends(bits: int) -> None:
+    calibration = SensorCalibration.of_bits(bits)
+    assert calibration.black_level == ((1 << bits) - 1 - calibration.white_level,) * 4 == (2**bits // 16,) * 4
+    assert calibration.bits == SensorCalibration.of_bits(bits, headroom=False).bits == bits
+    assert SensorCalibration.of_bits(bits, headroom=False).white_level == 2**bits - 1
+
+
+def test_the_other_fields_go_with_the_bits() -> None:
+    assert SensorCalibration.of_bits(16) == SensorCalibration()
+    assert SensorCalibration.of_bits(12, channels="CMYG", gamma=(1, 2, 3, 4), white_level=4000) == SensorCalibration(
+        "CMYG", gamma=(1, 2, 3, 4), black_level=(256,) * 5, white_level=4000
+    )
 
 
 @pytest.mark.parametrize("bits", [0, 8, 9, 17])
 def test_other_depths_are_refused(bits: int) -> None:
     with pytest.raises(InputError, match=f"{bits} bits: expected 10 to 16"):
-        encoding(bits)
+        SensorCalibration.of_bits(bits)
 
 
 def test_scale_takes_black_to_zero_and_white_to_full_scale() -> None:

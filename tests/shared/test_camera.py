@@ -21,7 +21,7 @@ CAMERA = Camera(CALIBRATION, CfaPattern.bayer(6), {"gamma": {"shots": ["a.dng"]}
 
 
 def mosaic(pattern: CfaPattern, **changes: Any) -> Mosaic:
-    calibration = replace(SensorCalibration(black_level=(256.0,) * 4, white_level=4095), **changes)
+    calibration = replace(SensorCalibration.of_bits(12, headroom=False), **changes)
     return Mosaic(np.full((24, 24), 500, np.uint16), pattern, calibration)
 
 

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared.calibration import SensorCalibration, encoding
+from shared.calibration import SensorCalibration
 from shared.errors import InputError
 from shared.metadata import CaptureMetadata
 from shared.mosaic import Mosaic
@@ -32,8 +32,8 @@ def test_codes_become_scene_units_by_plane() -> None:
 
 
 def test_black_reads_zero_and_white_full_scale_exactly() -> None:
-    calibration = SensorCalibration(black_level=(encoding(12)[0],) * 4, white_level=encoding(12)[1])
-    for code, value in ((encoding(12)[0], 0.0), (encoding(12)[1], 3.0)):
+    calibration = SensorCalibration.of_bits(12)
+    for code, value in ((calibration.black_level[0], 0.0), (calibration.white_level, 3.0)):
         assert np.all(Mosaic(np.full(SHAPE, code, np.uint16), PATTERN, calibration).signal == np.float32(value))
 
 
@@ -47,8 +47,7 @@ def test_codes_and_scene_units_invert_each_other() -> None:
 
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
 def test_every_code_survives_scene_units(bits: int) -> None:
-    black, white = encoding(bits)
-    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white)
+    calibration = SensorCalibration.of_bits(bits)
     every = np.arange(2**bits, dtype=np.uint16).reshape(-1, 32)
     assert np.array_equal(Mosaic(Mosaic(every, PATTERN, calibration).signal, PATTERN, calibration).codes, every)
 

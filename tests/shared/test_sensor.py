@@ -11,7 +11,6 @@ import pytest
 
 from shared import CaptureMetadata, CfaPattern, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
-from shared.calibration import encoding
 from shared.errors import InputError
 from shared.sensor import TYPICAL_READ, TYPICAL_SHOT, sample, simulate_additive, simulate_sensor, typical_noise
 from tests.offline.scenes import every_case, gamma_of, materials
@@ -142,9 +141,9 @@ def test_an_impossible_sigma_is_refused(sigma: float) -> None:
 # --- the noise of a sensor ------------------------------------------------------------------------------------------------------
 
 # Sixteen bits, so that rounding to codes adds a variance (step**2 / 12) that is little beside the noise, and is known.
-BLACK, WHITE = encoding(16)
 NOISE = NoiseModel((0.002, 0.001, 0.003, 0.0015), (0.02, 0.03, 0.01, 0.015))
-SENSOR = SensorCalibration(gamma=(0.9, 1.0, 1.1), noise=NOISE, black_level=(BLACK,) * 4, white_level=WHITE)
+SENSOR = SensorCalibration.of_bits(16, gamma=(0.9, 1.0, 1.1), noise=NOISE)
+BLACK, WHITE = SENSOR.black_level[0], SENSOR.white_level
 ROUNDING = (SENSOR.full_scale / (WHITE - BLACK)) ** 2 / 12
 
 
@@ -163,7 +162,7 @@ def test_sensor_noise_is_shot_noise_and_read_noise_of_each_plane(exposure: float
 
 def test_shot_noise_comes_in_whole_electrons() -> None:
     """Without read noise a sample is a whole number of electrons, each `shot` scene units."""
-    quiet = SensorCalibration(noise=NoiseModel((0.05,) * 4, (0.0,) * 4), black_level=(BLACK,) * 4, white_level=WHITE)
+    quiet = SensorCalibration.of_bits(16, noise=NoiseModel((0.05,) * 4, (0.0,) * 4))
     electrons = simulate_sensor(flat(0.1, 0.1, 0.1), PATTERN, quiet, 1.0, rng()).signal / 0.05
     assert np.abs(electrons - np.rint(electrons)).max() < 0.01
     assert_moments(np.rint(electrons)[planes_of(PATTERN) == "W"].astype(np.float64), 6, 6)  # Poisson: variance = mean
@@ -193,12 +192,11 @@ def test_light_past_all_measure_is_white(brightness: float) -> None:
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
 def test_quantisation_to_bits(bits: int) -> None:
     """Without noise a code is the nearest to the light, and 16 bits resolve 64 times as finely as 10."""
-    black, white = encoding(bits)
-    quiet = SensorCalibration(noise=NoiseModel((0.0,) * 4, (0.0,) * 4), black_level=(black,) * 4, white_level=white)
+    quiet = SensorCalibration.of_bits(bits, noise=NoiseModel((0.0,) * 4, (0.0,) * 4))
     ramp = np.linspace(0, 0.9, SHAPE[0] * SHAPE[1], dtype=np.float32).reshape(*SHAPE, 1).repeat(3, axis=2)
     mosaic = simulate_sensor(ramp, PATTERN, quiet, 1.0, rng())
     error = np.abs(mosaic.signal - sample(ramp, PATTERN, quiet))
-    step = 3.0 / (white - black)
+    step = quiet.scale()[-1]
     assert step * 0.49 < error.max() < step * 0.5 + FLOAT32
     assert mosaic.codes.max() < 1 << bits
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
-from shared.calibration import encoding
 from shared.display import ColourTransform
 from shared.dng import read_preview
 from shared.errors import InputError, OutputError
@@ -112,14 +111,7 @@ def _folder(given: str | None) -> Path:
 
 
 def _photograph(scene: Scene, sigma: float) -> Mosaic:
-    black, white = encoding(_BITS)
-    camera = SensorCalibration(
-        black_level=(float(black),) * 4,
-        white_level=white,
-        camera_to_xyz=scene.camera_to_xyz,
-        neutral=scene.neutral,
-        sensor="simulated",
-    )
+    camera = SensorCalibration.of_bits(_BITS, camera_to_xyz=scene.camera_to_xyz, neutral=scene.neutral, sensor="simulated")
     rng = np.random.default_rng(_SEED)
     return simulate_additive(scene.rgb, CfaPattern.bayer(), camera, sigma, rng, scene.metadata)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, write_dng
-from shared.calibration import BITS, encoding
+from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.host.console import Console
@@ -136,7 +136,6 @@ def _calibration(arguments: argparse.Namespace, known: Camera | None, pattern: C
         if arguments.bits is None:
             return camera
     bits = _DEFAULT_BITS if arguments.bits is None else arguments.bits
-    black, white = encoding(bits)
-    if arguments.protocol == "sensor":
-        white = (1 << bits) - 1  # the sensor itself clips there, so nothing lies above it
-    return replace(camera, black_level=(float(black),) * (len(camera.channels) + 1), white_level=white)
+    # A simulated sensor itself clips at white, so nothing lies above it.
+    levels = SensorCalibration.of_bits(bits, headroom=arguments.protocol != "sensor", channels=camera.channels)
+    return replace(camera, black_level=levels.black_level, white_level=levels.white_level)

@@ -7,7 +7,7 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.calibration import NoiseModel, encoding
+from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor, typical_noise
 
@@ -73,7 +73,7 @@ class Protocol:
         if self.kind == "paper":
             return BayerShot(bayer_mosaic(rgb, level, self._rng(), ORDER), 0.0, level)
         noise = NoiseModel(*(figures[:1] for figures in (typical_noise(_camera()).shot, typical_noise(_camera()).read)))
-        samples = bayer_exposure(rgb, noise, level, (encoding(_BITS)[0], (1 << _BITS) - 1), self._rng(), ORDER)
+        samples = bayer_exposure(rgb, noise, level, (int(_camera().black_level[0]), _camera().white_level), self._rng(), ORDER)
         return BayerShot(samples / np.float32(level), noise.shot[0] / level, noise.read[0] / level)
 
     def gain(self, level: float) -> float:
@@ -110,5 +110,4 @@ def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
 
 
 def _camera() -> SensorCalibration:
-    black, white = float(encoding(_BITS)[0]), (1 << _BITS) - 1
-    return SensorCalibration(black_level=(black,) * 4, white_level=white)
+    return SensorCalibration.of_bits(_BITS, headroom=False)

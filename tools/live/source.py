@@ -13,7 +13,7 @@ from device.capture import Sensor
 from device.frame_folder import watch_folder
 from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import CfaPattern, SensorCalibration, read_camera
-from shared.calibration import BITS, encoding
+from shared.calibration import BITS
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from shared.sensor import typical_noise
@@ -113,10 +113,10 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
         if arguments.bits:
             raise InputError("--bits does not go with --camera: the camera file knows")
         return Sensor(layout, *_known(arguments)), ()
-    black, _ = encoding(arguments.bits or bits)
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
-    calibration = SensorCalibration(black_level=(float(black),) * 4, white_level=(1 << (arguments.bits or bits)) - 1)
-    note = f"no --camera: black is taken to be {black}, white {calibration.white_level}, and the colours stay unknown"
+    calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False)
+    black, white = calibration.black_level[0], calibration.white_level
+    note = f"no --camera: black is taken to be {black:.0f}, white {white}, and the colours stay unknown"
     return Sensor(layout, pattern_of(arguments), calibration), (note,)
 
 
@@ -140,8 +140,7 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
         pattern, camera = _known(arguments)
     else:
         pattern = pattern_of(arguments)
-        black, _ = encoding(_BUILTIN_BITS)
-        camera = SensorCalibration(black_level=(float(black),) * 4, white_level=(1 << _BUILTIN_BITS) - 1, sensor="simulated")
+        camera = SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated")
     # The colours are the scene's where the camera's are unknown.
     camera = replace(
         camera,

@@ -6,7 +6,6 @@ import numpy as np
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import ByteArray
-from shared.calibration import encoding
 
 METADATA = CaptureMetadata(
     make="Contax",
@@ -32,15 +31,15 @@ def preview(rows: int = 60, columns: int = 80) -> ByteArray:
 def calibration(channels: str = "RGB", bits: int = 12, **fields: object) -> SensorCalibration:
     """A calibration whose planes differ in everything."""
     count = len(channels)
-    black, white = encoding(bits)
+    plain = SensorCalibration.of_bits(bits)
     given: dict[str, object] = {
         "channels": channels,
         "gamma": tuple(0.7 + 0.21 * index for index in range(count)),
         "noise": NoiseModel(
             tuple(1e-3 * (index + 1) for index in range(count + 1)), tuple(0.01 / (index + 1) for index in range(count + 1))
         ),
-        "black_level": tuple(float(black + index) for index in range(count + 1)),
-        "white_level": white,
+        "black_level": tuple(plain.black_level[0] + index for index in range(count + 1)),
+        "white_level": plain.white_level,
         "camera_to_xyz": tuple(tuple(float((row - column) % count == 0) + 0.1 for column in range(count)) for row in range(3)),
         "neutral": tuple(0.5 + 0.1 * index for index in range(count)),
         "sensor": "Prüfling 7",

@@ -13,8 +13,7 @@ import rawpy
 from PIL import Image
 from tifffile import TiffFile
 
-from shared import CfaPattern, Mosaic
-from shared.calibration import encoding
+from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.dng import Layout, encode_dng, encode_picture_dng, read_dng, read_preview, write_dng
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 
@@ -25,7 +24,7 @@ CASES: list[tuple[Mosaic, Layout]] = [
     (mosaic(CfaPattern.bayer(6), (41, 67), calibration(bits=10)), "cfa"),
     (mosaic(CfaPattern.bayer(6), (64, 48), calibration(bits=14)), "linear"),
     (mosaic(CfaPattern.bayer(8, "GBRG"), (33, 31), calibration(bits=16)), "cfa"),
-    (mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=(encoding(12)[0],) * 4)), "auto"),
+    (mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=SensorCalibration.of_bits(12).black_level)), "auto"),
     (mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))), "auto"),
 ]
 

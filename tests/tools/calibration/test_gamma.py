@@ -110,7 +110,7 @@ def leaves() -> FloatArray:
 
 def scene_shot(rgb: FloatArray, sigma: float, seed: int, period: int = 6) -> Mosaic:
     pattern = CfaPattern.bayer(period)
-    camera = SensorCalibration(gamma=TRUTH.gamma, black_level=(256.0,) * 4, white_level=3839)
+    camera = SensorCalibration.of_bits(12, gamma=TRUTH.gamma)
     taken = simulate_additive(rgb.astype(np.float32), pattern, camera, sigma, np.random.default_rng(seed))
     return Mosaic(taken.codes, pattern, replace(camera, gamma=(1.0, 1.0, 1.0)))
 
@@ -135,7 +135,7 @@ def test_scene_of_five_channels() -> None:
     small = rng.uniform(0.1, 0.9, (12, 16, 5))
     scene = np.kron(small, np.ones((40, 40, 1))).astype(np.float32)
     pattern = CfaPattern.with_block(("VX", "YZ", "UW"), 6)
-    camera = SensorCalibration(pattern.channels, gamma=(0.6, 1.0, 0.8, 1.2, 0.5), black_level=(256.0,) * 6, white_level=4095)
+    camera = SensorCalibration.of_bits(12, headroom=False, channels=pattern.channels, gamma=(0.6, 1.0, 0.8, 1.2, 0.5))
     taken = simulate_sensor(scene, pattern, camera, 1.0, rng)
     fit = fit_scene_gamma(Mosaic(taken.codes, pattern, replace(camera, gamma=(1.0,) * 5)))
     assert (np.abs(fit.gamma - camera.gamma) < 1.9 * fit.half_width).all()

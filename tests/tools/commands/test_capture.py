@@ -72,7 +72,7 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
     for seed, path in enumerate(shots(out)):
         mosaic = read_dng(path)
         assert np.array_equal(mosaic.codes, random_codes(SIZE, 12, seed))
-        assert mosaic.calibration == SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+        assert mosaic.calibration == SensorCalibration.of_bits(12, headroom=False)
     assert (tmp_path / "latest").resolve() == shots(out)[-1]
     lines = done.stderr.decode().splitlines()
     assert "no --camera: black is taken to be 256, white 4095, and the colours stay unknown" in lines
@@ -215,7 +215,7 @@ def test_the_built_in_sensor_moves_and_has_noise_and_colour(out: Path) -> None:
 
 def test_the_camera_file_s_pattern_is_the_sensor_s(out: Path, tmp_path: Path) -> None:
     file = tmp_path / "camera.json"
-    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    calibration = SensorCalibration.of_bits(12, headroom=False)
     file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(8, "BGGR")).to_json()))
     assert run("builtin:64x48@50", "-o", str(out), "--frames", "1", "--camera", str(file)) == 0
     assert read_dng(shots(out)[0]).pattern == CfaPattern.bayer(8, "BGGR")
@@ -226,7 +226,7 @@ def test_another_pattern_than_the_camera_file_s_is_refused(
     source: str, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "camera.json"
-    calibration = SensorCalibration(black_level=(256.0,) * 4, white_level=4095)
+    calibration = SensorCalibration.of_bits(12, headroom=False)
     file.write_text(json.dumps(Camera(calibration, CfaPattern.bayer(6)).to_json()))
     layout = [] if source != "-" else LAYOUT
     assert run(source, "-o", str(out), "--camera", str(file), "--period", "8", *layout) == 2

@@ -10,13 +10,12 @@ import pytest
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from shared.arrays import CodeArray
-from shared.calibration import encoding
 from shared.dng import encode_picture_dng, read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.command import run
 
-BLACK, WHITE = encoding(12)
-PLAIN = SensorCalibration(black_level=(BLACK,) * 4, white_level=WHITE)
+PLAIN = SensorCalibration.of_bits(12)
+BLACK, WHITE = int(PLAIN.black_level[0]), PLAIN.white_level
 
 
 def save(path: Path, shot: Mosaic) -> Path:

@@ -20,7 +20,6 @@ from offline import PAPER, render, render_bands
 from offline.settings import RenderSettings
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray, FloatArray
-from shared.calibration import encoding
 from shared.sensor import simulate_additive
 from tests.data import ROOT
 from tests.tools.command import PROGRAM, Outcome, assert_refused, names, results, run
@@ -51,9 +50,8 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def save(path: Path, codes: Callable[[CodeArray], None] | None = None, **fields: Any) -> Path:
     """A shot of random samples, 13 x 17, changed by `codes`."""
-    black, white = encoding(12)
-    calibration = SensorCalibration(**{"black_level": (black,) * 4, "white_level": white, **fields})
-    samples = np.random.default_rng(0).integers(black, white, (13, 17), np.uint16)
+    calibration = SensorCalibration.of_bits(12, **fields)
+    samples = np.random.default_rng(0).integers(256, 3839, (13, 17), np.uint16)
     if codes:
         codes(samples)
     metadata = CaptureMetadata(make="Contax", iso=400, orientation=6)
@@ -74,8 +72,7 @@ def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, perio
     assert rendered.dtype == truth.dtype == np.float32
     assert rendered.shape == truth.shape
 
-    black, white = encoding(16)
-    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white)
+    calibration = SensorCalibration.of_bits(16)
     scene = builtin_scene(*SCENE)
     mosaic = simulate_additive(
         scene.rgb, CfaPattern.bayer(period, origin=(2, 1)), calibration, sigma, np.random.default_rng(5), scene.metadata

@@ -20,7 +20,6 @@ from PIL import Image
 
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
 from shared.arrays import FloatArray
-from shared.calibration import encoding
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.data import ROOT
@@ -40,16 +39,9 @@ def out(tmp_path: Path) -> Path:
 
 def camera(bits: int = 12, **fields: Any) -> SensorCalibration:
     """What the command takes without --camera, for the built-in scene."""
-    black, white = encoding(bits)
     scene = builtin_scene(24, 18)
-    given = {
-        "black_level": (black,) * 4,
-        "white_level": white,
-        "camera_to_xyz": scene.camera_to_xyz,
-        "neutral": scene.neutral,
-        "sensor": "simulated",
-    }
-    return SensorCalibration(**{**given, **fields})
+    given = {"camera_to_xyz": scene.camera_to_xyz, "neutral": scene.neutral, "sensor": "simulated"}
+    return SensorCalibration.of_bits(bits, **{**given, **fields})
 
 
 def simulate(out: Path, *options: str | Path) -> Any:
@@ -86,8 +78,8 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
         (["--period", "5"], lambda shot: shot.pattern == CfaPattern.bayer(5)),
         (["--order", "GBRG"], lambda shot: shot.pattern == CfaPattern.bayer(6, "GBRG")),
         (["--origin", "4", "-1"], lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
-        (["--bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, encoding(10)[1])),
-        (["--bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, encoding(16)[0])),
+        (["--bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, 959)),
+        (["--bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096)),
         (["--sigma", "0.05"], lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
         (["--layout", "linear"], lambda shot: shot.pattern == CfaPattern.bayer()),
     ],

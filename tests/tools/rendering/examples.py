@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
-from shared.calibration import NoiseModel, encoding
+from shared.calibration import NoiseModel
 from tests.data import ROOT
 from tests.tools.command import PROGRAM
 
 
 def save_shot(path: Path, seed: int = 0, shape: tuple[int, int] = (13, 17)) -> Path:
     """A shot of random samples; folders are made."""
-    black, white = encoding(12)
-    calibration = SensorCalibration(black_level=(black,) * 4, white_level=white, noise=NoiseModel.gaussian(0.01, 4))
-    samples = np.random.default_rng(seed).integers(black, white, shape, np.uint16)
+    calibration = SensorCalibration.of_bits(12, noise=NoiseModel.gaussian(0.01, 4))
+    samples = np.random.default_rng(seed).integers(256, calibration.white_level, shape, np.uint16)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_dng(path, Mosaic(samples, CfaPattern.bayer(), calibration), np.zeros((8, 8, 3), np.uint8))
     return path

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shared import Camera, SensorCalibration, read_dng
-from shared.calibration import NoiseModel, encoding
+from shared.calibration import NoiseModel
 from tests.tools.command import Outcome, assert_refused, results, run
 from tests.tools.rendering.examples import contents, save_shot
 from tools.rendering.journal import NAME
@@ -67,8 +67,7 @@ def test_another_setting_makes_all_of_them_anew(
     shots: Path, out: Path, tmp_path: Path, option: tuple[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    black, white = encoding(12)
-    known = SensorCalibration(gamma=(0.5, 1, 1.5), black_level=(black,) * 4, white_level=white, noise=NoiseModel.gaussian(0.02, 4))
+    known = SensorCalibration.of_bits(12, gamma=(0.5, 1, 1.5), noise=NoiseModel.gaussian(0.02, 4))
     (tmp_path / "camera.json").write_text(json.dumps(Camera(known).to_json()))
     (tmp_path / "hot.txt").write_text("5, 8\n")
     render(shots, out)

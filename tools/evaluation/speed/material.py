@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
-from shared.calibration import encoding
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tools.scenes.drawn.builtin import builtin_scene
@@ -80,9 +79,7 @@ class Material:
 
     @cached_property
     def _taken(self) -> Mosaic:
-        black, white = encoding(BITS)
-        calibration = SensorCalibration(black_level=(float(black),) * 4, white_level=white)
-        return simulate_additive(self._rgb, CfaPattern.bayer(), calibration, SIGMA, np.random.default_rng(0))
+        return simulate_additive(self._rgb, CfaPattern.bayer(), SensorCalibration.of_bits(BITS), SIGMA, np.random.default_rng(0))
 
     def _repeated(self, piece: NDArray[Sample]) -> NDArray[Sample]:
         times = tuple(-(-size // drawn) for size, drawn in zip(self.shape, piece.shape, strict=True))
