@@ -1,4 +1,4 @@
-"""What the camera is: filter pattern, calibration, mosaic, sensor model and the file they are saved in."""
+"""The camera itself: filter pattern, calibration, mosaic, sensor model and file format. README.md in this folder explains them."""
 
 from .calibration import NoiseModel, SensorCalibration
 from .camera import Camera, read_camera

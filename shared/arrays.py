@@ -1,8 +1,8 @@
-"""Array types, axis order and the one border convention.
+"""Array types, the order of axes, and the border convention.
 
-Axes are (row, column) and, for pictures, (row, column, channel); row 0 is the top. Every stage that looks past the frame sees the
-mirror image without the edge pixel repeated (d c b | a b c d | c b a): ``BORDER`` for NumPy's `pad`, which SciPy's ndimage calls
-"mirror" and OpenCV ``BORDER_REFLECT_101``. (SciPy's "reflect" is another one.)
+Axes are (row, column), for pictures (row, column, channel); row 0 is the top. Every stage that reads beyond the frame sees its
+mirror image without the edge pixel repeated (d c b | a b c d | c b a). NumPy's `pad` calls this "reflect" (``BORDER``), SciPy's
+ndimage "mirror", OpenCV ``BORDER_REFLECT_101``. (SciPy's "reflect" is a different convention.)
 """
 
 from collections.abc import Iterator
@@ -21,9 +21,9 @@ IndexArray = NDArray[np.intp]
 BORDER: Literal["reflect"] = "reflect"
 
 STRIP = 256
-"""Rows of a picture worked on at a time, so that temporaries stay small beside it."""
+"""Rows of a picture that are processed at a time, so that temporary arrays stay small compared with the picture."""
 
 
 def strips(rows: int) -> Iterator[slice]:
-    """Slices of at most STRIP rows that cover `rows` of them."""
+    """Slices of at most STRIP rows that together cover the rows 0 to `rows`."""
     return (slice(first, min(first + STRIP, rows)) for first in range(0, rows, STRIP))

@@ -1,4 +1,4 @@
-"""What calibration knows of one sensor: the weights of Eq. 7, noise, black and white level, colour.
+"""The calibration of one sensor: the weights of Eq. 7, noise, black and white level, colour, defects.
 
 Scene units: 1.0 is the white level of the scene reference in each channel. A panchromatic pixel reads sum_i gamma_i channel_i
 (Eq. 7), so the sensor's full scale, for every pixel, is sum_i gamma_i scene units.
@@ -27,7 +27,16 @@ BITS = range(10, 17)
 class NoiseModel:
     """Poisson-Gaussian noise per plane (the channels, then panchromatic): variance = shot * signal + read**2, in scene units.
 
-    Raises InputError when a figure is negative or not finite.
+    shot: variance per scene unit of signal, 0 or more, one value per plane: the scene units that one electron adds.
+    read: standard deviation of the read noise in scene units, 0 or more, one value per plane.
+    Raises InputError when a value is negative or not finite, and when the two have different lengths.
+
+    >>> from shared import NoiseModel
+    >>> noise = NoiseModel(shot=(2e-4, 2e-4, 2e-4, 2e-4), read=(6e-4, 6e-4, 6e-4, 6e-4))
+    >>> round(noise.sigma(3.0), 4)  # of a panchromatic sample at full scale
+    0.0245
+    >>> NoiseModel.gaussian(0.01, planes=4).sigma(3.0)
+    0.01
     """
 
     shot: tuple[float, ...]
@@ -44,34 +53,44 @@ class NoiseModel:
 
     @classmethod
     def gaussian(cls, sigma: float, planes: int) -> "NoiseModel":
-        """Additive Gaussian noise of one standard deviation (scene units) on all planes: the paper's."""
+        """Noise as in the paper: additive Gaussian with one standard deviation (scene units) on all planes."""
         return cls((0.0,) * planes, (sigma,) * planes)
 
     def sigma(self, signal: float, plane: int = -1) -> float:
-        """sigma_z at a signal level, of one plane (by default panchromatic); both in scene units."""
+        """Standard deviation sigma_z of a sample of one plane (by default panchromatic) at a signal level; both in scene units."""
         return math.sqrt(self.shot[plane] * max(signal, 0.0) + self.read[plane] ** 2)
 
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """One sensor's calibration, for any number C of channels; checked when made (InputError names the field).
+    """The calibration of one sensor with any number C of channels; every field is checked (InputError names the field).
 
-    channels: their letters, in the order of everything below and of `CfaPattern.channels`.
+    channels: the letters of the channels, in the order of all per-channel fields and of `CfaPattern.channels`.
     gamma: the C weights of Eq. 7, positive. By default all 1.
     noise: per plane (channels, then panchromatic), scene units; None = unknown.
-    black_level: sensor codes, per plane; white_level: the code that reads `full_scale` scene units.
-        By default those of `of_bits(16)`.
-    camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white), for the light the neutral belongs to; None = uncalibrated.
-    neutral: what a white surface reads in each channel under the light of the shot, up to scale; None = unknown.
-    defects: sensor (row, column) of pixels that do not measure light, in reading order.
-    sensor: a name for people. camera: id of the camera file it came from ("" = none), whatever has been replaced since.
+    black_level: sensor codes, per plane. By default those of `of_bits(16)`.
+    white_level: the code that reads `full_scale` scene units. By default that of `of_bits(16)`.
+    camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white), under the light in which `neutral` was seen; None = uncalibrated.
+    neutral: reading of a white surface in each channel under the light of the shot, up to scale; None = unknown.
+    defects: sensor (row, column) of the pixels that do not measure light, in reading order.
+    sensor: a name for people.
+    camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
+
+    >>> from shared import SensorCalibration
+    >>> calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
+    >>> calibration.black_level, calibration.white_level
+    ((256.0, 256.0, 256.0, 256.0), 3839)
+    >>> round(calibration.full_scale, 2)  # scene units at the white level: the sum of gamma
+    2.8
+    >>> SensorCalibration.from_json(calibration.to_json()) == calibration
+    True
     """
 
     channels: str = "RGB"
     gamma: tuple[float, ...] = ()
     noise: NoiseModel | None = None
     black_level: tuple[float, ...] = ()
-    white_level: int = 61439
+    white_level: int = 61439  # of 16 bits, with headroom
     camera_to_xyz: tuple[tuple[float, ...], ...] | None = None
     neutral: tuple[float, ...] | None = None
     defects: tuple[tuple[int, int], ...] = ()
@@ -85,7 +104,7 @@ class SensorCalibration:
             raise InputError(f"calibration: channels is {letters!r}, expected two or more different letters A to Z")
         if PANCHROMATIC in letters:
             raise InputError(f"calibration: channels is {letters!r}; {PANCHROMATIC} stands for panchromatic")
-        # Only the default itself, (), asks for the default: null, 0 or [] in a document are mistakes.
+        # Only the empty tuple means "default": null, 0 or [] in a document are mistakes.
         self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count)
         if min(self.gamma) <= 0:
             raise InputError(f"calibration: gamma is {self.gamma}, expected positive weights")
@@ -117,12 +136,12 @@ class SensorCalibration:
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
-        """A calibration for samples of `bits` bits, 10 to 16, with black a sixteenth of the range above code 0.
+        """A calibration for samples of `bits` bits (10 to 16), with the black level at a sixteenth of the range of codes.
 
-        headroom: white as far below the highest code, so that additive noise is clipped at neither end; otherwise white is the
-            highest code, where a real sensor clips.
-        fields: all other fields by name; those given here win.
-        Raises InputError for another number of bits, and for what the fields may not be.
+        headroom: True puts the white level as far below the highest code, so that additive noise is clipped at neither end. False
+            puts it at the highest code, where a real sensor clips.
+        fields: any other fields by name; levels given here replace those of `bits`.
+        Raises InputError for any other number of bits, and for invalid fields.
         """
         if bits not in BITS:
             raise InputError(f"samples of {bits} bits: expected {BITS[0]} to {BITS[-1]}")
@@ -135,47 +154,47 @@ class SensorCalibration:
 
     @property
     def full_scale(self) -> float:
-        """Scene units at the white level, for every pixel of the sensor: sum_i gamma_i."""
+        """Scene units at the white level of every pixel: sum_i gamma_i."""
         return math.fsum(self.gamma)
 
     @property
     def grey(self) -> float:
-        """gamma_bar, the chromaticity of grey in every channel (Eqs. 8-9)."""
+        """Chromaticity of grey in every channel, gamma_bar (Eqs. 8-9)."""
         return 1.0 / self.full_scale
 
     @property
     def bits(self) -> int:
-        """Bits of a sample: those that hold the white level, and the room above it."""
+        """Bits of a sample: as many as the white level needs."""
         return self.white_level.bit_length()
 
     @cached_property
     def id(self) -> str:
-        """Digest of the content, 16 hexadecimal digits: which calibration a file was made with.
+        """Digest of the content, 16 hexadecimal digits, which tells calibrations apart.
 
-        What `camera` says is left out: a calibration taken unchanged from a camera file has that file's id.
+        `camera` is left out: a calibration taken unchanged from a camera file has that file's id.
         """
         content = self.to_json()
         del content["camera"]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
     def scale(self) -> DoubleArray:
-        """Scene units per code, per plane; float64 (C + 1,)."""
+        """Scene units per sensor code of each plane; float64 (C + 1,)."""
         return self.full_scale / (self.white_level - np.array(self.black_level))
 
     def check_pattern(self, pattern: CfaPattern) -> None:
-        """Raise InputError unless the pattern's channels are this calibration's."""
+        """Raise InputError unless the pattern has the channels of this calibration."""
         if pattern.channels != self.channels:
             raise InputError(
                 f"the pattern has channels {pattern.channels}, the calibration {self.channels}: they belong to different sensors"
             )
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON object from which `from_json` makes an equal calibration."""
+        """The calibration as a JSON object; `from_json` turns it back."""
         return {"schema": SCHEMA, **asdict(self)}
 
     @classmethod
     def from_json(cls, document: Any) -> "SensorCalibration":
-        """Inverse of `to_json`; raises InputError that names the field."""
+        """The calibration in a JSON object made by `to_json`. Raises InputError that names the field."""
         if not isinstance(document, dict):
             raise InputError(f"calibration: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
@@ -202,7 +221,7 @@ def _absent(values: Any) -> bool:
 
 
 def _numbers(name: str, values: Any, count: int | None = None) -> tuple[float, ...]:
-    """Finite floats out of JSON or a caller's hand, or an InputError that names the field."""
+    """Check that `values` are finite numbers (`count` of them) and return them as floats; InputError names the field."""
     try:
         numbers = tuple(float(value) for value in values)
         if any(isinstance(value, str | bool) for value in values):  # float() takes both
@@ -217,7 +236,7 @@ def _numbers(name: str, values: Any, count: int | None = None) -> tuple[float, .
 
 
 def _places(values: Any) -> tuple[tuple[int, int], ...]:
-    """Sorted pixel places out of JSON or a caller's hand, or an InputError that names the field."""
+    """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
         places = sorted({(operator.index(row), operator.index(column)) for row, column in values})
     except (TypeError, ValueError):

@@ -1,12 +1,12 @@
-"""camera.json: what is known of one camera. Its calibration, the filter pattern it was measured with, and how it was measured.
+"""camera.json: the calibration of one camera, its filter pattern, and how each part was measured.
 
-The file is the calibration's JSON object with two more fields, "pattern" and "measured", both optional: a calibration written by
-hand is a camera file too.
+The file is the JSON object of a calibration with two more fields, "pattern" and "measured". Both are optional, so a bare
+calibration is a valid camera file.
 """
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,26 @@ from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_whole
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour")
-"""The parts of a calibration that "measured" may tell of; "colour" is camera_to_xyz and neutral."""
+"""The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """One camera, as camera.json keeps it.
+    """The content of a camera file.
 
-    calibration: its `camera` names this file. pattern: the filter pattern; None where the file does not say. measured: part (see
-    MEASURABLE) -> how it was measured, a JSON object for people and reports.
-    Raises InputError when pattern and calibration name different channels, or `measured` an unknown part.
+    calibration: the calibration; its field `camera` is set to its own id.
+    pattern: the filter pattern that the camera was measured with; None = unknown.
+    measured: part (one of MEASURABLE) -> how it was measured, a JSON object for people and reports.
+    Raises InputError when pattern and calibration have different channels, and when `measured` names an unknown part.
+
+    >>> import json
+    >>> from pathlib import Path
+    >>> from shared import Camera, CfaPattern, SensorCalibration, read_camera
+    >>> camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8), sensor="bench"), CfaPattern.bayer(6))
+    >>> Path("camera.json").write_text(json.dumps(camera.to_json())) > 0
+    True
+    >>> read_camera("camera.json") == camera
+    True
     """
 
     calibration: SensorCalibration
@@ -44,9 +54,9 @@ class Camera:
                 raise InputError(f"camera: measured.{part} is {how!r}, expected an object")
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
-        """The shot with this camera's calibration in place of its own; where this one knows no colours or noise, the shot's stay.
+        """The shot with this camera's calibration; colours and noise that the camera file does not know stay those of the shot.
 
-        Raises InputError, naming both, when the shot is another sensor's, has another pattern, or another number of bits.
+        Raises InputError when the shot has another sensor, pattern, or number of bits; the message names both.
         """
         self.check(mosaic.pattern, mosaic.calibration)
         known, own = self.calibration, mosaic.calibration
@@ -61,7 +71,7 @@ class Camera:
         return Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
 
     def check(self, pattern: CfaPattern, calibration: SensorCalibration) -> None:
-        """Raise InputError, naming both, unless a shot with this pattern and calibration may come from this camera."""
+        """Raise InputError unless a shot with this pattern and calibration can come from this camera; the message names both."""
         sensor, other = self.calibration.sensor, calibration.sensor
         if sensor and other and sensor != other:
             raise InputError(f"the shot is from sensor {other!r}, the camera file of sensor {sensor!r}")
@@ -70,7 +80,7 @@ class Camera:
             raise InputError(f"the shot has {calibration.bits} bits, the camera file {self.calibration.bits}")
 
     def check_pattern(self, pattern: CfaPattern) -> None:
-        """Raise InputError, naming both, unless the pattern is the one that this camera was measured with."""
+        """Raise InputError unless this camera was measured with this pattern; the message names both."""
         self.calibration.check_pattern(pattern)
         if self.pattern is not None and self.pattern.letters_from() != pattern.letters_from():
             raise InputError(
@@ -78,22 +88,18 @@ class Camera:
             )
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON object from which `from_json` makes an equal camera."""
+        """The camera as a JSON object, the content of camera.json; `from_json` turns it back."""
         document = self.calibration.to_json()
-        del document["camera"]  # It would be the file's own id.
+        del document["camera"]  # the file's own id
         if self.pattern is not None:
-            document["pattern"] = {
-                "tile": list(self.pattern.tile),
-                "origin": list(self.pattern.origin),
-                "channels": self.pattern.channels,
-            }
+            document["pattern"] = asdict(self.pattern)
         if self.measured:
             document["measured"] = {part: dict(self.measured[part]) for part in MEASURABLE if part in self.measured}
         return document
 
     @classmethod
     def from_json(cls, document: Any) -> "Camera":
-        """Inverse of `to_json`; raises InputError that names the field."""
+        """The camera in a JSON object made by `to_json`. Raises InputError that names the field."""
         if not isinstance(document, dict):
             raise InputError(f"camera: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
@@ -104,7 +110,15 @@ class Camera:
 
 
 def read_camera(path: Path | str) -> Camera:
-    """The camera in a file; raises InputError that names the file and what is wrong in it."""
+    """The camera in a camera file. Raises InputError that names the file and what is wrong with it.
+
+    >>> from pathlib import Path
+    >>> from shared import read_camera
+    >>> Path("camera.json").write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}') > 0
+    True
+    >>> read_camera("camera.json").calibration.gamma
+    (0.9, 1.1, 0.8)
+    """
     try:
         text = read_whole(path, MAX_DOCUMENT, "a camera file")
         try:
@@ -117,15 +131,15 @@ def read_camera(path: Path | str) -> Camera:
 
 
 def _pattern(given: Any) -> CfaPattern:
-    """A pattern out of JSON, or an InputError that names the field."""
+    """Check the field "pattern" of a camera file and return it as a pattern; InputError names the field."""
     if not isinstance(given, dict):
         raise InputError(f"camera: pattern is {given!r}, expected an object")
     if unknown := sorted(set(given) - {"tile", "origin", "channels"}):
         raise InputError(f"camera: pattern has an unknown field {unknown[0]!r}")
     tile, origin, channels = given.get("tile"), given.get("origin", [0, 0]), given.get("channels", "")
-    if not isinstance(tile, list) or not all(isinstance(row, str) for row in tile):
+    if not isinstance(tile, list | tuple) or not all(isinstance(row, str) for row in tile):
         raise InputError("camera: pattern.tile is not a list of strings")
-    if not isinstance(origin, list) or len(origin) != 2 or not all(type(value) is int for value in origin):
+    if not isinstance(origin, list | tuple) or len(origin) != 2 or not all(type(value) is int for value in origin):
         raise InputError("camera: pattern.origin is not [row, column]")
     if not isinstance(channels, str):
         raise InputError(f"camera: pattern.channels is {channels!r}, expected letters")

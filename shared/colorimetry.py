@@ -1,4 +1,4 @@
-"""Published figures of colour: standard whites, adaptation between them, primaries of RGB spaces, the curve of sRGB."""
+"""Published constants and formulas of colour: white points, chromatic adaptation, RGB primaries, the sRGB curve, L*a*b*."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .arrays import DoubleArray, FloatArray
 
-Matrix = tuple[tuple[float, ...], ...]  # of frozen dataclasses, a tuple per row
+Matrix = tuple[tuple[float, ...], ...]  # a tuple per row, as frozen dataclasses keep it
 
 D50 = np.array([0.9642, 1.0, 0.8249])  # CIE XYZ of the profile connection space, ICC.1:2022, 7.2.16
 D65_XY = (0.3127, 0.3290)  # ITU-R BT.709, also of IEC 61966-2-1
@@ -17,30 +17,31 @@ BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.03
 SRGB_PRIMARIES = ((0.640, 0.330), (0.300, 0.600), (0.150, 0.060))  # IEC 61966-2-1, table 1
 P3_PRIMARIES = ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060))  # SMPTE EG 432-1
 
-# The curve of IEC 61966-2-1: encoded = SCALE linear^(1 / POWER) - OFFSET, a line of SLOPE below KNEE (linear) or its code.
+# IEC 61966-2-1: encoded = (1 + OFFSET) linear^(1 / POWER) - OFFSET; below KNEE (linear) or ENCODED_KNEE a line of slope SLOPE.
 SRGB_POWER, SRGB_OFFSET, SRGB_SLOPE = 2.4, 0.055, 12.92
 SRGB_KNEE, SRGB_ENCODED_KNEE = 0.0031308, 0.04045
-
 
 CIE_EPSILON, CIE_KAPPA = (6 / 29) ** 3, (29 / 3) ** 3  # CIE 15:2018
 
 
 def xyz(x: float, y: float) -> DoubleArray:
-    """CIE XYZ (Y = 1) of a chromaticity; float64 (3,)."""
+    """CIE XYZ with Y = 1 of the chromaticity (x, y); float64 (3,)."""
     return np.array([x / y, 1.0, (1 - x - y) / y])
 
 
 def adaptation(source: DoubleArray, destination: DoubleArray = D50) -> DoubleArray:
-    """Linear Bradford transform of XYZ from one white to another (ICC.1:2022, annex E); float64 (3, 3)."""
+    """Matrix of the linear Bradford adaptation of XYZ from one white to another (ICC.1:2022, annex E); float64 (3, 3)."""
     gain: DoubleArray = (BRADFORD @ destination) / (BRADFORD @ source)
     adapted: DoubleArray = np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD)
     return adapted
 
 
 def primaries_to_xyz(primaries: Sequence[tuple[float, float]], white: tuple[float, float] = D65_XY) -> DoubleArray:
-    """Linear RGB of these chromaticities -> XYZ of a D50 white (SMPTE RP 177, then Bradford); RGB (1, 1, 1) gives that white.
+    """Matrix from linear RGB to XYZ relative to D50 (SMPTE RP 177, then Bradford); float64 (3, 3). RGB (1, 1, 1) becomes D50.
 
-    Returns float64 (3, 3). Raises numpy.linalg.LinAlgError when the primaries lie on a line.
+    primaries: chromaticities (x, y) of red, green and blue.
+    white: chromaticity (x, y) of RGB (1, 1, 1).
+    Raises numpy.linalg.LinAlgError when the primaries lie on a line.
     """
     columns = np.stack([xyz(*primary) for primary in primaries], axis=1)
     source = xyz(*white)
@@ -49,12 +50,12 @@ def primaries_to_xyz(primaries: Sequence[tuple[float, float]], white: tuple[floa
 
 
 def as_rows(matrix: NDArray[np.floating]) -> Matrix:
-    """A matrix as the tuples that frozen dataclasses keep."""
+    """A matrix as nested tuples, which frozen dataclasses can keep."""
     return tuple(tuple(row) for row in matrix.tolist())
 
 
 def encode_srgb(linear: FloatArray) -> FloatArray:
-    """Linear light, any shape, clipped to 0..1 -> the curve of IEC 61966-2-1, 0..1, float32."""
+    """Linear light of any shape, clipped to 0..1 -> sample values of sRGB, 0..1 (IEC 61966-2-1); float32."""
     linear = np.clip(linear, 0.0, 1.0)
     power = np.power(linear, np.float32(1 / SRGB_POWER))
     line = np.float32(SRGB_SLOPE) * linear
@@ -62,7 +63,7 @@ def encode_srgb(linear: FloatArray) -> FloatArray:
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
-    """IEC 61966-2-1, encoded 0..1 -> linear 0..1; the straight part goes on below 0, the power above 1."""
+    """Sample values of sRGB, 0..1 (IEC 61966-2-1) -> linear light 0..1. Below 0 the straight part continues, above 1 the power."""
     scale = 1 + SRGB_OFFSET
     power = (np.maximum(encoded, SRGB_ENCODED_KNEE) / scale + SRGB_OFFSET / scale) ** SRGB_POWER
     linear: DoubleArray = np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
@@ -70,7 +71,7 @@ def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
 
 
 def xyz_to_lab(values: DoubleArray) -> DoubleArray:
-    """XYZ (..., 3), relative to D50 with Y = 1 for white -> L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
+    """XYZ (..., 3) relative to D50, white Y = 1 -> L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
     ratio = np.asarray(values) / D50
     f = np.where(ratio > CIE_EPSILON, np.cbrt(np.maximum(ratio, 0)), (CIE_KAPPA * ratio + 16) / 116)
     lab: DoubleArray = np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
@@ -78,7 +79,7 @@ def xyz_to_lab(values: DoubleArray) -> DoubleArray:
 
 
 def lab_to_xyz(lab: DoubleArray) -> DoubleArray:
-    """L*a*b* (..., 3) -> XYZ (..., 3) relative to D50, Y = 1 for white: the inverse of `xyz_to_lab`."""
+    """L*a*b* (..., 3) -> XYZ (..., 3) relative to D50, white Y = 1; the inverse of `xyz_to_lab`."""
     lightness, a, b = np.moveaxis(np.asarray(lab, np.float64), -1, 0)
     fy = (lightness + 16) / 116
     f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)

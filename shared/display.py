@@ -1,16 +1,16 @@
-"""Camera RGB to the colours of a screen or an editor: white balance, colour matrix, transfer curve.
+"""From camera RGB to the colours of a screen or an editor: white balance, colour matrix, transfer curve.
 
 **White.** A white surface reads k * neutral, for some k. Display white is the brightest such reading that every channel can still
-measure: its largest channel is 1.0 scene unit, the white level. (Raw developers say it the other way round: white-balance
-multipliers scaled so that the smallest is 1.) For display each channel is first clipped at its reading of that white: past it some
-channel has clipped and the colour is unknown, and without the clip a burnt-out highlight would come out magenta instead of white.
+measure: its largest channel is 1.0 scene unit, the white level. (Raw developers state the inverse: white-balance multipliers,
+scaled so that the smallest is 1.) For display each channel is first clipped at its reading of that white. Beyond it some channel
+has clipped and the colour is unknown; without the clip a burnt-out highlight would turn magenta instead of white.
 
-**Colour.** `SensorCalibration.camera_to_xyz` takes scene units to XYZ (D50) for the light of the neutral. A fitted matrix takes the
-neutral only nearly to D50 white: a Bradford adaptation takes it the rest of the way, so k * neutral becomes grey, R = G = B.
-Without a matrix, channels named R, G and B are taken for the primaries of sRGB; there is no such guess for other channels.
+**Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
+neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
+matrix, channels named R, G and B are assumed to have the primaries of sRGB; for other channels there is no such guess.
 
-**Curve.** That of IEC 61966-2-1, nothing else: no tone curve, no highlight reconstruction. "linear-srgb" has neither clip nor
-curve. "camera" means the samples as they are, and is no business of this module.
+**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve, no highlight reconstruction. "linear-srgb" has neither clip nor
+curve. The space "camera" of the commands means unchanged samples; this module is not involved.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,13 @@ MAX_EXPOSURE = 16.0
 
 @dataclass(frozen=True)
 class OutputSpace:
-    """An RGB space with D65 white: chromaticities (x, y) of its primaries; linear, or with the sRGB transfer curve."""
+    """An RGB space with D65 white.
+
+    name: key of `SPACES` and value of --space.
+    title: name for people and ICC profiles.
+    primaries: chromaticities (x, y) of red, green and blue.
+    linear: no transfer curve; otherwise that of sRGB.
+    """
 
     name: str
     title: str
@@ -38,7 +44,7 @@ class OutputSpace:
 
     @cached_property
     def to_xyz(self) -> DoubleArray:
-        """Linear RGB -> XYZ relative to D50: the columns of the ICC profile; float64 (3, 3)."""
+        """Matrix from linear RGB to XYZ relative to D50, float64 (3, 3); its columns are those of the ICC profile."""
         return primaries_to_xyz(self.primaries)
 
 
@@ -54,10 +60,11 @@ SPACES = {
 
 @dataclass(frozen=True)
 class ColourTransform:
-    """From one sensor's scene units to one output space.
+    """The transform from the scene units of one sensor to one output space.
 
-    white: reading of display white, one figure per channel, the largest 1.0.
-    matrix: 3 x C, scene units -> linear RGB of the space; takes `white` to (1, 1, 1).
+    space: the output space.
+    white: reading of display white in each channel, scene units; the largest is 1.0.
+    matrix: 3 x C, scene units -> linear RGB of the space; maps `white` to (1, 1, 1).
     """
 
     space: OutputSpace
@@ -68,9 +75,10 @@ class ColourTransform:
     def to_space(cls, calibration: SensorCalibration, name: str = "srgb") -> "ColourTransform":
         """The transform for pictures of this sensor.
 
-        name: a key of `SPACES`. A missing neutral is the reading that the matrix takes to D50, without a matrix (1, 1, 1).
-        Raises InputError for an unknown space, for channels whose colours nobody knows, and for a matrix that takes the neutral to
-        no possible white.
+        name: a key of `SPACES`.
+        A missing neutral is taken to be the reading that the matrix maps to D50, without a matrix (1, 1, 1).
+        Raises InputError for an unknown space, for channels of unknown colours, and when the matrix maps the neutral to no possible
+        white.
         """
         if name not in SPACES:
             raise InputError(f"unknown output space {name!r}; there are {', '.join(SPACES)}")
@@ -81,17 +89,18 @@ class ColourTransform:
         seen = to_xyz @ white
         if min(white) <= 0 or min(BRADFORD @ seen) <= 0:
             raise InputError(
-                f"calibration: camera_to_xyz takes the white reading {_figures(white)} to XYZ {_figures(seen)}, which is no colour "
+                f"calibration: camera_to_xyz maps the white reading {_figures(white)} to XYZ {_figures(seen)}, which is no colour "
                 "of light; calibrate again, or use --space camera"
             )
         matrix = np.linalg.solve(space.to_xyz, adaptation(seen) @ to_xyz)
         return cls(space, tuple(white.tolist()), as_rows(matrix))
 
     def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
-        """A picture in scene units (H, W, C) -> this space (H, W, 3), float32: 0..1 for display, unclipped when linear.
+        """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for display, unclipped when linear.
 
-        exposure: stops of gain, after the clip at display white: less than 0 darkens, it does not bring highlights back.
-        Raises InputError as `checked_picture` does, and for an exposure beyond +-16 stops.
+        exposure: stops of gain, -16 to 16, applied after the clip at display white: negative values darken but bring no highlights
+            back.
+        Raises InputError for another exposure, and for what `checked_picture` refuses.
         """
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
@@ -99,7 +108,7 @@ class ColourTransform:
         white = np.array(self.white, np.float32)
         result = np.empty((*rgb.shape[:2], 3), np.float32)
         for rows in strips(len(rgb)):
-            # Below, -white: far under any noise, but no sample can overflow. Not 0: clipped noise would tint the shadows.
+            # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
             strip = rgb[rows] if self.space.linear else np.clip(rgb[rows], -white, white)
             for output, row in enumerate(matrix):
                 result[rows, :, output] = sum(weight * strip[..., channel] for channel, weight in enumerate(row))
@@ -109,13 +118,13 @@ class ColourTransform:
 
 
 def check_exposure(exposure: float) -> None:
-    """Raise InputError unless a gain is within +-16 stops."""
+    """Raise InputError unless the exposure, in stops, is within -16 to 16."""
     if not abs(exposure) <= MAX_EXPOSURE:
         raise InputError(f"exposure is {exposure} stops, expected -{MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}")
 
 
 def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
-    """The picture as float32, if it is one: (H, W, channels), floating point, not empty, finite. Raises InputError if not."""
+    """The picture as float32. Raises InputError unless it is (H, W, channels), floating point, not empty and finite."""
     if rgb.ndim != 3 or rgb.shape[2] != channels or 0 in rgb.shape:
         raise InputError(f"a picture of shape {rgb.shape}, expected (rows, columns, {channels})")
     if not np.issubdtype(rgb.dtype, np.floating):
@@ -126,7 +135,7 @@ def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
 
 
 def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
-    """Scene units -> XYZ (D50), measured, or of sRGB primaries; float64 (3, C)."""
+    """Matrix from scene units to XYZ (D50): the measured one, or that of sRGB primaries; float64 (3, C)."""
     if calibration.camera_to_xyz is not None:
         return np.array(calibration.camera_to_xyz)
     if sorted(calibration.channels) != sorted("RGB"):
@@ -135,7 +144,7 @@ def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
             "or render with --space camera"
         )
     nominal = SPACES["srgb"].to_xyz[:, ["RGB".index(letter) for letter in calibration.channels]]
-    # Balanced channels, not raw ones, are the nominal primaries: white reads (1, 1, 1) there.
+    # The nominal primaries belong to white-balanced channels, in which white reads (1, 1, 1).
     balance = 1.0 if calibration.neutral is None else max(calibration.neutral) / np.array(calibration.neutral)
     return np.asarray(nominal * balance)
 

@@ -1,4 +1,4 @@
-"""What a camera notes beside the samples, carried from the source through the mosaic into every output."""
+"""Capture metadata (Exif), carried from the source through the mosaic into every output."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -8,10 +8,24 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class CaptureMetadata:
-    """Capture data in Exif 2.3 terms; None or "" where the source does not say.
+    """Capture data as Exif 2.3 defines them; None or "" = unknown.
 
-    taken: local time without zone; exposure_time: seconds; f_number: N of f/N; iso: ISO speed; focal_length: millimetres;
-    orientation: TIFF orientation 1..8 of the samples (1 = row 0 is the top), which displays apply and measurements do not.
+    make, model, lens, artist, description: text.
+    taken: local time without time zone.
+    exposure_time: seconds.
+    f_number: N of f/N.
+    iso: ISO speed.
+    focal_length: millimetres.
+    orientation: TIFF orientation of the samples, 1 to 8 (1 = row 0 is the top). Displays apply it; the samples are never rotated.
+    Raises InputError for another orientation, and for a number that is not positive.
+
+    >>> from shared import CaptureMetadata
+    >>> metadata = CaptureMetadata(make="Panchroma", exposure_time=1 / 250, f_number=2.8, iso=100)
+    >>> metadata.orientation, metadata.lens
+    (1, '')
+    >>> CaptureMetadata(orientation=9)
+    Traceback (most recent call last):
+    shared.errors.InputError: metadata: orientation is 9, expected 1 to 8
     """
 
     make: str = ""

@@ -22,6 +22,13 @@ class Mosaic:
         the scene's white). Kept read-only: a copy, or the array itself where that is read-only float32 and nobody else's view.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
     the calibration's bits, or when pattern and calibration name different channels.
+
+    >>> import numpy as np
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> codes = np.full((12, 18), 3839, np.uint16)  # every pixel at the white level of 12 bits
+    >>> mosaic = Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> mosaic.shape, float(mosaic.signal[5, 5])  # scene units
+    ((12, 18), 3.0)
     """
 
     samples: NDArray[np.uint16] | NDArray[np.float32]

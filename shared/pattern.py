@@ -1,7 +1,7 @@
 """The colour filter pattern: a K x K tile of filter letters, repeated over the sensor (section 3, Fig. 1).
 
-All but one small block of each tile is panchromatic. The letters of the block name channels; nothing here
-knows that there are three.
+Each tile has one small block of colour filters; all other pixels are panchromatic. The letters of the block name the channels, of
+which there may be any number.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,20 @@ BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
 class CfaPattern:
     """A K x K tile (K = 3..16) with one block of colour filters, laid over the sensor.
 
-    tile: K strings of K letters; "W" is panchromatic, any other capital letter names a colour channel. The colour sites must hang
-        together (8-neighbours, across the tile's edge too) and leave at least one panchromatic row and column between blocks.
+    tile: K strings of K letters; "W" is panchromatic, any other capital letter names a colour channel. The colour sites must be
+        connected (8-neighbours, across the tile's edge too) and leave at least one panchromatic row and column between blocks.
     origin: sensor (row, column) at which a tile begins; only its remainder modulo K matters.
-    channels: the order of the channels in every array; by default "RGB" for those three, otherwise the order of the tile's rows.
-    Raises InputError for anything else.
+    channels: the order of the channels in every array; by default "RGB" for those three, otherwise their order in the tile.
+    Raises InputError for any other tile, and for channels that are not the tile's letters.
+
+    >>> from shared import CfaPattern
+    >>> pattern = CfaPattern.bayer(period=4, order="RGGB")
+    >>> pattern.tile
+    ('RGWW', 'GBWW', 'WWWW', 'WWWW')
+    >>> pattern.filter_map((2, 6)).tolist()  # 0, 1, 2: a channel; 3: panchromatic
+    [[0, 1, 3, 3, 0, 1], [1, 2, 3, 3, 1, 2]]
+    >>> CfaPattern.with_block(("CM", "YC"), period=6).channels
+    'CMY'
     """
 
     tile: tuple[str, ...]
@@ -56,14 +65,14 @@ class CfaPattern:
 
     @classmethod
     def bayer(cls, period: int = 6, order: str = "RGGB", origin: tuple[int, int] = (0, 0)) -> "CfaPattern":
-        """The paper's pattern: one 2x2 Bayer block in the first corner of each K x K tile."""
+        """The pattern of the paper: one 2 x 2 Bayer block in the first corner of each K x K tile."""
         if order not in BAYER_ORDERS:
             raise InputError(f"pattern: unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}")
         return cls.with_block((order[:2], order[2:]), period, origin)
 
     @classmethod
     def with_block(cls, block: tuple[str, ...], period: int, origin: tuple[int, int] = (0, 0), channels: str = "") -> "CfaPattern":
-        """A tile with `block` (rows of letters) in its first corner, panchromatic elsewhere."""
+        """A pattern with `block` (rows of letters) in the first corner of its tile, panchromatic elsewhere."""
         if period not in PERIODS:
             raise InputError(f"pattern: the period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
         rows = [row + PANCHROMATIC * (period - len(row)) for row in block]
@@ -71,12 +80,12 @@ class CfaPattern:
 
     @property
     def period(self) -> int:
-        """K, pixels from one block's origin to the next."""
+        """K, the number of pixels from one block's origin to the next."""
         return len(self.tile)
 
     @property
     def planes(self) -> str:
-        """The letters of all filter planes: the channels, then panchromatic."""
+        """Letters of all filter planes: the channels, then panchromatic."""
         return self.channels + PANCHROMATIC
 
     @cached_property
@@ -87,24 +96,24 @@ class CfaPattern:
 
     @cached_property
     def block_shape(self) -> tuple[int, int]:
-        """(rows, columns) of the rectangle around the colour sites of one block; (2, 2) for a Bayer block."""
+        """Size (rows, columns) of the rectangle around the colour sites of one block; (2, 2) for a Bayer block."""
         rows, columns = (_span(self._occupied(axis))[1] for axis in (1, 0))
         return rows, columns
 
     @cached_property
     def sites(self) -> tuple[tuple[int, int, int], ...]:
-        """The colour sites of a block: (row, column) from the block's origin, and the channel index."""
+        """(row, column, channel index) of each colour site of a block, counted from the block's origin."""
         block = self.filter_map(self.block_shape, first=self.block_origin)
         return tuple((row, column, int(block[row, column])) for row, column in np.argwhere(block < len(self.channels)).tolist())
 
     @property
     def light_efficiency(self) -> float:
-        """Light collected relative to a Bayer sensor, when a panchromatic pixel sees what three colour filters let through."""
+        """Light collected relative to a Bayer sensor, if a panchromatic pixel sees as much as three colour filters let through."""
         colour = len(self.sites)
         return (3 * (self.period**2 - colour) + colour) / self.period**2
 
     def filter_map(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> ByteArray:
-        """Plane index of every pixel, uint8 `shape`: i for channel i, C for panchromatic; `first` is the sensor pixel at [0, 0]."""
+        """Plane index of every pixel, uint8 `shape`: i for channel i, C for panchromatic. `first`: the sensor pixel at [0, 0]."""
         rows, columns = (
             (np.arange(size) + start - origin) % self.period for size, start, origin in zip(shape, first, self.origin, strict=True)
         )
@@ -113,7 +122,7 @@ class CfaPattern:
 
     @cached_property
     def lattices(self) -> tuple[tuple[int, slice, slice], ...]:
-        """(channel, rows, columns) per colour site of a block: the slices of any frame that hold all of its repetitions."""
+        """(channel index, rows, columns) per colour site of a block: slices that select all its repetitions in any frame."""
         period, (down, across) = self.period, self.block_origin
         return tuple(
             (channel, slice((down + row) % period, None, period), slice((across + column) % period, None, period))
@@ -121,21 +130,21 @@ class CfaPattern:
         )
 
     def panchromatic_mask(self, shape: tuple[int, int], first: tuple[int, int] = (0, 0)) -> BoolArray:
-        """Omega_L: where luminance is measured directly; bool `shape`; `first` as of `filter_map`."""
+        """Omega_L, the pixels where luminance is measured directly: bool `shape`. `first`: the sensor pixel at [0, 0]."""
         mask: BoolArray = self.filter_map(shape, first) == len(self.channels)
         return mask
 
     def letters_from(self, first: tuple[int, int] = (0, 0)) -> tuple[str, ...]:
-        """The K x K letters seen from sensor pixel `first` on: the tile with its origin applied."""
+        """The K x K letters from sensor pixel `first` on: the tile with its origin applied."""
         square = self.filter_map((self.period, self.period), first)
         return tuple("".join(self.planes[plane] for plane in row) for row in square.tolist())
 
     def cropped(self, top: int, left: int) -> "CfaPattern":
-        """The same pattern for a mosaic that begins at this one's pixel (top, left)."""
+        """The pattern of a mosaic cut out at pixel (top, left) of this one."""
         return CfaPattern(self.tile, (self.origin[0] - top, self.origin[1] - left), self.channels)
 
     def grid(self, shape: tuple[int, int]) -> "BlockGrid":
-        """The blocks and K x K patches over a frame of `shape`; raises InputError when no whole block lies inside."""
+        """The blocks and K x K patches of a frame of `shape`. Raises InputError when no whole block lies inside."""
         return BlockGrid(self.period, self.block_origin, self.block_shape, shape)
 
     @cached_property
@@ -148,7 +157,7 @@ class CfaPattern:
         return colour
 
     def _occupied(self, axis: int) -> BoolArray:
-        """Which rows (axis 1) or columns (axis 0) of the tile hold a colour site."""
+        """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""
         return np.logical_or.reduce(self._colour, axis=axis)  # type: ignore[no-any-return]
 
     def _check_block(self) -> None:
@@ -171,11 +180,24 @@ class CfaPattern:
 
 @dataclass(frozen=True)
 class BlockGrid:
-    """Blocks on the coarse grid, and the K x K patches between them, over one frame.
+    """The coarse grid of blocks, and the K x K patches between them, over one frame.
 
-    A patch begins in the middle of a block, so that its four corners lie in (2x2 blocks) or beside four blocks (Fig. 2). Patches
-    cover the frame; the frame mirrored out to whole patches is the *domain*. Blocks are indexed from the first patch's first corner
-    and may lie partly or wholly outside the frame: those measure nothing and stand for the nearest whole one.
+    A patch begins in the middle of a block, so that its four corners lie in four blocks, or beside them if they are not 2 x 2 (Fig.
+    2). Patches cover the frame; the frame mirrored out to whole patches is the *domain*. Block [0, 0] is at the first corner of the
+    first patch. Blocks that lie partly or wholly outside the frame measure nothing and take the values of the nearest whole one.
+
+    period: K.
+    block_origin: (row, column) of the first corner of a block in the frame, each 0 to K - 1.
+    block_shape: (rows, columns) of a block.
+    frame: (rows, columns) of the frame.
+    Raises InputError when no whole block lies inside the frame.
+
+    >>> from shared import CfaPattern
+    >>> grid = CfaPattern.bayer(6).grid((13, 20))
+    >>> grid.shape, grid.patches  # blocks and patches, (down, across)
+    ((4, 6), (3, 5))
+    >>> grid.rows.tolist(), grid.whole_rows.tolist()  # the first and the last row of blocks do not fit into the frame
+    ([-6, 0, 6, 12], [0, 6])
     """
 
     period: int
@@ -192,7 +214,7 @@ class BlockGrid:
 
     @cached_property
     def padding(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Pixels ((above, below), (left, right)) of mirrored frame that make it whole patches."""
+        """Pixels ((above, below), (left, right)) by which the frame is mirrored out to whole patches."""
         above, left = (
             -(origin + size // 2) % self.period for origin, size in zip(self.block_origin, self.block_shape, strict=True)
         )
@@ -211,17 +233,17 @@ class BlockGrid:
 
     @cached_property
     def rows(self) -> IndexArray:
-        """Frame row of each block row's first pixel; may lie outside the frame."""
+        """Frame row of the first pixel of each block row; may lie outside the frame."""
         return self._origins(0)
 
     @cached_property
     def columns(self) -> IndexArray:
-        """Frame column of each block column's first pixel; may lie outside the frame."""
+        """Frame column of the first pixel of each block column; may lie outside the frame."""
         return self._origins(1)
 
     @cached_property
     def inside(self) -> BoolArray:
-        """Which blocks lie wholly inside the frame; bool `shape`."""
+        """Mask of the blocks that lie wholly inside the frame; bool `shape`."""
         down, across = (
             (origins >= 0) & (origins + block <= size)
             for origins, block, size in zip((self.rows, self.columns), self.block_shape, self.frame, strict=True)
@@ -239,7 +261,7 @@ class BlockGrid:
         return self.columns[self.inside.any(axis=0)]
 
     def extend(self, measured: FloatArray) -> FloatArray:
-        """Values of the whole blocks (rows inside, columns inside, ...) -> of all blocks: an outer one takes its nearest."""
+        """Extend values of the whole blocks (whole rows, whole columns, ...) to all blocks; each takes those of the nearest."""
         return np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge")
 
     @cached_property
@@ -253,7 +275,7 @@ class BlockGrid:
 
 
 def _span(occupied: BoolArray) -> tuple[int, int]:
-    """Start and length of the shortest run, on a ring, that covers all True entries."""
+    """(start, length) of the shortest run on a ring that covers all True entries."""
     (places,) = np.nonzero(occupied)
     gaps = np.diff(places, append=places[0] + occupied.size)
     widest = int(np.argmax(gaps))

@@ -1,23 +1,23 @@
-"""How long work reports where it is, without knowing whether anybody looks."""
+"""How long computations report their progress, to whoever listens or to nobody."""
 
 from typing import Protocol
 
 
 class Progress(Protocol):
-    """A listener: told which stage begins and how many steps it has, then of every step done.
+    """A listener: `stage` is called when a stage begins, `advance` when steps of it are done.
 
-    Implementations show it (a bar, a line) or count it (tests); they must be cheap, for `advance` is called from inner loops.
+    Implementations show it (a bar, a line) or count it (tests). They must be cheap, because `advance` is called from inner loops.
     """
 
     def stage(self, name: str, steps: int) -> None:
-        """A stage begins; the one before it has ended."""
+        """A stage of `steps` steps begins; the one before it has ended."""
 
     def advance(self, steps: int = 1) -> None:
-        """So many more steps of the current stage are done."""
+        """Another `steps` steps of the current stage are done."""
 
 
 class Silent:
-    """Nobody looks."""
+    """A listener that ignores everything."""
 
     def stage(self, name: str, steps: int) -> None:
         """Ignore it."""

@@ -1,4 +1,4 @@
-"""Files from anywhere, opened without trust: what a name leads to and how long it is, before a byte is taken. And the bounds."""
+"""Opening untrusted files: kind and size are checked before anything is read. Also the size limits."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,18 +9,21 @@ from typing import BinaryIO
 from .errors import InputError
 
 MAX_PIXELS = 1 << 28
-"""Pixels that every reader accepts unless told otherwise: 268 million, more than any single sensor has."""
+"""Largest number of pixels that readers accept by default: 268 million, more than any single sensor has."""
 
 MAX_DOCUMENT = 4 << 20
-"""Bytes of a text that is read whole (JSON, CGATS): a camera file with a hundred thousand defects has half as many."""
+"""Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand defects has half as many."""
 
 
 @contextmanager
 def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]:
-    """A file open for reading, of 1 to `largest` bytes, for a `with` block.
+    """Open a file of 1 to `largest` bytes for reading, in a `with` block.
 
-    kind: what a file of ours is, with its article, for the message. Raises InputError, which does not name the file, for a folder,
-    a pipe or a device (they would never end), an empty file and a longer one, and when it cannot be read.
+    path: the file.
+    largest: bytes; a longer file is refused.
+    kind: the kind of file that is expected, with its article, for the message.
+    Raises InputError for a folder, for a pipe or a device (which might never end), for an empty file, for a longer one, and when
+    the file cannot be read. The message does not name the file.
     """
     path = Path(path)
     try:
@@ -51,6 +54,6 @@ def _unreadable(error: OSError | ValueError) -> InputError:
 
 
 def read_whole(path: Path | str, largest: int, kind: str) -> bytes:
-    """All bytes of a file, as `opened_file` opens it; not one more than `largest`, should it grow meanwhile."""
+    """All bytes of a file, checked as by `opened_file`; never more than `largest`, even if the file grows meanwhile."""
     with opened_file(path, largest, kind) as file:
         return file.read(largest)

@@ -1,4 +1,4 @@
-"""The forward model, scene -> mosaic (section 4): the mirror image of the reconstruction."""
+"""The forward model, from a scene to a mosaic (section 4); reconstruction inverts it."""
 
 from dataclasses import replace
 
@@ -14,13 +14,16 @@ from .pattern import CfaPattern
 # A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene units), read noise 3 electrons.
 TYPICAL_SHOT = 3 / 15_000
 TYPICAL_READ = 3 * TYPICAL_SHOT
-MOST_ELECTRONS = 1e18  # past which NumPy draws no Poisson numbers; no pixel holds a billionth of them
+MOST_ELECTRONS = 1e18  # NumPy draws no Poisson numbers beyond it; no pixel holds a billionth as many
 
 
 def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration) -> FloatArray:
-    """What a noiseless sensor reads, scene units, float32 (H, W): one channel at a colour site, Eq. 7 everywhere else.
+    """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site, Eq. 7 elsewhere.
 
-    rgb: (H, W, C) scene units, channels in the pattern's order. Raises InputError when the number of channels is another.
+    rgb: the scene, (H, W, C), scene units, channels in the order of the pattern.
+    pattern: the filter pattern, with C channels.
+    calibration: its gamma is used.
+    Raises InputError when the three have different channels.
     """
     if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
         raise InputError(f"a scene of shape {rgb.shape} for a pattern with {len(pattern.channels)} channels ({pattern.channels})")
@@ -40,9 +43,15 @@ def simulate_additive(
     rng: np.random.Generator,
     metadata: CaptureMetadata | None = None,
 ) -> Mosaic:
-    """The paper's protocol: Gaussian noise of standard deviation `sigma` (scene units) on every sample, no clipping.
+    """Photograph a scene by the paper's protocol: additive Gaussian noise on every sample, nothing clipped.
 
-    Returns a mosaic of float32 scene units whose calibration knows this noise.
+    rgb: the scene, (H, W, C), scene units.
+    pattern, calibration: of the sensor.
+    sigma: standard deviation of the noise, scene units, 0 or more.
+    rng: source of the noise.
+    metadata: capture data of the mosaic.
+    Returns a mosaic of float32 scene units; its calibration states this noise.
+    Raises InputError for another sigma, and as `sample`.
     """
     if not 0 <= sigma < np.inf:
         raise InputError(f"sigma is {sigma}, expected 0 or more")
@@ -62,10 +71,16 @@ def simulate_sensor(
     rng: np.random.Generator,
     metadata: CaptureMetadata | None = None,
 ) -> Mosaic:
-    """A sensor: the light times `exposure`, shot noise (Poisson) and read noise, clipping at full scale, quantisation.
+    """Photograph a scene as a real sensor does: shot noise (Poisson), read noise, clipping at full scale, quantisation.
 
-    Noise is the calibration's (`typical_noise` where it has none), levels and bits are its black and white level. Returns a mosaic
-    of uint16 codes.
+    rgb: the scene, (H, W, C), scene units.
+    pattern: of the sensor.
+    calibration: of the sensor; its noise is used (`typical_noise` if it has none), its black and white level, and its bits.
+    exposure: factor by which the light is multiplied, positive.
+    rng: source of the noise.
+    metadata: capture data of the mosaic.
+    Returns a mosaic of uint16 codes.
+    Raises InputError for another exposure, and as `sample`.
     """
     if not 0 < exposure < np.inf:
         raise InputError(f"exposure is {exposure}, expected a positive factor")
@@ -81,6 +96,6 @@ def simulate_sensor(
 
 
 def typical_noise(calibration: SensorCalibration) -> NoiseModel:
-    """Shot and read noise of a small modern sensor, for the calibration's number of planes."""
+    """Noise model of a small modern sensor, for the planes of the calibration."""
     planes = len(calibration.channels) + 1
     return NoiseModel((TYPICAL_SHOT,) * planes, (TYPICAL_READ,) * planes)

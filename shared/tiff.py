@@ -1,6 +1,6 @@
-"""The bones of a TIFF file (TIFF 6.0; Exif 2.3 section 4.6): directories of typed fields, and the data they point to.
+"""Writing the TIFF structure (TIFF 6.0; Exif 2.3 section 4.6): directories of typed fields, and the data they point to.
 
-Writes what DNG, TIFF and Exif blocks share, little-endian, in memory or strip by strip. Reading is tifffile's business.
+DNG files, TIFF files and Exif blocks share it. It is written little-endian, in memory or strip by strip. tifffile does the reading.
 """
 
 import struct
@@ -14,7 +14,7 @@ from .errors import InputError
 
 STRIP_OFFSETS, STRIP_BYTES = 273, 279
 LARGEST = 2**32  # bytes: offsets have 32 bits
-_HEADER, _FIRST = b"II*\0\0\0\0\0", 4  # whose last four bytes are the offset of the first directory
+_HEADER, _FIRST = b"II*\0\0\0\0\0", 4  # the header, and where in it the offset of the first directory belongs
 
 
 class FieldType(IntEnum):
@@ -30,8 +30,8 @@ class FieldType(IntEnum):
     DOUBLE = 12
 
 
-# A directory's fields by tag. A field is (type, values): bytes for BYTE and UNDEFINED, str for ASCII (written as UTF-8, NUL added),
-# otherwise numbers.
+# The fields of a directory by tag. A field is (type, values); values are bytes for BYTE and UNDEFINED, str for ASCII (written as
+# UTF-8 with a final NUL), otherwise numbers.
 Fields = dict[int, tuple[FieldType, bytes | str | Sequence[float]]]
 
 _FORMATS = {FieldType.SHORT: "H", FieldType.LONG: "I", FieldType.RATIONAL: "2I", FieldType.SRATIONAL: "2i", FieldType.DOUBLE: "d"}
@@ -39,7 +39,12 @@ _FORMATS = {FieldType.SHORT: "H", FieldType.LONG: "I", FieldType.RATIONAL: "2I",
 
 @dataclass
 class Directory:
-    """One image file directory: its fields, the strips of its image, directories that a tag points to (SubIFDs, Exif)."""
+    """One image file directory.
+
+    fields: the fields by tag, without those of strips and children.
+    strips: the encoded strips of its image, from top to bottom.
+    children: directories that a field points to (SubIFDs, Exif), by the tag of that field.
+    """
 
     fields: Fields = field(default_factory=dict)
     strips: Sequence[bytes] = ()
@@ -47,7 +52,7 @@ class Directory:
 
 
 def encode_tiff(directory: Directory) -> bytes:
-    """A whole little-endian TIFF file with one first directory. Raises InputError past the format's 4 GiB."""
+    """A whole little-endian TIFF file with one main directory. Raises InputError beyond the 4 GiB of the format."""
     buffer = bytearray(_HEADER)
     first = _place(directory, buffer)
     struct.pack_into("<I", buffer, _FIRST, first)
@@ -55,7 +60,13 @@ def encode_tiff(directory: Directory) -> bytes:
 
 
 def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) -> None:
-    """The same bytes as of `encode_tiff` with these strips, to the beginning of a seekable file, each strip as soon as it comes."""
+    """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with these strips.
+
+    file: seekable, at its beginning.
+    directory: the main directory, without strips.
+    strips: encoded strips from top to bottom, each written as soon as it arrives.
+    Raises InputError beyond the 4 GiB of the format.
+    """
     file.write(_HEADER)
     end, offsets, sizes = len(_HEADER), [], []
     for strip in strips:
@@ -73,7 +84,7 @@ def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) ->
 
 
 def _place(directory: Directory, buffer: bytearray, start: int = 0) -> int:
-    """Append a directory after all that it points to; its offset. `start`: that of the buffer."""
+    """Append a directory, after everything it points to, to a buffer that begins at `start` in the file. Returns its offset."""
     fields = dict(directory.fields)
     if directory.strips:
         fields[STRIP_OFFSETS] = FieldType.LONG, [_append(strip, buffer, start) for strip in directory.strips]
@@ -90,7 +101,7 @@ def _place(directory: Directory, buffer: bytearray, start: int = 0) -> int:
 
 
 def _append(data: bytes, buffer: bytearray, start: int) -> int:
-    """Add data on an even offset, as TIFF wants it."""
+    """Append data at an even offset, as TIFF requires, and return that offset."""
     buffer += bytes((start + len(buffer)) % 2)
     offset = start + len(buffer)
     buffer += data
@@ -104,9 +115,9 @@ def _check_size(size: int) -> None:
 
 
 def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int, bytes]:
-    """(count, little-endian bytes) of a field."""
+    """Number of values and little-endian bytes of a field."""
     if isinstance(values, str):
-        # Exif says ASCII, but has no other type for a name like "Käthe": everybody writes and reads UTF-8 here.
+        # Exif prescribes ASCII, which cannot hold a name like "Käthe"; other programs write and read UTF-8 too.
         data = values.encode("utf-8", "replace").replace(b"\0", b"") + b"\0"
         return len(data), data
     if isinstance(values, bytes):
@@ -118,10 +129,10 @@ def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int
 
 
 def _ratio(value: float, kind: FieldType) -> tuple[int, int]:
-    """The simplest fraction that reads back as `value`, or the nearest that fits the type's 32 bits."""
+    """Numerator and denominator of the simplest fraction that reads back as `value`, or of the nearest that fits into 32 bits."""
     limit = 2**31 - 1
     finest = min(limit, max(1, int(limit / max(abs(value), 1e-9))))
-    for denominator in (10**3, 10**6, finest):  # 1/250 rather than what a float makes of it
+    for denominator in (10**3, 10**6, finest):  # 1/250 rather than the binary fraction of the float
         fraction = Fraction(float(value)).limit_denominator(min(denominator, finest))
         if float(fraction) == value:
             break

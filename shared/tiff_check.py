@@ -1,7 +1,7 @@
-"""The directories of a TIFF file (TIFF 6.0, BigTIFF), held against what any picture needs, before a library believes them.
+"""Checking the directories of an untrusted TIFF file (TIFF 6.0, BigTIFF) before a library parses them.
 
-tifffile and Pillow make a Python object of every number that a field claims to have, and follow every directory that another names:
-a file of some megabytes so fills gigabytes, or keeps them busy for hours.
+tifffile and Pillow create a Python object for every number that a field declares, and follow every directory that another names. A
+malicious file of some megabytes can thus fill gigabytes of memory or keep them busy for hours.
 """
 
 import struct
@@ -12,19 +12,19 @@ from .errors import InputError
 
 _SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY = 330, 34665, 34853, 40965
 _TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
-_OFFSETS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # field types of directories' places: LONG, IFD, and BigTIFF's
+_OFFSETS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 _BYTES = (1, 2, 6, 7)
 _MOST_DIRECTORIES = 64
-_MOST_FIELDS = 1024  # of a directory; the fullest in use have a hundred
-_MOST_NUMBERS = 1 << 18  # of a field: offsets of 16 x 16 tiles of 67 megapixels
-_MOST_BYTES = 16 << 20  # of a field that is read
+_MOST_FIELDS = 1024  # per directory; the largest in use have a hundred
+_MOST_NUMBERS = 1 << 18  # per field: offsets of the 16 x 16 tiles of 67 megapixels
+_MOST_BYTES = 16 << 20  # per field that is read
 
 
 def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bool:
-    """Refuse (InputError) directories that claim what no picture has; returns whether another follows the first.
+    """Raise InputError if a directory declares implausible sizes. Returns whether the file has more than one page.
 
-    file: seekable, left at its beginning; the first directory is looked into, and those below it. read: the fields that will be
-    read; None = all of them.
+    file: seekable; left at its beginning. The first directory and those below it are checked.
+    read: tags of the fields that will be read; None = all of them.
     """
     end = file.seek(0, 2)
     file.seek(0)
@@ -50,7 +50,7 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bo
 
 
 def _directory(file: IO[bytes], place: int, end: int, order: str, big: bool, read: Container[int] | None) -> tuple[list[int], int]:
-    """Places of the directories below the one at `place`, and of the next; 0 = none."""
+    """Offsets of the directories below the one at offset `place`, and offset of the next one; 0 = none."""
     count_letter, number, entry = ("Q", "Q", struct.Struct(f"{order}HHQ8s")) if big else ("H", "I", struct.Struct(f"{order}HHI4s"))
     file.seek(place)
     (count,) = struct.unpack(order + count_letter, file.read(struct.calcsize(order + count_letter)))
@@ -68,9 +68,9 @@ def _directory(file: IO[bytes], place: int, end: int, order: str, big: bool, rea
             size = length * struct.calcsize(order + _OFFSETS[kind])
             if size > len(value):
                 file.seek(struct.unpack(order + number, value)[0])
-                value = file.read(size)  # noqa: PLW2901  the offsets themselves, in place of where they lie
+                value = file.read(size)  # noqa: PLW2901  the offsets themselves instead of their place
             below += struct.unpack_from(f"{order}{length}{_OFFSETS[kind]}", value)
-    # What points past the end leads nowhere: whoever follows it finds nothing to read.
+    # An offset beyond the end of the file is harmless: there is nothing to read.
     return [each for each in below if each < end], struct.unpack(order + number, after)[0] if after else 0
 
 
@@ -84,4 +84,4 @@ def _check_field(code: int, kind: int, length: int) -> None:
 
 
 def _excessive(what: str) -> InputError:
-    return InputError(f"the file claims {what}, which no picture has: it is damaged, or made to do harm; copy it again")
+    return InputError(f"the file declares {what}, more than any picture has: it is damaged or malicious; copy it again")

@@ -1,4 +1,4 @@
-"""The file: a mosaic saved as a standard DNG with its preview, and a rendered picture saved as one."""
+"""DNG files: a mosaic with its preview as a standard DNG, and a rendered picture as a linear DNG."""
 
 from .codec import Layout, decode_dng, decode_preview, encode_dng
 from .exif import exif_block, metadata_directory

@@ -1,4 +1,4 @@
-"""Mosaic <-> the bytes of a DNG 1.4 file. Pure: no file is touched here (Adobe, Digital Negative Specification 1.4.0.0)."""
+"""Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
 
 from typing import IO, Literal
 
@@ -27,33 +27,37 @@ _LEAST_SHOT_NOISE = 1e-12
 
 
 def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
-    """The mosaic as a DNG file; `decode_dng` gives back an equal one, with samples in sensor codes.
+    """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor codes.
 
-    preview: (h, w, 3) uint8 sRGB picture, turned like the samples; large, because most viewers show it as the photograph.
-    layout: "cfa" tells every raw developer the true filter pattern; "linear" is the same samples as a grey photograph, for
-        developers that take any pattern for a Bayer one; "auto" is "cfa" where DNG has words for the pattern.
-    Raises InputError when `layout` cannot hold the pattern, when the preview is no such picture, and past 65500 pixels a side.
+    mosaic: its `codes` are saved.
+    preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples; large, because most viewers show it as the photograph.
+    layout: "cfa" states the true filter pattern; "linear" saves the same samples as a grey photograph, for raw developers that take
+        any pattern for a Bayer one; "auto" is "cfa" where DNG can express the pattern.
+    Raises InputError when `layout` cannot hold the pattern, for another kind of preview, and for a side of more than 65500 pixels.
     """
     pattern, calibration, codes = mosaic.pattern, mosaic.calibration, mosaic.codes
     photometric = _photometric(pattern, layout)
-    # DNG, and libjpeg for uint16, begin at more bits than a dim white level has.
+    # DNG, and libjpeg for uint16, require more bits than a low white level has.
     raw = raw_directory(codes, max(calibration.bits, BITS[0]), photometric)
     raw.fields.update(_levels(pattern, calibration))
     camera = f"{MAKER} {calibration.sensor}".strip()
     main = main_directory(preview, mosaic.metadata, camera, raw, raw_digest(codes))
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
-        main.fields.update(_colours(calibration))
+        main.fields.update(colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma))
     raw.fields.update(_noise(calibration, photometric))
     main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(mosaic)
     return encode_tiff(main)
 
 
 def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosaic:
-    """The mosaic in a DNG of ours, its bytes or a file of them: uint16 codes, pattern and calibration as they were written.
+    """Decode a DNG written by `encode_dng`: the mosaic with uint16 codes, and pattern and calibration as they were written.
 
-    Capture data come from the TIFF and Exif fields, which other programs may have edited since. Raises InputError for anything
-    but a whole file of ours, before decoding more than `max_pixels`.
+    Capture data come from the TIFF and Exif fields, which other programs may have edited since.
+
+    data: the bytes of the file, or the file opened for reading.
+    max_pixels: a file that declares more is refused before it is decoded.
+    Raises ForeignFileError for the DNG of another program, InputError for any other and for a damaged file.
     """
     with opened(data) as dng:
         return _mosaic(dng, max_pixels)
@@ -71,9 +75,10 @@ def _mosaic(dng: DngReader, max_pixels: int) -> Mosaic:
 
 
 def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
-    """(rows, columns) of a whole DNG of ours, mosaic or rendered picture; InputError for any other and for a damaged one.
+    """Check a DNG of Panchroma, mosaic or rendered picture, completely. Returns its (rows, columns).
 
-    Every sample is held against the digest, the record against its own; the preview has none and must be decodable.
+    The samples and the private record are compared with their digests; the preview, which has none, must be decodable.
+    Raises InputError for any other file and for a damaged one.
     """
     with opened(data) as dng:
         rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
@@ -89,17 +94,17 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
 def _check_preview(jpeg: bytes) -> None:
     try:
         imagecodecs.jpeg8_decode(jpeg)
-    except Exception:  # a class of its own for each of the library's versions
+    except Exception:  # the class of the error differs between versions of the library
         raise damaged("the preview is not a whole JPEG") from None
 
 
 def _check_digest(dng: DngReader, samples: CodeArray) -> None:
     if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST) != raw_digest(samples):
-        raise damaged("the samples differ from those that were written (NewRawImageDigest)")
+        raise damaged("the samples are not those that were written (NewRawImageDigest)")
 
 
 def decode_preview(data: bytes | IO[bytes]) -> bytes:
-    """The JPEG preview of a DNG, as it lies there. Raises InputError when there is none."""
+    """The JPEG preview of a DNG, unchanged. Raises InputError when there is none."""
     with opened(data) as dng:
         return dng.preview()
 
@@ -128,7 +133,7 @@ def _cfa(pattern: CfaPattern) -> Fields:
 
 
 def _check_cfa(dng: DngReader, pattern: CfaPattern) -> None:
-    """The pattern is in the file twice; a reader that finds two must not choose."""
+    """Raise InputError when the CFA tags and the private record state different patterns."""
     cfa = dng.cfa()
     if cfa is None:
         return
@@ -139,9 +144,9 @@ def _check_cfa(dng: DngReader, pattern: CfaPattern) -> None:
 
 
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
-    """Black level per pixel of a period where the planes differ, otherwise once; white level."""
+    """Fields of the levels. The black level is stated for each pixel of a period if the planes differ, otherwise once."""
     if len(set(calibration.black_level)) == 1 or pattern.period > LONGEST_CFA_PERIOD:
-        levels = np.array([[calibration.black_level[-1]]])  # of the panchromatic plane, by far the largest
+        levels = np.array([[calibration.black_level[-1]]])  # that of the panchromatic plane, to which most pixels belong
     else:
         levels = np.array(calibration.black_level)[pattern.filter_map((pattern.period, pattern.period))]
     whole = not (levels % 1).any()
@@ -156,7 +161,7 @@ def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
 
 
 def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
-    """NoiseProfile: from scene units to samples of 0..1, x = signal / full_scale, so S = shot / full_scale, O = (read / ...)**2."""
+    """Field NoiseProfile, in which samples are x = signal / full_scale: S = shot / full_scale, O = (read / full_scale)**2."""
     if calibration.noise is None:
         return {}
     full = calibration.full_scale
@@ -165,9 +170,5 @@ def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
         for shot, read in zip(calibration.noise.shot, calibration.noise.read, strict=True)
     ]
     if photometric is Photometric.LINEAR_RAW:
-        planes = planes[-1:]  # a file of one plane: nearly all of it is panchromatic
+        planes = planes[-1:]  # a file of one plane, nearly all of it panchromatic
     return {Tag.NOISE_PROFILE: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}
-
-
-def _colours(calibration: SensorCalibration) -> Fields:
-    return colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma)

@@ -1,4 +1,4 @@
-"""What DNG says of a camera's colours: the matrix from XYZ, and what white reads."""
+"""The colour fields of a DNG: matrices from XYZ to camera RGB, and the reading of white."""
 
 from typing import Any
 
@@ -12,22 +12,21 @@ from .tags import Light, Tag
 
 
 def colour_fields(camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, panchromatic: ArrayLike | None = None) -> Fields:
-    """ColorMatrix, CalibrationIlluminant (1: D50, 2: D65) and AsShotNeutral of a camera with red, green and blue.
+    """Fields ColorMatrix, CalibrationIlluminant (1: D50, 2: D65) and AsShotNeutral of a camera with red, green and blue.
 
-    The two matrices say the same thing. DNG asks for the one under D50, in which the calibration is; but LibRaw, darktable and
-    their kin take any matrix for one under D65, and miss saturated colours by a tenth unless they find that one.
+    Both matrices describe the same camera. DNG asks for the one under D50, which the calibration has. But LibRaw, darktable and
+    similar programs take any matrix for one under D65, and miss saturated colours by a tenth unless they find that one.
 
-    camera_to_xyz: 3 x 3, camera -> XYZ (D50 white); without one, the camera's primaries are taken for sRGB's: a nominal matrix,
-        because DNG requires one.
-    neutral: what white reads in the 3 channels; by default what the matrix makes of D50.
-    panchromatic: the 3 weights of Eq. 7, if the file has a panchromatic plane: it comes last, and reads the weighted sum.
+    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one: sRGB primaries.
+    neutral: reading of white in the 3 channels; None = the reading that the matrix maps to D50.
+    panchromatic: the 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the weighted sum.
     Raises InputError when the matrix cannot be inverted, or the neutral is not three positive numbers.
     """
     seen = None if neutral is None else np.asarray(neutral, np.float64)
     if seen is not None and not (seen.shape == (3,) and np.isfinite(seen).all() and seen.min() > 0):
         raise InputError(f"the neutral is {neutral!r}, expected three positive readings")
     if camera_to_xyz is None:
-        # Seen through the neutral, or a converter would take the light of the shot for a coloured one.
+        # Adapted to the neutral; otherwise a converter would take the light of the shot for coloured.
         camera_to_xyz = np.array(SRGB_TO_XYZ) if seen is None else np.array(SRGB_TO_XYZ) / seen * seen.max()
     matrix = np.asarray(camera_to_xyz, np.float64)
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or np.linalg.matrix_rank(matrix) < 3:
@@ -51,5 +50,5 @@ def colour_fields(camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, pa
 
 
 def _to_one(values: NDArray[Any], white: NDArray[Any]) -> NDArray[Any]:
-    """DNG leaves the scale open; by custom the largest reading of white is 1."""
+    """Scale values so that the largest reading of `white` is 1; DNG leaves the scale open, this is the custom."""
     return np.asarray(values / np.abs(white).max())

@@ -1,4 +1,4 @@
-"""What all our DNG files have in common: a JPEG preview first, lossless samples below it, and the samples' digest."""
+"""The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and the digest of the samples."""
 
 import hashlib
 from typing import Any
@@ -13,7 +13,7 @@ from ..tiff import Directory, Fields, FieldType
 from .exif import metadata_directory, resolution_fields
 from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, PREVIEW_SRGB, Compression, Photometric, Tag
 
-PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the raw's size
+PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
 _DIGEST_TILE = 256
 _CHUNKY, _CENTRED = 1, 1
 
@@ -21,8 +21,12 @@ _CHUNKY, _CENTRED = 1, 1
 def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
     """The first directory of a DNG: preview, metadata, and the raw directory below it.
 
-    preview: (h, w, 3) uint8, sRGB, turned like the samples (orientation is for displays); camera: a name that tells its colours
-    from all other cameras'. Raises InputError for a preview of another kind.
+    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples.
+    metadata: capture data.
+    camera: UniqueCameraModel, a name under which converters look up colour profiles.
+    raw: directory of the samples, from `raw_directory`.
+    digest: of the samples, from `raw_digest`.
+    Raises InputError for another kind of preview.
     """
     picture = np.asarray(preview)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
@@ -30,7 +34,7 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
     _check_sides(picture.shape)
     jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
     main = metadata_directory(metadata)
-    # One strip, so that it is a whole JPEG: exiftool, LibRaw and every picture viewer take it as it lies there.
+    # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
     main.strips = [bytes(jpeg)]
     main.fields.update(_picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
     main.fields.update(resolution_fields())
@@ -43,7 +47,7 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
             Tag.PREVIEW_COLOR_SPACE: (FieldType.LONG, [PREVIEW_SRGB]),
             Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
             Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
-            # The one text that DNG wants in ASCII: converters look camera profiles up by it.
+            # The only text that DNG requires to be ASCII; converters look up camera profiles by it.
             Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, camera.encode("ascii", "replace").decode()),
             Tag.NEW_RAW_IMAGE_DIGEST: (FieldType.BYTE, digest),
         }
@@ -53,9 +57,12 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
 
 
 def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometric) -> Directory:
-    """The directory of the samples, uint16 (H, W) or (H, W, planes) of `bits` bits, as one strip of lossless JPEG.
+    """The directory of the samples, as one strip of lossless JPEG.
 
-    Raises InputError when a side is longer than a JPEG's.
+    samples: (H, W) or (H, W, planes).
+    bits: of a sample, 10 to 16.
+    photometric: interpretation of the samples.
+    Raises InputError when a side is longer than a JPEG can be.
     """
     _check_sides(samples.shape)
     # Predictor 1, not jpegsof3's 6: darktable reads no other.
@@ -65,9 +72,9 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
 
 
 def raw_digest(samples: NDArray[np.uint16]) -> bytes:
-    """NewRawImageDigest (DNG 1.4) of uint16 (H, W) or (H, W, planes).
+    """NewRawImageDigest (DNG 1.4) of samples (H, W) or (H, W, planes).
 
-    MD5 over the MD5s of the 256 x 256 tiles in row order (those at the edges end there), samples little-endian, plane by plane.
+    It is the MD5 over the MD5s of the 256 x 256 tiles in row order (cut off at the edges), samples little-endian, plane by plane.
     """
     planes = np.moveaxis(samples[..., None] if samples.ndim == 2 else samples, -1, 0).astype("<u2", copy=False)
     rows, columns = planes.shape[1:]

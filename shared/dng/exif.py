@@ -1,4 +1,4 @@
-"""Capture metadata <-> TIFF and Exif fields (Exif 2.3, section 4.6), for every format that holds them."""
+"""Convert capture metadata to TIFF and Exif fields (Exif 2.3, section 4.6) and back, for every format that holds them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -17,9 +17,9 @@ _LARGEST_SHORT = 65535
 _INCH = 2  # ResolutionUnit
 _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
-# Field of CaptureMetadata -> where its text lies in the first directory.
+# Field of CaptureMetadata -> tag of its text in the first directory.
 _TEXTS = {"make": Tag.MAKE, "model": Tag.MODEL, "artist": Tag.ARTIST, "description": Tag.IMAGE_DESCRIPTION}
-# Field of CaptureMetadata -> the number in the Exif directory, by tag and by the name that tifffile reads it under.
+# Field of CaptureMetadata -> its number in the Exif directory: the tag, and its name in tifffile.
 _NUMBERS = {
     "exposure_time": (Tag.EXPOSURE_TIME, "ExposureTime"),
     "f_number": (Tag.F_NUMBER, "FNumber"),
@@ -28,10 +28,9 @@ _NUMBERS = {
 
 
 def metadata_directory(metadata: CaptureMetadata) -> Directory:
-    """A directory with the fields that say who took what, when and how, and the Exif directory below it.
+    """A directory with the capture metadata, and the Exif directory below it. The caller adds the fields of the picture.
 
-    Texts are UTF-8 (blanks around them get lost in reading), numbers fractions of 31 bits; what the metadata does not know has no
-    field. The caller adds the picture.
+    Texts are UTF-8 (readers strip blanks around them), numbers fractions of 31 bits. Unknown metadata have no field.
     """
     main = Directory({Tag.ORIENTATION: (FieldType.SHORT, [metadata.orientation]), Tag.SOFTWARE: (FieldType.ASCII, MAKER)})
     exif = Directory({Tag.EXIF_VERSION: (FieldType.UNDEFINED, b"0230")})
@@ -60,14 +59,14 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
 
 
 def exif_block(metadata: CaptureMetadata) -> bytes:
-    """The metadata as the Exif block of a picture file: a TIFF structure, without the "Exif" and two NULs of a JPEG's APP1."""
+    """The metadata as the Exif block of a picture file: a TIFF structure, without the "Exif" and two NULs of a JPEG segment."""
     directory = metadata_directory(metadata)
     directory.fields.update(resolution_fields())
     return encode_tiff(directory)
 
 
 def resolution_fields() -> Fields:
-    """The pixels per inch that TIFF and Exif ask for of every picture; 72, as Exif wants it when nobody knows."""
+    """Fields of the resolution, which TIFF and Exif require: 72 pixels per inch, as Exif prescribes if it is unknown."""
     return {
         Tag.X_RESOLUTION: (FieldType.RATIONAL, [72]),
         Tag.Y_RESOLUTION: (FieldType.RATIONAL, [72]),
@@ -76,9 +75,11 @@ def resolution_fields() -> Fields:
 
 
 def read_metadata(main: Callable[[int], Any], exif: Mapping[str, Any]) -> CaptureMetadata:
-    """Capture metadata out of a file: `main` gives the first directory's value of a tag or None, `exif` is by Exif's names.
+    """The capture metadata of a file.
 
-    Never fails: other programs edit these fields, and an odd one must not cost the picture; it counts as not there.
+    main: returns the value of a tag in the first directory, or None.
+    exif: the Exif directory, by the names of Exif.
+    Never fails: other programs edit these fields, and an invalid one must not make the picture unreadable; it counts as missing.
     """
     iso, orientation = _number(exif.get("ISOSpeedRatings")), _number(main(Tag.ORIENTATION))
     if iso == _LARGEST_SHORT:
@@ -103,7 +104,7 @@ def _text(value: Any) -> str:
 
 
 def _number(value: Any) -> float | None:
-    """A positive number out of a TIFF value: a number, or numerator and denominator."""
+    """A positive number from a TIFF value, which is a number or (numerator, denominator); None if it is not one."""
     try:
         number = value[0] / value[1] if isinstance(value, tuple) else value
         return number if math.isfinite(number) and number > 0 else None
@@ -112,7 +113,7 @@ def _number(value: Any) -> float | None:
 
 
 def _time(value: Any, digits: Any) -> datetime | None:
-    """A time of day from "YYYY:MM:DD HH:MM:SS" and the decimals of its second."""
+    """Date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is none."""
     try:
         taken = datetime.strptime(_text(value).strip(), _TIME)  # noqa: DTZ007  Exif has local time without zone
     except ValueError:

@@ -1,4 +1,4 @@
-"""DNG files on disk: written whole or not at all, read with suspicion. Errors begin with the file's name."""
+"""Reading and writing DNG files. Writing is atomic, reading checks everything; error messages begin with the name of the file."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,10 +16,22 @@ _KIND = "a DNG of Panchroma"
 
 
 def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: Layout = "auto", overwrite: bool = False) -> None:
-    """Save the mosaic with its preview picture, (h, w, 3) uint8 sRGB; see `encode_dng` for `layout`.
+    """Save a mosaic with its preview picture as a DNG, atomically and durably.
 
-    Raises InputError when the mosaic does not fit the layout, and OutputError when the file exists and `overwrite` is not set, or
-    cannot be written.
+    path: the file to write.
+    mosaic: the shot; its `codes` are saved.
+    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one.
+    layout: "auto", "cfa" or "linear"; see `encode_dng`.
+    overwrite: replace an existing file.
+    Raises InputError when the mosaic does not fit the layout. Raises OutputError when the file exists and `overwrite` is False, and
+    when it cannot be written.
+
+    >>> import numpy as np
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+    >>> mosaic = Mosaic(np.full((12, 18), 1000, np.uint16), CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    >>> write_dng("shot.dng", mosaic, preview=np.zeros((12, 18, 3), np.uint8))
+    >>> bool((read_dng("shot.dng").codes == mosaic.codes).all())
+    True
     """
     with _naming(path):
         data = encode_dng(mosaic, preview, layout)
@@ -27,22 +39,32 @@ def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: L
 
 
 def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
-    """The mosaic that `write_dng` saved: uint16 codes, equal pattern and calibration, capture data as last edited.
+    """Read a mosaic that `write_dng` saved: uint16 codes, equal pattern and calibration, capture data as last edited.
 
-    Raises InputError for any other, damaged or missing file, and for one of more than `max_pixels`.
+    path: the file.
+    max_pixels: a file that declares more is refused before it is decoded.
+    Raises InputError for any other file, and for a damaged or missing one.
+
+    >>> import numpy as np
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+    >>> codes = np.full((12, 18), 1000, np.uint16)
+    >>> write_dng("shot.dng", Mosaic(codes, CfaPattern.bayer(4), SensorCalibration.of_bits(12)), np.zeros((8, 8, 3), np.uint8))
+    >>> mosaic = read_dng("shot.dng")
+    >>> mosaic.shape, mosaic.pattern.period, mosaic.calibration.bits
+    ((12, 18), 4, 12)
     """
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return decode_dng(file, max_pixels=max_pixels)
 
 
 def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
-    """(rows, columns) of a whole DNG of ours, mosaic or rendered picture; see `codec.verify`. Raises InputError for any other."""
+    """Check a DNG of Panchroma completely, as `codec.verify` does. Returns (rows, columns); raises InputError if it is damaged."""
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return verify(file, max_pixels=max_pixels)
 
 
 def read_preview(path: Path | str) -> bytes:
-    """The preview of a DNG, a JPEG, as it lies in the file. Raises InputError when there is none."""
+    """The JPEG preview of a DNG, unchanged. Raises InputError when there is none."""
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return decode_preview(file)
 

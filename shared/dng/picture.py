@@ -1,4 +1,4 @@
-"""A rendered picture as a DNG, for the photographer's own raw developer: linear, three samples a pixel, nothing decided yet."""
+"""Encode a rendered picture as a linear DNG with three samples per pixel, to be finished in a raw developer."""
 
 import math
 
@@ -26,15 +26,16 @@ def encode_picture_dng(
     *,
     white: float = 1.0,
 ) -> bytes:
-    """A DNG of a picture in camera colours (three-sample LinearRaw, 16 bits, lossless).
+    """Encode a picture in camera colours as a DNG (three-sample LinearRaw, 16 bits, lossless).
 
-    rgb: (H, W, 3) floats, linear camera RGB in scene units, turned like the mosaic.
-    camera_to_xyz: 3 x 3, camera -> XYZ (D50 white), or None for a nominal one.
-    neutral: what white reads in the 3 channels, or None.
+    rgb: (H, W, 3) floats, linear camera RGB in scene units, in the orientation of the mosaic. Negative values become 0.
+    metadata: capture data.
+    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix.
+    neutral: reading of white in the 3 channels; None = unknown.
     preview: (h, w, 3) uint8 sRGB.
-    white: the scene units that code 65535 stands for. Brighter values are cut, so pass the picture's maximum to keep all
-        highlights: BaselineExposure then tells developers to brighten by as much. Negative values become 0.
-    Raises InputError for a picture of another shape, values that are not finite, and a white that is not positive.
+    white: scene units at code 65535. Brighter values are clipped; pass the maximum of the picture to keep all highlights. The field
+        BaselineExposure makes raw developers brighten the picture accordingly.
+    Raises InputError for a picture of another shape, for values that are not finite, and for a white that is not positive.
     """
     picture = np.asarray(rgb)
     if picture.ndim != 3 or picture.shape[2] != 3 or not min(picture.shape) or not np.issubdtype(picture.dtype, np.floating):

@@ -1,6 +1,6 @@
-"""A DNG taken apart, and nothing in it believed: files arrive torn, edited, or made to do harm.
+"""Parsing untrusted DNG files, which may be truncated, edited or malicious.
 
-tifffile parses the directories; samples are decoded after the declared sizes were held against what the file can contain.
+tifffile parses the directories. Samples are decoded only after the declared sizes have been compared with the size of the file.
 """
 
 import logging
@@ -20,20 +20,20 @@ from ..errors import InputError, PanchromaError
 from ..tiff_check import check_directories
 from .tags import Compression, Photometric, Tag
 
-# tifffile tells its log about every odd field. An application may listen; by default nobody does.
+# tifffile logs every odd field. Applications may listen; by default the messages are dropped.
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 _TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
 _LOSSLESS_FRAME = 0xFFC3  # SOF3, the only JPEG process that DNG allows for raw samples
-_MOST_BYTES, _SMALL = 4, 1 << 20  # of a sample: lossless JPEG makes three of the worst; and of a file that harms nobody
+_MOST_BYTES, _SMALL = 4, 1 << 20  # bytes per sample (lossless JPEG needs three at worst), and of a file that is always harmless
 _LARGEST_PREVIEW = 256 << 20
-_BEFORE_FRAME = {0xFFC4, 0xFFDB, 0xFFDD, 0xFFFE, *range(0xFFE0, 0xFFF0)}  # tables, restart interval, comment, applications
+_BEFORE_FRAME = {0xFFC4, 0xFFDB, 0xFFDD, 0xFFFE, *range(0xFFE0, 0xFFF0)}  # tables, restart interval, comment, application data
 
 
 @contextmanager
 def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
-    """The DNG in `data`, for the time of a `with` block; whatever goes wrong with it inside the block is an InputError."""
+    """Parse a DNG, for the time of a `with` block; every error in the block that the file may cause becomes an InputError."""
     stream = BytesIO(data) if isinstance(data, bytes) else data
     start = stream.read(4)
     if not start:
@@ -49,17 +49,17 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
     except (PanchromaError, MemoryError):
         raise
     except Exception as error:
-        # On purpose all of them: tifffile and imagecodecs raise a dozen kinds on bytes like these, and none speaks to people.
+        # Deliberately all: on damaged bytes tifffile and imagecodecs raise a dozen kinds, none with a message for users.
         raise damaged("its parts contradict each other") from error
 
 
 def damaged(what: str) -> InputError:
-    """The error for a file that began as one of ours and is no longer whole."""
+    """An InputError that calls the file damaged."""
     return InputError(f"damaged: {what}; copy the file again")
 
 
 class DngReader:
-    """The two directories of a DNG. Methods raise InputError, or what `opened` makes one of."""
+    """The two directories of a DNG. Methods raise InputError, or errors that `opened` turns into one."""
 
     def __init__(self, stream: IO[bytes], file: TiffFile) -> None:
         self._stream = stream
@@ -67,20 +67,20 @@ class DngReader:
         self._main = file.pages.first
 
     def value(self, tag: int) -> Any:
-        """What tifffile reads of a tag in the first directory; None when there is none."""
+        """Value of a tag in the first directory, as tifffile parses it; None when there is none."""
         return self._main.tags.valueof(tag)
 
     def exif(self) -> Mapping[str, Any]:
-        """The Exif directory by Exif's names; empty when there is none."""
+        """The Exif directory by the names of Exif; empty when there is none."""
         value = self.value(Tag.EXIF_IFD)
         return value if isinstance(value, dict) else {}
 
     def stored(self, tag: int) -> bytes:
-        """The bytes of a field of the first directory; none when it has no such field."""
+        """The bytes of a field in the first directory; empty when there is none."""
         return self._stored(self._main, tag)
 
     def preview(self) -> bytes:
-        """The JPEG of the first directory, as it lies in the file."""
+        """The JPEG of the first directory, unchanged."""
         page = self._main
         if self._check_segments(page) <= _LARGEST_PREVIEW and page.compression == Compression.JPEG and len(page.dataoffsets) == 1:
             (jpeg,) = self._segments(page)
@@ -89,18 +89,18 @@ class DngReader:
         raise InputError("the file has no JPEG preview")
 
     def raw(self) -> TiffPage:
-        """The directory of the raw samples: the main picture below the first directory."""
+        """The directory of the raw samples, which lies below the first directory."""
         for page in self._main.pages or ():
             if isinstance(page, TiffPage) and page.subfiletype == 0:
                 return page
         raise damaged("the file has no raw picture")
 
     def planes(self) -> int:
-        """Raw samples of a pixel."""
+        """Number of raw samples per pixel."""
         return int(self.raw().samplesperpixel)
 
     def cfa(self) -> tuple[tuple[int, ...], ...] | None:
-        """The CFA codes of one period, row by row; None for a file that shows its mosaic as a grey picture."""
+        """The CFA codes of one period, row by row; None if the mosaic is stored as a grey picture (LinearRaw)."""
         page = self.raw()
         match page.photometric:
             case Photometric.LINEAR_RAW:
@@ -114,14 +114,14 @@ class DngReader:
         raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
 
     def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
-        """The raw samples, uint16 (H, W), or (H, W, planes) of several; checked to be so many before any is decoded."""
+        """The raw samples, uint16 (H, W), or (H, W, planes) of several planes; sizes are checked before anything is decoded."""
         page = self.raw()
         kind, depth = page.dtype, () if planes == 1 else (planes,)
         if len(page.shape) < 2 or page.shape[2:] != depth or kind is None or kind.kind != "u" or kind.itemsize > 2:
             raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
         rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
-            raise InputError(f"the file declares {columns} x {rows} pixels; {max_pixels} are the limit, which --max-pixels lifts")
+            raise InputError(f"the file declares {columns} x {rows} pixels; the limit is {max_pixels}, --max-pixels raises it")
         held = self._check_segments(page)
         if held > _MOST_BYTES * rows * columns * planes + _SMALL:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")
@@ -134,9 +134,9 @@ class DngReader:
         return np.ascontiguousarray(samples, np.uint16)
 
     def _decoded(self, page: TiffPage) -> CodeArray:
-        """Strips or tiles of lossless JPEG, put together.
+        """Decode and assemble strips or tiles of lossless JPEG.
 
-        Not by tifffile: where libjpeg-turbo refuses a damaged JPEG, it turns to a second decoder, which crashes on some.
+        tifffile must not do it: where libjpeg-turbo refuses a damaged JPEG, tifffile tries a second decoder, which can crash.
         """
         rows, columns, *planes = page.shape
         tall, wide = (page.tilelength, page.tilewidth) if page.is_tiled else (page.rowsperstrip, columns)
@@ -151,7 +151,7 @@ class DngReader:
         return samples
 
     def _check_segments(self, page: TiffPage) -> int:
-        """The bytes that strips or tiles hold together; all must lie in the file, and not one upon another."""
+        """Total bytes of all strips or tiles, which must lie inside the file and cannot hold more than it does."""
         ends = [offset + size for offset, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
         held = sum(page.databytecounts)
         if max(ends, default=0) > self._size or held > self._size:
@@ -172,7 +172,7 @@ class DngReader:
 
 
 def _frame_samples(jpeg: bytes) -> int:
-    """How many samples a lossless JPEG declares (ITU T.81, B.2.2), or InputError when it is of another process."""
+    """Number of samples that a lossless JPEG declares (ITU T.81, B.2.2). Raises InputError for another kind of JPEG."""
     place = 2  # after the start of the image
     while place + 4 <= len(jpeg):
         marker, length = struct.unpack_from(">HH", jpeg, place)
@@ -180,6 +180,6 @@ def _frame_samples(jpeg: bytes) -> int:
             rows, columns, components = struct.unpack_from(">HHB", jpeg, place + 5)
             return int(rows * columns * components)
         if marker not in _BEFORE_FRAME:
-            break  # another process's frame, or the scan: what looks like a frame after that is not the decoder's
+            break  # another kind of frame, or the scan; a frame marker after that means nothing to the decoder
         place += 2 + length
     raise damaged("the raw samples are not a lossless JPEG")

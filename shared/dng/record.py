@@ -1,4 +1,4 @@
-"""Our own record in a DNG: pattern and calibration in full, as JSON that survives other programs' edits (DNGPrivateData)."""
+"""The private record of a DNG (DNGPrivateData): pattern and calibration as JSON, which survives edits by other programs."""
 
 import hashlib
 import json
@@ -12,12 +12,12 @@ from .reader import damaged
 from .tags import MAKER
 
 SCHEMA = 1
-# DNG wants an ASCII text, NUL-terminated, that begins with the maker's name; then come our bytes.
+# DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
 
 
 def encode_record(mosaic: Mosaic) -> bytes:
-    """The content of DNGPrivateData: RECORD_ID, then one JSON object in UTF-8."""
+    """The content of DNGPrivateData: RECORD_ID, then a JSON object in UTF-8."""
     pattern = mosaic.pattern
     document = {
         "schema": SCHEMA,
@@ -29,12 +29,12 @@ def encode_record(mosaic: Mosaic) -> bytes:
 
 
 def is_record(data: bytes) -> bool:
-    """Whether DNGPrivateData is ours."""
+    """Whether DNGPrivateData was written by `encode_record`."""
     return data.startswith(RECORD_ID)
 
 
 def decode_record(data: bytes) -> tuple[CfaPattern, SensorCalibration]:
-    """Inverse of `encode_record`; raises InputError when a byte of it has changed, or a newer Panchroma wrote it."""
+    """Pattern and calibration in a record. Raises InputError when its content has changed, or a newer Panchroma wrote it."""
     try:
         document = json.loads(data[len(RECORD_ID) :].rstrip(b"\0"))
         digest = document.pop("digest")
@@ -51,5 +51,5 @@ def decode_record(data: bytes) -> tuple[CfaPattern, SensorCalibration]:
 
 
 def _digest(document: dict[str, Any]) -> str:
-    """Sixteen digits over the content, not over its spelling."""
+    """Digest of the content, 16 hexadecimal digits; independent of the order of keys and of white space."""
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""What each tag of our files means (TIFF 6.0, Exif 2.3, DNG 1.4), and the tables that go with them."""
+"""The tags of our files (TIFF 6.0, Exif 2.3, DNG 1.4), and the values that go with them."""
 
 from enum import IntEnum
 
@@ -7,19 +7,19 @@ from ..pattern import PANCHROMATIC
 MAKER = "Panchroma"
 
 DNG_VERSION = bytes([1, 4, 0, 0])
-DNG_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 knows all that it needs to show the file
+DNG_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
 
-# Adobe's SDK knows no CFA, and no pattern of black levels, with a longer period (kMaxCFAPattern, kMaxBlackPattern).
+# Adobe's SDK supports no longer period of CFA or black levels (kMaxCFAPattern, kMaxBlackPattern).
 LONGEST_CFA_PERIOD = 8
 
-# libjpeg's JPEG_MAX_DIMENSION: rows or columns of one JPEG.
+# Rows or columns of one JPEG: JPEG_MAX_DIMENSION of libjpeg.
 LONGEST_SIDE = 65500
 
-# Colours that CFAPattern and CFAPlaneColor can name. 3, 4, 5 are cyan, magenta, yellow: no letters of ours.
+# Codes of colours in CFAPattern and CFAPlaneColor. 3, 4, 5 (cyan, magenta, yellow) are not used.
 CFA_CODES = {"R": 0, "G": 1, "B": 2, PANCHROMATIC: 6}
 
-
 PICTURE_PLANES = 3  # of a rendered picture: red, green, blue
+PREVIEW_SRGB = 2  # PreviewColorSpace
 
 
 class Tag(IntEnum):
@@ -32,7 +32,7 @@ class Tag(IntEnum):
     BITS_PER_SAMPLE = 258
     COMPRESSION = 259
     PHOTOMETRIC = 262
-    ORIENTATION = 274  # 1..8, of raw and preview alike: displays apply it, nobody rotates the samples
+    ORIENTATION = 274  # 1..8, of samples and preview; displays apply it, the samples are never rotated
     SAMPLES_PER_PIXEL = 277
     ROWS_PER_STRIP = 278
     X_RESOLUTION = 282
@@ -68,7 +68,7 @@ class Tag(IntEnum):
     # Raw samples
     CFA_REPEAT_PATTERN_DIM = 33421  # rows, columns
     CFA_PATTERN = 33422  # CFA_CODES, row by row, from the first pixel of the picture
-    CFA_PLANE_COLOR = 50710  # CFA_CODES in the order of everything that comes per plane
+    CFA_PLANE_COLOR = 50710  # CFA_CODES in the order of all per-plane values
     CFA_LAYOUT = 50711  # 1 = rectangular
     BLACK_LEVEL_REPEAT_DIM = 50713
     BLACK_LEVEL = 50714  # codes
@@ -81,7 +81,7 @@ class Tag(IntEnum):
     UNIQUE_CAMERA_MODEL = 50708
     COLOR_MATRIX_1 = 50721  # XYZ -> camera, a row per plane, under illuminant 1
     COLOR_MATRIX_2 = 50722  # the same under illuminant 2
-    AS_SHOT_NEUTRAL = 50728  # what white reads, a figure per plane
+    AS_SHOT_NEUTRAL = 50728  # reading of white, a value per plane
     BASELINE_EXPOSURE = 50730  # EV that a converter adds for a normally bright picture
     DNG_PRIVATE_DATA = 50740
     CALIBRATION_ILLUMINANT_1 = 50778
@@ -91,14 +91,14 @@ class Tag(IntEnum):
 
 
 class Compression(IntEnum):
-    """Compression of the samples. Lossless JPEG is the only one that every raw developer decodes."""
+    """Values of COMPRESSION. Lossless JPEG is the only compression of samples that every raw developer decodes."""
 
     NONE = 1
     JPEG = 7  # lossless for raw samples, baseline for the preview
 
 
 class Photometric(IntEnum):
-    """What the samples are."""
+    """Values of PHOTOMETRIC."""
 
     YCBCR = 6
     CFA = 32803  # one colour per pixel, as CFA_PATTERN says
@@ -106,10 +106,7 @@ class Photometric(IntEnum):
 
 
 class Light(IntEnum):
-    """Exif's LightSource, which CalibrationIlluminant takes over."""
+    """Values of CalibrationIlluminant, which are those of LightSource in Exif."""
 
     D65 = 21
     D50 = 23
-
-
-PREVIEW_SRGB = 2  # PreviewColorSpace

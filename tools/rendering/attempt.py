@@ -114,13 +114,15 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
         if standing.changed:
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 
-        def sealed(part: Path) -> Callable[[], None]:
+        def on_complete(part: Path) -> Callable[[], None]:
             absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
             entry = Entry(order.name(output), digest(part) or "", standing.key, order.run, absolute)
             return _NOTING.submit(_journal(order.folder).append, entry).result
 
         replace = standing.replace
-        render_to(output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=replace, sealed=sealed)
+        render_to(
+            output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=replace, on_complete=on_complete
+        )
     seconds = time.monotonic() - start
     rows, columns = mosaic.shape
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"

@@ -9,7 +9,7 @@ import numpy as np
 from shared import Mosaic
 from shared.arrays import FloatArray, strips
 from shared.errors import InputError
-from shared.writing import Sealed
+from shared.writing import OnComplete
 from tools.host.console import StageProgress
 from tools.host.memory import told
 from tools.pictures.band_writer import FORMAT, write_picture_bands
@@ -63,9 +63,9 @@ def render_to(
     *,
     exposure: float,
     overwrite: bool,
-    sealed: Sealed | None = None,
+    on_complete: OnComplete | None = None,
 ) -> None:
-    """Render a mosaic and write the picture, whole or not at all. sealed: as of `durable_file`."""
+    """Render a mosaic and write the picture, whole or not at all. on_complete: as of `durable_file`."""
     from offline import render_bands
 
     bands = render_bands(mosaic, settings, progress)
@@ -80,14 +80,21 @@ def render_to(
             metadata=metadata,
             exposure=exposure,
             overwrite=overwrite,
-            sealed=sealed,
+            on_complete=on_complete,
         )
         return
     rgb = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32)
     _fill(rgb, bands)
     progress.stage("writing", 1)
     write_picture(
-        output, rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure, overwrite=overwrite, sealed=sealed
+        output,
+        rgb,
+        kind,
+        calibration=calibration,
+        metadata=metadata,
+        exposure=exposure,
+        overwrite=overwrite,
+        on_complete=on_complete,
     )
 
 

@@ -95,7 +95,7 @@ def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out:
     render(shots, out)
     assert current(render(shots, out, "--resume", "--max-pixels", "221")) == {"a.tif", "b.tif", "c.tif"}
     outcome = render(shots, out, "--overwrite", "--max-pixels", "220", "--workers", "2")
-    assert (outcome.code, outcome.err.count("220 are the limit")) == (1, 3), outcome.err
+    assert (outcome.code, outcome.err.count("the limit is 220")) == (1, 3), outcome.err
 
 
 def test_what_killed_processes_left_is_swept_in_folders_below_too(shots: Path, out: Path) -> None:
