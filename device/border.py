@@ -1,8 +1,8 @@
-"""What lies beyond the frame: enough of it for a graph that knows no border.
+"""Samples beyond the edges of the frame, for a preview graph, which knows no edges.
 
-Outside the frame the filter pattern goes on. A panchromatic pixel out there takes the sample of its mirror image if that is
-panchromatic too; every other pixel takes the nearest one inside that has its place in the tile, so that a colour block that the
-frame leaves out or cuts stands for the nearest one inside.
+The filter pattern continues outside the frame. A panchromatic pixel there takes the sample of its mirror image if that is
+panchromatic too. Every other pixel takes the nearest sample at the same place of the tile, so that a colour block that lies
+outside, or is cut by the edge, repeats the nearest one inside.
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,12 @@ Span = tuple[int, int]
 
 
 class ExtendedFrame:
-    """A frame of codes, (H, W) uint16, continued on all sides.
+    """A frame of codes, extended on all sides.
 
-    rows, columns: first and one past the last that will be asked for, counted from the frame's first; the frame lies within them.
-    A frame smaller than the tile may lack a filter altogether; the nearest sample then stands in, whatever it is.
+    codes: (H, W) uint16.
+    pattern: the filter pattern of the frame.
+    rows, columns: (first, last + 1) of the extended frame, counted from the first row or column of the frame, which lies within.
+    A frame smaller than the tile may lack a filter; then the nearest sample takes its place, whatever its filter.
     """
 
     def __init__(self, codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> None:
@@ -31,7 +33,7 @@ class ExtendedFrame:
         self._right = _outside(codes, pattern, (0, height), (width, columns[1]))
 
     def copy_rows(self, first: int, target: CodeArray) -> None:
-        """Fill `target`, uint16 (n, all columns), with the rows from `first` on."""
+        """Fill `target`, uint16 (n, all columns), with the n rows from `first` on."""
         (height, width), left = self._codes.shape, -self._columns[0]
         begin, end = (min(max(row, 0), height) - first for row in (first, first + len(target)))
         target[:begin] = self._above[first - self._rows[0] :][:begin]
@@ -43,7 +45,7 @@ class ExtendedFrame:
 
 
 def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> CodeArray:
-    """Samples at rows x columns, some or all of which are outside."""
+    """Samples at rows x columns, which lie partly or wholly outside the frame."""
     places = np.arange(*rows), np.arange(*columns)
     images = [_mirrored(place, size) for place, size in zip(places, codes.shape, strict=True)]
     nearest = [_repeated(place, size, pattern.period) for place, size in zip(places, codes.shape, strict=True)]
@@ -53,14 +55,14 @@ def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -
 
 
 def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:
-    """Rows x columns; the shorter list first, which is many times faster than both at once."""
+    """Samples at rows x columns. Indexing by the shorter list first is many times faster than by both at once."""
     rows, columns = places
     samples: CodeArray = codes[rows][:, columns] if len(rows) < len(columns) else codes[:, columns][rows]
     return samples
 
 
 def _mirrored(places: IndexArray, size: int) -> IndexArray:
-    """The border convention of `shared.arrays`, as indices."""
+    """Indices of mirror images, by the border convention of `shared.arrays`."""
     turn = max(2 * (size - 1), 1)
     folded = np.abs(places) % turn
     inside: IndexArray = np.minimum(folded, turn - folded)
@@ -68,7 +70,7 @@ def _mirrored(places: IndexArray, size: int) -> IndexArray:
 
 
 def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:
-    """The nearest index inside that is the same modulo the period."""
+    """The nearest indices inside that are equal modulo the period."""
     first = places % period
     last = first + (size - 1 - first) // period * period
     inside = np.where(places < 0, first, np.where(places >= size, last, places))

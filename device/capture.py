@@ -1,4 +1,4 @@
-"""Capture: raw frames in, DNG files with their preview out."""
+"""The capture loop: turns raw frames into DNG files with previews."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -15,15 +15,18 @@ from .frames import FrameLayout, RawFrame
 from .shots import ShotFolder
 
 PreviewMaker = Callable[[Mosaic], ByteArray]
-"""A mosaic's picture for looking at: uint8 sRGB (h, w, 3)."""
+"""A function that returns the preview of a mosaic: uint8 sRGB (h, w, 3)."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """What is known of the sensor before the first frame comes, checked once, here.
+    """The sensor whose frames are captured.
 
-    Raises InputError when pattern and calibration name different channels, when the frame holds no whole colour block, and when a
-    packed format and the calibration have different bits: then the calibration was made for another mode of the sensor.
+    layout: size and format of its frames.
+    pattern: its filter pattern.
+    calibration: its calibration, for the mode in which it runs.
+    Raises InputError when pattern and calibration have different channels, when a frame holds no whole colour block, and when the
+    bits of the calibration do not fit the format: then the calibration belongs to another mode of the sensor.
     """
 
     layout: FrameLayout
@@ -40,19 +43,24 @@ class Sensor:
         self.dark()
 
     def dark(self) -> Mosaic:
-        """A frame without light, for what has to be prepared before the first frame is there."""
+        """A frame without light, for preparations before the first frame arrives."""
         black = round(min(self.calibration.black_level))
         return Mosaic(np.full((self.layout.height, self.layout.width), black, np.uint16), self.pattern, self.calibration)
 
     def mosaic(self, frame: RawFrame) -> Mosaic:
-        """The frame's samples, with what is known of them. Raises InputError when they do not fit the sensor."""
-        metadata = CaptureMetadata(taken=frame.taken.astimezone().replace(tzinfo=None))  # Exif has local time, without zone
+        """The mosaic of a frame. Raises InputError when the frame does not fit the sensor."""
+        metadata = CaptureMetadata(taken=frame.taken.astimezone().replace(tzinfo=None))  # Exif has local time without zone
         return Mosaic(self.layout.unpack(frame.data), self.pattern, self.calibration, metadata)
 
 
 @dataclass(frozen=True)
 class Saved:
-    """A frame on the disk: its file, and the seconds that the preview and the file took."""
+    """A saved frame.
+
+    path: the DNG file.
+    preview: seconds that the preview took.
+    write: seconds that encoding and writing the file took.
+    """
 
     path: Path
     preview: float
@@ -61,15 +69,20 @@ class Saved:
 
 @dataclass(frozen=True)
 class Refused:
-    """A frame that could not be used."""
+    """A frame that could not be used, with the reason."""
 
     reason: str
 
 
 def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, shots: ShotFolder) -> Iterator[Saved | Refused]:
-    """Save each frame with its preview and say so; one that does not fit the sensor is refused, and the next may fit again.
+    """Save each frame with its preview; yields the outcome of each. A frame that does not fit the sensor is refused, the loop
+    continues.
 
-    Raises OutputError when a file cannot be written: the next one could not either.
+    frames: raw frames, for example a `FrameQueue`.
+    sensor: the sensor they come from.
+    preview: makes the preview, for example `Preview.run`.
+    shots: the folder to save in.
+    Raises OutputError when a file cannot be written, because the next one could not be written either.
     """
     for frame in frames:
         started = perf_counter()

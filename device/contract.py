@@ -1,20 +1,20 @@
-"""What the builder of a preview graph and the runtime agree on: names, types, versions, metadata.
+"""The interface between the builder of a preview graph and its runtime: names, types, versions, metadata.
 
-**Geometry.** The graph takes whole K x K patches (`shared.pattern.BlockGrid`), as many as one likes, with a halo of more pixels on
-each side, and returns the picture of the patches. It knows the tile as it is seen from a patch's first pixel, so that one graph
-serves every origin of a pattern, and all cameras with it: what differs from camera to camera are inputs.
+**Geometry.** The graph takes any number of whole K x K patches (`shared.pattern.BlockGrid`), with a halo of further pixels on each
+side, and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
+origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
 
-Inputs (C channels of the pattern; float32, but for the first):
+Inputs, for a pattern of C channels; all but the first are float32:
     mosaic  uint16 (rows, columns)  sensor codes
-    black   (C + 1,)                black level, codes, per plane (the channels, then panchromatic)
-    scale   (C + 1,)                scene units per code, per plane
-    gamma   (C,)                    Eq. 7
-    noise   (2,)                    shot and read: variance of a panchromatic sample = shot * signal + read, scene units
-    white   (C,)                    reading of display white, scene units; only of a display graph
-    matrix  (3, C)                  camera RGB relative to white -> linear sRGB; only of a display graph
-Output:
-    picture uint8 (rows, columns, 3) sRGB, or of a linear graph float32 (rows, columns, C) scene units; a pixel per
-            scale x scale sensor pixels
+    black   (C + 1,)                black level per plane (the channels, then panchromatic), sensor codes
+    scale   (C + 1,)                scene units per sensor code of each plane
+    gamma   (C,)                    weights of Eq. 7
+    noise   (2,)                    (shot, read_variance) of a panchromatic sample: variance = shot * signal + read_variance, scene
+                                    units; read_variance is the square of `NoiseModel.read`
+    white   (C,)                    reading of display white, scene units; display graphs only
+    matrix  (3, C)                  camera RGB relative to white -> linear sRGB; display graphs only
+Output, with one pixel per scale x scale sensor pixels:
+    picture uint8 (rows, columns, 3) sRGB of a display graph, float32 (rows, columns, C) scene units of a linear graph
 """
 
 from collections.abc import Mapping
@@ -24,21 +24,26 @@ from shared.errors import InputError
 from shared.pattern import PERIODS, CfaPattern
 
 OPSET = 17
-IR_VERSION = 8  # as old as the opset: onnx writes by default what no onnxruntime in use reads
+IR_VERSION = 8  # as old as the opset; by default onnx writes a version that current releases of onnxruntime refuse
 VERSION = "1"
 
 MOSAIC, BLACK, SCALE, GAMMA, NOISE, WHITE, MATRIX = "mosaic", "black", "scale", "gamma", "noise", "white", "matrix"
 PICTURE = "picture"
 
 _PREFIX = "panchroma."
-_WIDEST_HALO = 256  # pixels; ours have less than three periods
+_WIDEST_HALO = 256  # pixels; our graphs need less than three periods
 
 
 @dataclass(frozen=True)
 class Description:
-    """What a graph says of itself.
+    """The properties of a graph, kept in its metadata.
 
-    tile: the letters from the first pixel of a patch on, row by row; halo: pixels above, below, left and right of the patches.
+    tile: letters from the first pixel of a patch on; rows are separated by "/".
+    channels: the letters of the channels, in order.
+    scale: sensor pixels per picture pixel, each way.
+    linear: scene units instead of a picture for a screen.
+    halo: pixels above, below, left and right of the patches that the graph reads.
+    builder: version of `device.graph` that wrote it.
     """
 
     tile: str
@@ -49,7 +54,7 @@ class Description:
     builder: str
 
     def check(self, pattern: CfaPattern) -> None:
-        """Raise InputError unless the graph is for this pattern."""
+        """Raise InputError unless the graph was made for this pattern."""
         for name, ours, theirs in (("pattern", self.tile, tile_name(pattern)), ("channels", self.channels, pattern.channels)):
             if ours != theirs:
                 raise InputError(f"the preview graph is for the {name} {ours}, the mosaic has {theirs}")
@@ -57,7 +62,7 @@ class Description:
             raise InputError(f"the preview graph has scale {self.scale}, which is no divisor of the period {pattern.period}")
 
     def to_metadata(self) -> dict[str, str]:
-        """As strings, for the file."""
+        """The properties as strings, for the ONNX file."""
         values = {
             "contract": VERSION,
             "builder": self.builder,
@@ -71,12 +76,12 @@ class Description:
 
 
 def parse(metadata: Mapping[str, str]) -> Description:
-    """Inverse of `Description.to_metadata`; raises InputError for the metadata of anything else, or another contract."""
+    """The properties in the metadata of an ONNX file. Raises InputError for any other model, and for another version."""
     if (found := metadata.get(_PREFIX + "contract")) is None:
-        raise InputError("the model is no preview graph of Panchroma; panchroma export-preview writes them")
+        raise InputError("the model is no preview graph of Panchroma; panchroma export-preview writes one")
     if found != VERSION:
         raise InputError(
-            f"the preview graph keeps contract {found}, this program {VERSION}; write it again: panchroma export-preview"
+            f"the preview graph has contract {found}, this program {VERSION}; write it again: panchroma export-preview"
         )
     try:
         above, below, left, right = (int(side) for side in metadata[_PREFIX + "halo"].split())
@@ -100,13 +105,13 @@ def parse(metadata: Mapping[str, str]) -> Description:
 
 
 def tile_name(pattern: CfaPattern) -> str:
-    """The tile as a graph knows it: its letters from the first pixel of a patch on, rows separated by "/"."""
+    """The tile of a graph: its letters from the first pixel of a patch on, rows separated by "/"."""
     down, across = (origin + block // 2 for origin, block in zip(pattern.block_origin, pattern.block_shape, strict=True))
     return "/".join(pattern.letters_from((down, across)))
 
 
 def file_name(pattern: CfaPattern, scale: int, *, linear: bool) -> str:
-    """Of the graph in the package: block, period, scale, such as "rggb-k6-s1.onnx"."""
+    """File name of a graph in the package, from block, period and scale: for example "rggb-k6-s1.onnx"."""
     rows, columns = pattern.block_shape
     letters = "".join(row[:columns] for row in pattern.letters_from(pattern.block_origin)[:rows])
     return f"{letters.lower()}-k{pattern.period}-s{scale}{'-linear' if linear else ''}.onnx"

@@ -1,4 +1,4 @@
-"""A folder into which another program puts raw frames, one to a file."""
+"""Watching a folder into which another program writes raw frames, one per file."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,11 +9,11 @@ from shared.errors import InputError
 
 from .frames import FrameLayout, RawFrame
 
-_POLL = 0.2  # seconds between two looks
-_PATIENCE = 2.0  # seconds without a change after which a file of the wrong size is taken to be finished
+_POLL = 0.2  # seconds between two scans of the folder
+_PATIENCE = 2.0  # seconds without a change after which a file of the wrong size counts as finished
 _UNFINISHED = (".part", ".tmp")
 
-# What a file was like at a look: bytes, and time of its last change in nanoseconds.
+# State of a file: its size in bytes, and the time of its last change in nanoseconds.
 _State = tuple[int, int]
 
 
@@ -25,20 +25,24 @@ def watch_folder(
     only_new: bool = False,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Iterator[RawFrame]:
-    """The frames in the files of a folder, oldest change first, and those that appear later, until `stopped`.
+    """Yield the frames in a folder, oldest first, and those that appear later, until `stopped` returns True.
 
-    A file is a frame when it has a frame's size and has not changed between two looks. Files are only read. Hidden ones, and those
-    named .part or .tmp, are somebody's unfinished work; a file that was changed after it was taken is another frame.
-    refused: told of each file that stays at another size or cannot be read.
-    only_new: leave out what is there at the beginning.
-    Raises InputError when the folder cannot be looked into.
+    A file is a frame when it has the size of one and has not changed between two scans. Files are only read. Hidden files, and
+    those named .part or .tmp, are ignored as unfinished. A file that changes after it was yielded counts as another frame.
+
+    folder: the folder to watch.
+    layout: size and format of a frame.
+    refused: called with an error for each file that keeps another size or cannot be read.
+    only_new: skip the files that exist at the beginning.
+    stopped: polled before each scan.
+    Raises InputError when the folder cannot be listed.
     """
-    done = _look(folder) if only_new else {}
+    done = _scan(folder) if only_new else {}
     before: dict[Path, _State] = {}
     since: dict[Path, float] = {}
     while not stopped():
-        now = _look(folder)
-        # Forgotten with the file: a folder that is emptied does not make this grow.
+        now = _scan(folder)
+        # Removed files are forgotten, so that this does not grow if the folder is emptied now and then.
         done = {path: state for path, state in done.items() if path in now}
         for path, state in sorted(now.items(), key=lambda entry: (entry[1][1], entry[0])):
             if done.get(path) == state:
@@ -57,7 +61,7 @@ def watch_folder(
         time.sleep(_POLL)
 
 
-def _look(folder: Path) -> dict[Path, _State]:
+def _scan(folder: Path) -> dict[Path, _State]:
     found: dict[Path, _State] = {}
     try:
         for path in folder.iterdir():
@@ -67,17 +71,17 @@ def _look(folder: Path) -> dict[Path, _State]:
                 if path.is_file():
                     status = path.stat()
                     found[path] = status.st_size, status.st_mtime_ns
-            except FileNotFoundError:  # it was renamed or removed between the two calls
+            except FileNotFoundError:  # renamed or removed between the two calls
                 continue
     except OSError as error:
-        raise InputError(f"{folder}: cannot be looked into ({error.strerror or error})") from None
+        raise InputError(f"{folder}: cannot be listed ({error.strerror or error})") from None
     return found
 
 
 def _read(path: Path, state: _State, refused: Callable[[InputError], None]) -> RawFrame | None:
     try:
         with path.open("rb") as file:
-            data = file.read(state[0] + 1)  # it may have grown since, without end; one byte more, and it is refused
+            data = file.read(state[0] + 1)  # it may have grown meanwhile: one byte more, and it is refused
     except OSError as error:
         refused(InputError(f"{path}: cannot be read ({error.strerror or error})"))
         return None

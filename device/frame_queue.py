@@ -1,4 +1,4 @@
-"""Frames from a sensor that does not wait to a consumer that may be slower: few are kept, the rest are dropped and counted."""
+"""A queue between a sensor, which does not wait, and a slower consumer: surplus frames are dropped and counted."""
 
 import threading
 from collections import deque
@@ -6,18 +6,19 @@ from collections.abc import Callable, Iterable, Iterator
 
 from .frames import RawFrame
 
-_POLL = 0.1  # seconds between two looks at whether to stop
+_POLL = 0.1  # seconds between two calls of `stopped`
 
 
 class FrameQueue:
-    """Reads `frames` in a thread of its own; iterating gives them to the thread that does.
+    """Reads `frames` in a background thread; iterate over the queue to receive them.
 
-    depth: frames that may wait. When one more comes, the oldest is dropped whole: what is shown and saved stays close to the
-        present, and memory holds `depth` + 2 frames (one arriving, one in hand), however long it runs.
-    wait: never drop, let the source wait instead: for a recording.
-    stopped: says whether to end before the next frame; asked every 0.1 s.
-    dropped: whole frames lost so far.
-    Iterating raises what reading the source raised, after the frames that came before it.
+    frames: the source.
+    depth: number of frames that may wait. When one more arrives, the oldest is dropped whole: pictures stay close to the present,
+        and memory holds at most `depth` + 2 frames (one arriving, one in use).
+    wait: let the source wait instead of dropping frames; for a recording.
+    stopped: returns True to end before the next frame; polled every 0.1 s.
+    The attribute `dropped` counts the frames lost so far. Iterating raises the error that reading the source raised, after all
+    frames that arrived before it.
     """
 
     def __init__(
@@ -31,7 +32,7 @@ class FrameQueue:
         self._ended = False
         self._failure: BaseException | None = None
         self._changed = threading.Condition()
-        # A daemon, because a read of a silent camera cannot be called off.
+        # A daemon, because a blocking read from a silent camera cannot be cancelled.
         self._reader = threading.Thread(target=self._fill, args=(frames,), name="frames", daemon=True)
         self._reader.start()
 
@@ -42,7 +43,7 @@ class FrameQueue:
             raise self._failure
 
     def __len__(self) -> int:
-        """Frames that wait."""
+        """Number of frames that wait."""
         return len(self._waiting)
 
     def _take(self) -> RawFrame | None:

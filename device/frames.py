@@ -1,8 +1,8 @@
-"""Raw frames as a sensor's driver hands them on: where the samples lie in the bytes, and where one frame ends.
+"""Raw frames as a camera driver delivers them: where the samples are in the bytes, and where a frame ends.
 
-The packed formats are those of MIPI CSI-2 (data types RAW10 and RAW12), which V4L2 and libcamera keep in memory as they come over
-the wire. The colour letters in their names (SRGGB10P 'pRAA', SBGGR10P 'pBAA', Y10P; libcamera: SRGGB10_CSI2P, R10_CSI2P) say which
-filters the driver believes in and are of no concern here: the packing is the same.
+The packed formats are those of MIPI CSI-2 (data types RAW10 and RAW12), which V4L2 and libcamera keep in memory as transmitted. The
+colour letters in their names (SRGGB10P 'pRAA', SBGGR10P 'pBAA', Y10P; libcamera: SRGGB10_CSI2P, R10_CSI2P) state the filters that
+the driver assumes. They are ignored here: the packing is the same.
 """
 
 import re
@@ -20,8 +20,8 @@ from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
-_MOST_BYTES = 4  # of memory a pixel of the largest frame may take, with all padding
-_STRIP = 16  # rows unpacked at a time: they stay in the cache, which makes it twice as fast
+_MOST_BYTES = 4  # per pixel of the largest frame, with all padding
+_STRIP = 16  # rows unpacked at a time; they fit into the cache, which doubles the speed
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ FORMATS = {
     # V4L2_PIX_FMT_SRGGB16 ('RG16'), and SRGGB10 ('RG10'), SRGGB12 ('RG12'), which use the lower bits only: a little-endian word.
     "u16": _Packing(bits=16, pixels=1, length=2),
 }
-# What libcamera, V4L2 and their tools call them; with the bits where the name says.
+# Names of these formats in libcamera, V4L2 and their tools, with the bits if the name states them.
 _OTHER_NAMES = {
     r"S(RGGB|BGGR|GRBG|GBRG)(?P<bits>10)(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA": "raw10",
     r"S(RGGB|BGGR|GRBG|GBRG)(?P<bits>12)(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC": "raw12",
@@ -50,9 +50,9 @@ _OTHER_NAMES = {
 
 
 def format_named(name: str) -> tuple[str, int]:
-    """The key of FORMATS that `name` means, itself or a name of V4L2 or libcamera, and the bits of a sample.
+    """(key of FORMATS, bits of a sample) of a format. Raises InputError for an unknown one.
 
-    Raises InputError for any other.
+    name: a key of FORMATS, or the name of the format in V4L2 or libcamera.
     """
     if name in FORMATS:
         return name, FORMATS[name].bits
@@ -68,12 +68,13 @@ def format_named(name: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """Where the samples of a frame lie: `height` lines of `stride` bytes, the first of which hold `width` samples in `format`.
+    """Size and format of a frame: `height` lines of `stride` bytes, each with `width` samples at its beginning.
 
+    width, height: pixels, 1 to 65500.
     format: "raw10", "raw12" (MIPI CSI-2 packed) or "u16" (little-endian words).
-    stride: bytes from one line to the next; 0 = no padding between them. (rpicam-raw and v4l2-ctl say what it is; on a Raspberry Pi
-        it is a multiple of 32 or more.)
-    Raises InputError for a size that no frame has, and for a stride too short for a line.
+    stride: bytes from one line to the next; 0 = no padding. rpicam-raw and v4l2-ctl print it; on a Raspberry Pi it is a multiple of
+        32 or more.
+    Raises InputError for a size that no frame has, and for a stride shorter than a line.
     """
 
     width: int
@@ -93,18 +94,17 @@ class FrameLayout:
             raise InputError(
                 f"the stride is {self.stride} bytes, but a line of {self.width} pixels in {self.format} has {self.line_bytes}"
             )
-
         if self.frame_bytes > _MOST_BYTES * MAX_PIXELS:
             raise InputError(f"a frame of {self.height} lines of {self.stride} bytes is larger than any sensor's")
 
     @property
     def bits(self) -> int:
-        """Bits of a sample, at most."""
+        """Largest number of bits of a sample."""
         return FORMATS[self.format].bits
 
     @property
     def line_bytes(self) -> int:
-        """Bytes of a line without its padding; a group of packed pixels is whole even where the line ends within it."""
+        """Bytes of a line without padding; the last group of packed pixels is always whole."""
         packing = FORMATS[self.format]
         return -(-self.width // packing.pixels) * packing.length
 
@@ -114,7 +114,7 @@ class FrameLayout:
         return self.height * self.stride
 
     def unpack(self, data: bytes | bytearray | memoryview) -> CodeArray:
-        """The samples of one frame, uint16 (height, width). Raises InputError when `data` is not `frame_bytes` long."""
+        """The samples of one frame, uint16 (height, width). Raises InputError unless `data` is `frame_bytes` long."""
         if len(data) != self.frame_bytes:
             raise InputError(self.misfit(len(data)))
         lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[:, : self.line_bytes]
@@ -122,7 +122,7 @@ class FrameLayout:
             return np.ascontiguousarray(lines).view("<u2").astype(np.uint16, copy=False)
         packing = FORMATS[self.format]
         groups = np.empty((self.height, self.line_bytes // packing.length, packing.pixels), np.uint16)
-        # All samples of a group as one integer, so that a table adds their lower bits in one go.
+        # All samples of a group as one integer, so that a table adds their lower bits in one step.
         whole = groups.view(f"u{2 * packing.pixels}")[..., 0]
         for top in range(0, self.height, _STRIP):
             rows = slice(top, top + _STRIP)
@@ -134,19 +134,19 @@ class FrameLayout:
         return groups.reshape(self.height, -1)[:, : self.width]
 
     def misfit(self, length: int) -> str:
-        """What is wrong with a frame of `length` bytes, and what may be the reason."""
-        told = (
+        """Message that `length` bytes are not a frame, with a likely reason."""
+        message = (
             f"{length} bytes are not a frame: {self.width} x {self.height} pixels in {self.format} "
             f"with a stride of {self.stride} have {self.frame_bytes}"
         )
         stride, rest = divmod(length, self.height)
         if length > self.frame_bytes and length % self.frame_bytes == 0:
-            return f"{told}; {length // self.frame_bytes} frames in one are a stream: give it on standard input"
-        return f"{told}; a stride of {stride} would fit" if not rest and stride > self.line_bytes else told
+            return f"{message}; {length // self.frame_bytes} frames in one are a stream: give it on standard input"
+        return f"{message}; a stride of {stride} would fit" if not rest and stride > self.line_bytes else message
 
     @cached_property
     def _lower_bits(self) -> np.ndarray[tuple[int], np.dtype[np.unsignedinteger]]:
-        """What the last byte of a group adds to its samples, for each of its 256 values: all samples as one integer."""
+        """Lower bits of all samples of a group, as one integer, for each of the 256 values of its last byte."""
         packing = FORMATS[self.format]
         lower = packing.bits - 8
         shifts = lower * np.arange(packing.pixels)
@@ -157,7 +157,13 @@ class FrameLayout:
 
 @dataclass(frozen=True, eq=False)
 class RawFrame:
-    """The bytes of one frame. taken: UTC; arrived: seconds of the monotonic clock; source: the file it was read from, if any."""
+    """The bytes of one frame.
+
+    data: as `FrameLayout` describes them.
+    taken: time of the frame, with time zone.
+    arrived: the same on the monotonic clock, seconds.
+    source: the file that it was read from; "" = none.
+    """
 
     data: bytes | bytearray | memoryview
     taken: datetime
@@ -166,21 +172,21 @@ class RawFrame:
 
     @classmethod
     def now(cls, data: bytes | bytearray | memoryview) -> "RawFrame":
-        """A frame that has just come."""
+        """A frame that has just arrived."""
         return cls(data, datetime.now(UTC), monotonic())
 
 
 class ByteStream(Protocol):
-    """An unbuffered file: a buffered one would wait for more than is there."""
+    """An unbuffered binary file; a buffered one would wait for more bytes than have arrived."""
 
     def readinto(self, buffer: memoryview, /) -> int | None:
-        """As `io.RawIOBase` has it; 0 at the end."""
+        """Read into `buffer` and return the number of bytes, 0 at the end, as `io.RawIOBase` does."""
 
 
 def read_frames(stream: ByteStream, layout: FrameLayout) -> Iterator[RawFrame]:
-    """The frames of a stream that has nothing between them, each as soon as it is there.
+    """Yield the frames of a stream without anything between them, each as soon as it has arrived.
 
-    Raises InputError, after the last whole frame, when the stream ends in the middle of one, holds none, or cannot be read.
+    Raises InputError, after the last whole frame, when the stream ends within a frame, holds none, or cannot be read.
     """
     count = 0
     while True:

@@ -1,9 +1,9 @@
-"""Where a preview graph looks: fixed weights and places that follow from the pattern alone.
+"""The geometry of a preview graph: fixed weights and places that follow from the pattern alone.
 
 **Probes** are weighted sums of the samples around a block: the luminance of each colour site interpolated along its row and along
 its column, differences of neighbouring panchromatic samples along rows and along columns, and the colour samples themselves. All
-weights are multiples of 1/64 and small, so that a sum over 16-bit codes is exact in single precision: every processor, and every
-order of summation, gives the same bits.
+weights are small multiples of 1/64, so that a sum over 16-bit codes is exact in single precision: every processor, and every order
+of summation, gives the same bits.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,17 @@ from shared.pattern import CfaPattern
 
 _UNIT = 64
 _CUBIC = 0.5
-"""Of cubic interpolation; the rest linear. Halfway has the smallest error on photographs: all cubic overshoots at edges."""
+"""Share of cubic interpolation; the rest is linear. Half has the smallest error on photographs: cubic alone overshoots at edges."""
 
 Place = tuple[int, int]
 
 
 class Hole(NamedTuple):
-    """A colour site as a pixel of its patch: which pixel of a cell, which cell; and which corner of the patch its block is at, one
-    block further down or right than the first corner (1) or not (0).
+    """Place of a colour site in its patch.
+
+    pixel: index within its cell.
+    cell: index of the cell.
+    down, right: 0 or 1, the corner of the patch at which its block is.
     """
 
     pixel: int
@@ -36,9 +39,11 @@ class Hole(NamedTuple):
 
 @dataclass(frozen=True)
 class Geometry:
-    """Of the preview of one pattern with one picture pixel per `scale` x `scale` sensor pixels.
+    """The geometry of the preview of one pattern.
 
-    Raises InputError when cells of that size do not fill a patch, or one holds no panchromatic pixel.
+    pattern: the filter pattern.
+    scale: sensor pixels per picture pixel, each way; one of `scales(pattern)`.
+    Raises InputError for another scale.
     """
 
     pattern: CfaPattern
@@ -54,21 +59,22 @@ class Geometry:
 
     @staticmethod
     def scales(pattern: CfaPattern) -> tuple[int, ...]:
-        """The scales that a preview of this pattern can have, in increasing order: divisors of the period, 1 always."""
+        """Possible scales of a preview, ascending: 1, and divisors of the period whose cells all hold panchromatic pixels."""
         whole = (scale for scale in range(2, pattern.period + 1) if pattern.period % scale == 0)
         return (1, *(scale for scale in whole if _cells(pattern, scale).sum(axis=(1, 2)).all()))
 
     @property
     def half(self) -> Place:
-        """Rows and columns of a block that lie before the patch that begins in it."""
+        """(rows, columns) of a block that lie before the patch that begins in it."""
         return self.pattern.block_shape[0] // 2, self.pattern.block_shape[1] // 2
 
     @property
     def cell(self) -> int:
-        """Side, in sensor pixels, of the squares that share one chromaticity.
+        """Side, in sensor pixels, of the square cells that share one chromaticity.
 
-        It changes more slowly than luminance: at full resolution 2 x 2 pixels share one where the period is even, as in 4:2:0
-        video, which costs 0.1 dB of median RGB PSNR and saves a third of the time.
+        Chromaticity changes more slowly than luminance. At full resolution 2 x 2 pixels share one if the period is even, as in
+        4:2:0
+        video: this costs 0.1 dB of median RGB PSNR and saves a third of the time.
         """
         if self.scale > 1:
             return self.scale
@@ -76,25 +82,27 @@ class Geometry:
 
     @property
     def across(self) -> int:
-        """Cells across a patch."""
+        """Number of cells along a side of a patch."""
         return self.pattern.period // self.cell
 
     @cached_property
     def cells(self) -> FloatArray:
-        """Which pixels of a patch are panchromatic and in each cell, 1 or 0; float32 (cells, K, K)."""
+        """Masks of the panchromatic pixels of a patch that lie in each cell: 1 or 0, float32 (cells, K, K)."""
         return _cells(self.pattern, self.cell)
 
     @cached_property
     def window(self) -> tuple[range, range]:
-        """Rows and columns, from a block's origin, that the probes read."""
+        """(rows, columns) that the probes read, counted from the origin of a block."""
         used = np.array([place for probe in self._probes for place in probe])
         rows, columns = (range(int(axis.min()), int(axis.max()) + 1) for axis in used.T)
         return rows, columns
 
     @cached_property
     def probes(self) -> FloatArray:
-        """Weights, float32 (probes, window rows, window columns): along rows, along columns (a probe per site each), differences
-        along rows, along columns (`differences` each), samples (one per site).
+        """Weights of all probes, float32 (probes, window rows, window columns), kind by kind; `kinds` counts them.
+
+        The kinds: interpolation along rows, along columns (one probe per site each), differences along rows, along columns, and the
+        samples themselves (one probe per site).
         """
         rows, columns = self.window
         weights = np.zeros((len(self._probes), len(rows), len(columns)), np.float32)
@@ -105,7 +113,7 @@ class Geometry:
 
     @property
     def kinds(self) -> tuple[int, int, int, int, int]:
-        """How many probes of each kind there are, in order."""
+        """Number of probes of each kind, in the order of `probes`."""
         sites = len(self.sites)
         return sites, sites, len(self._differences(1)), len(self._differences(0)), sites
 
@@ -113,7 +121,7 @@ class Geometry:
     def halo(self) -> tuple[int, int, int, int]:
         """Sensor pixels above, below, left and right of the patches that the graph reads.
 
-        The pooling of chromaticities asks one block beyond the corners of the patches, and its probes their window.
+        Pooling of chromaticities needs one more block beyond the corners of the patches, and that block the window of its probes.
         """
         period = self.pattern.period
         sides = []
@@ -124,16 +132,16 @@ class Geometry:
 
     @cached_property
     def sites(self) -> list[tuple[int, int, int]]:
-        """`CfaPattern.sites`, channel by channel: the order of probes and holes."""
+        """The sites of `CfaPattern.sites`, sorted by channel; probes and holes have this order."""
         return sorted(self.pattern.sites, key=lambda site: site[2])
 
     @property
-    def holes(self) -> list["Hole"]:
-        """Where the sites of a block are in the patches around it, in the order of `sites`."""
+    def holes(self) -> list[Hole]:
+        """Places of the sites of a block in the patches around it, in the order of `sites`."""
         period, cell = self.pattern.period, self.cell
         holes = []
         for *site, _ in self.sites:
-            # A block begins in the patch before the one that it is the first corner of.
+            # A block begins in the patch before the one at whose first corner it is.
             (down, row), (right, column) = (
                 (0, value - half) if value >= half else (1, value - half + period)
                 for value, half in zip(site, self.half, strict=True)
@@ -151,12 +159,12 @@ class Geometry:
         ]
 
     def _is_clear(self, place: Place) -> bool:
-        """Whether a place, from a block's origin, is panchromatic."""
+        """Whether a place, counted from the origin of a block, is panchromatic."""
         period = self.pattern.period
         return (place[0] % period, place[1] % period) not in {(row, column) for row, column, _ in self.pattern.sites}
 
     def _interpolation(self, site: Place, axis: int) -> dict[Place, float]:
-        """Weights of panchromatic samples along an axis that give the value at a site; they sum to one exactly."""
+        """Weights of the panchromatic samples along an axis that interpolate the value at a site; their sum is exactly 1."""
 
         def at(step: int) -> Place:
             return (site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1])
@@ -173,7 +181,7 @@ class Geometry:
         return {at(step): float(weight) / _UNIT for step, weight in zip(steps, exact, strict=True)}
 
     def _differences(self, axis: int) -> list[tuple[Place, Place]]:
-        """Neighbours along an axis, both panchromatic, in the rectangle that is the block and one pixel around it."""
+        """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it."""
         height, width = self.pattern.block_shape
         pairs = []
         for row in range(-1, height + 1 if axis == 1 else height):
@@ -185,14 +193,14 @@ class Geometry:
 
 
 def _lagrange(steps: list[int]) -> DoubleArray:
-    """Weights of samples at `steps` for the value at 0 of the polynomial through them."""
+    """Weights of samples at `steps` that give the value at 0 of the polynomial through them."""
     nodes = np.array(steps, float)
     weights: DoubleArray = np.array([np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes])
     return weights
 
 
 def _cells(pattern: CfaPattern, side: int) -> FloatArray:
-    """Which pixels of a patch are panchromatic and in each cell; (cells, K, K), 1 or 0."""
+    """Masks of the panchromatic pixels of a patch that lie in each cell of `side` pixels: 1 or 0, float32 (cells, K, K)."""
     first = [origin + size // 2 for origin, size in zip(pattern.block_origin, pattern.block_shape, strict=True)]
     clear = pattern.filter_map((pattern.period, pattern.period), (first[0], first[1])) == len(pattern.channels)
     number = np.arange(pattern.period) // side

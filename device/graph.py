@@ -1,13 +1,14 @@
-"""The preview on one page, as an ONNX graph: mosaic -> luminance -> chromaticity -> propagation -> picture.
+"""The preview as an ONNX graph: mosaic -> luminance -> chromaticity -> propagation -> picture.
 
-Needs `onnx`, at build time only: a camera runs the files that this module has written (`panchroma export-preview`).
+Needs `onnx`, but only to build a graph: a camera runs the files that `panchroma export-preview` has written with this module.
 
-Light is counted in codes of a panchromatic sample above black until the picture is made. The axes of a tensor end with (block
-rows, block columns) or (patch rows, patch columns): the pixels at one place of every K x K patch are one plane (space to depth),
-so a colour site is a plane of its own, and no stage asks which pixel is which.
+Until the last stage, light is measured in codes of a panchromatic sample above black. Tensors end with the axes (block rows, block
+columns) or (patch rows, patch columns): the pixels at one place of all K x K patches form one plane (space to depth). Thus each
+colour site is a plane, and no stage needs to find out the filter of a pixel.
 
-Every operation rounds once, as IEEE 754 says, and no result depends on the order of a sum unless that order is written out: all
-processors give the same bytes. This rules out reciprocals, powers, exponentials and reductions, and convolutions but of probes.
+Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
+all processors give the same bytes. This rules out reciprocals, powers, exponentials, reductions, and convolutions other than
+probes.
 """
 
 import numpy as np
@@ -20,33 +21,35 @@ from .geometry import Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
 BUILDER = "1"
-"""Version of this page; stands in the graph, and goes up with every change of its bytes."""
+"""Version of this module, stored in the graph; to be raised with every change of the bytes of a graph."""
 
 _FLOOR = 1e-3
-"""Least luminance that a block is credited with, scene units: keeps ratios to it finite."""
+"""Least luminance of a block, scene units; keeps ratios to it finite."""
 _STILL = 1e-4
-"""Mean squared difference, (scene units)^2, below which rows and columns count alike."""
+"""Mean squared difference, (scene units)^2, below which rows and columns have equal weight."""
 _LEAST_VARIANCE = 1e-6
-"""Codes^2, in Eqs. 8-9; keeps a block without light defined (it is grey) and moves no other."""
+"""Least noise variance in Eqs. 8-9, codes^2; makes a block without light grey and changes no other."""
 _POOLING = 3e-4
-"""Squared noise-to-signal ratio of a block at which half of its chromaticity comes from around it."""
+"""Squared noise-to-signal ratio of a block at which half of its chromaticity comes from the blocks around it."""
 _CONTRAST = 0.1
-"""Squared relative difference of luminance at which a block's weight has halved."""
+"""Squared relative difference of luminance at which the weight of a block is halved."""
 _NOISE_WEIGHT = 4.0
-"""Variances of noise that a squared relative difference must exceed to count."""
+"""Multiple of the noise variance that a squared relative difference must exceed to count."""
 _SPREAD = 0.5
-"""Power of the bilinear weights. Below one the four blocks share more evenly: less noise, and still no step between patches."""
+"""Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
 
-# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / (s + KNEE)), s = sqrt(x + SHIFT), in codes of 8 bits; by fit
-# 0.62 codes off at most, 0.28 on the mean, and right at black and white.
+# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / (s + KNEE)), s = sqrt(x + SHIFT), in codes of 8 bits.
+# Fitted: its error is at most 0.62 codes, 0.28 on average, and 0 at black and white.
 _SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.0025, 47, 220.4931078, 0.06618546, 0.2
 
 
 def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> onnx.ModelProto:
-    """The graph for all mosaics of this pattern; see `contract` for inputs and outputs.
+    """Build the graph for all mosaics of a pattern; `device.contract` describes its inputs and outputs.
 
-    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales`. linear: camera RGB in scene units, not for a screen.
-    Always the same bytes. Raises InputError for another scale.
+    pattern: the filter pattern; its origin does not matter.
+    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
+    linear: camera RGB in scene units instead of a picture for a screen.
+    The bytes are always the same. Raises InputError for another scale.
     """
     geometry = Geometry(pattern, scale)
     g = Nodes()
@@ -63,7 +66,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
 
 
 class Inputs:
-    """The inputs of the graph in its own units, and the size of the frame in patches."""
+    """The inputs of the graph, converted to its own units, and the size of the frame in patches."""
 
     def __init__(self, g: Nodes, geometry: Geometry) -> None:
         period, channels = geometry.pattern.period, len(geometry.pattern.channels)
@@ -83,12 +86,12 @@ class Inputs:
         self._shot, self._read_variance = g("Div", shot, self.unit), g("Div", read_variance, square)
 
     def variance(self, g: Nodes, luminance: str) -> str:
-        """sigma_z^2 of a panchromatic sample."""
+        """Noise variance sigma_z^2 of a panchromatic sample, codes^2."""
         return g("Add", g("Mul", g("Relu", luminance), self._shot), self._read_variance)
 
 
 def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
-    """The probes of every block, a tensor (n, blocks) per kind; samples as panchromatic codes would show the same light."""
+    """The probes of every block, a tensor (n, blocks) per kind. Colour samples are converted to panchromatic codes."""
     period = geometry.pattern.period
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
     probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])
@@ -103,8 +106,8 @@ def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
 def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str]:
     """Luminance at the colour sites of every block, (sites, blocks), and its mean over the sites, (1, blocks).
 
-    A local mean with a direction: interpolated along rows and along columns, the one that changes less around the block counting
-    more, by the inverse of its squared differences.
+    It is a weighted mean of the interpolations along rows and along columns. The weights are the inverse squared differences around
+    the block, so that the direction with less change counts more.
     """
     rows, columns, *steps, _ = probes
     variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
@@ -120,7 +123,7 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
 
 
 def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
-    """c_j of every block, (C, blocks): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1."""
+    """Chromaticity c_j of every block, (C, blocks): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1."""
     channels = [channel for _, _, channel in geometry.sites]
     counts = [channels.count(channel) for channel in range(inputs.channels)]
 
@@ -138,10 +141,10 @@ def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes
 
 
 def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str, white: str) -> str:
-    """What propagation asks of a block, (2 + C, inner blocks): 1 / luminance, least squared difference, picture per light.
+    """The blocks as propagation needs them, (2 + C, inner blocks): 1 / luminance, least squared difference, picture per light.
 
-    The darker a block is beside its noise, the more its chromaticity is a mean over the 3 x 3 blocks around it, weighted by
-    squared luminance: that is how precise they are.
+    The lower the signal-to-noise ratio of a block, the more its chromaticity becomes the mean of the 3 x 3 blocks around it,
+    weighted by squared luminance, which is their precision.
     """
     variance = inputs.variance(g, luminance)
     light = g("Max", luminance, inputs.floor)
@@ -159,11 +162,11 @@ def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str, white: str
 
 
 def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tuple[list[str], str]:
-    """Luminance of every pixel, holes filled, a tensor (cells, patches) per pixel of a cell; and its mean over each cell."""
+    """Luminance of every pixel, colour sites filled in: (cells, patches) per pixel of a cell; and the mean of each cell."""
     period, across, cell = geometry.pattern.period, geometry.across, geometry.cell
     above, below, left, right = geometry.halo
-    # To planes, while samples are 2 bytes, and by three steps that onnxruntime has fast code for: rows apart, columns apart, and
-    # then whole rows of patches into the order (pixels of a cell, cells). In one step it takes ten times as long.
+    # Space to depth, while samples have 2 bytes, in three steps for which onnxruntime has fast code: separate rows, separate
+    # columns, then bring whole rows of patches into the order (pixels of a cell, cells). One step would take ten times as long.
     codes = g("Unsqueeze", g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1]), [1])
     codes = g("Transpose", g("Reshape", codes, [-1, period, 0]), perm=[1, 0, 2])
     codes = g("Transpose", g("Reshape", codes, [0, 0, -1, period]), perm=[0, 1, 3, 2])
@@ -174,7 +177,7 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
         light = g("Sub", g("Cast", part, to=FLOAT), inputs.black)
         holes = [(site, hole) for site, hole in enumerate(geometry.holes) if hole.pixel == pixel]
         if holes:
-            # Patches have one block less than there are: the inner ones, and one more on each side for `pool`.
+            # A patch at (i, j) has its corners at blocks i + 1 and i + 2, because `pool` needs one more block on each side.
             values = [
                 g("Slice", filled, [site, 1 + hole.down, 1 + hole.right], [site + 1, hole.down - 2, hole.right - 2], [0, 1, 2])
                 for site, hole in holes
@@ -185,7 +188,10 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
 
 
 def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs) -> tuple[list[str], str]:
-    """The same where a cell is a pixel of the picture: the mean of its panchromatic samples, holes left out, (cells, patches)."""
+    """Luminance of every cell if it is one pixel of the picture: the mean of its panchromatic samples, (cells, patches).
+
+    It is returned twice, as pixels and as means over cells, like the result of `pixel_light`.
+    """
     above, below, left, right = geometry.halo
     codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
     image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
@@ -195,9 +201,9 @@ def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs) -> tuple[list[str],
 
 
 def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
-    """Picture per light of every cell, (C, cells, patches): a convex combination of the four blocks at the patch's corners.
+    """Picture per light of every cell, (C, cells, patches): a convex combination of the four blocks at the corners of the patch.
 
-    The weight of a block falls with distance, and with the squared difference between its luminance and the cell's.
+    The weight of a block falls with its distance, and with the squared difference between its luminance and that of the cell.
     """
     place = (np.arange(geometry.across) + 0.5) / geometry.across
     weights, mixed = [], []
@@ -213,10 +219,10 @@ def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
 
 
 def display(g: Nodes, camera: str) -> str:
-    """Camera RGB relative to display white, (C, ...) -> sRGB codes, uint8 (1, 3, all of them), as `ColourTransform` has it."""
+    """Convert camera RGB relative to display white, (C, ...), to sRGB codes, uint8 (1, 3, n), as `ColourTransform` does."""
     clipped = g("Clip", camera, -1.0, 1.0)
     flat = g("Reshape", g("Unsqueeze", clipped, [0]), [1, 0, -1])
-    # C products, added in order by every processor's kernel; and the one multiplication that may be fused with an addition.
+    # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused.
     linear = g("Conv", flat, g("Unsqueeze", contract.MATRIX, [2]), np.full(3, _SHIFT))
     root = g("Sqrt", g("Clip", linear, _SHIFT, 2.0))
     curve = g("Sub", root, g("Div", _BEND, g("Add", root, _KNEE)))
@@ -224,18 +230,18 @@ def display(g: Nodes, camera: str) -> str:
 
 
 def interleave(g: Nodes, geometry: Geometry, inputs: Inputs, planes: list[str], *, linear: bool) -> str:
-    """Planes of the picture, all pixels of it channel by channel, per pixel of a cell -> (rows, columns, channels)."""
+    """Assemble the picture (rows, columns, channels) from its planes, one tensor per pixel of a cell."""
     within, across, channels = geometry.cell // geometry.scale, geometry.across, inputs.channels if linear else 3
     values = g("Concat", *(g("Reshape", each, [channels, across**2, -1]) for each in planes), axis=0)
     values = g.reshape(values, [within, within, channels, across, across, *inputs.patches])
-    # Back, in two steps: whole rows of patches into place, then columns together.
+    # Depth to space in two steps: move whole rows of patches into place, then interleave the columns.
     values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])
     values = g.reshape(values, [-1, within * across * channels, inputs.patches[1]])
     return g("Reshape", g("Transpose", values, perm=[0, 2, 1]), [0, -1, channels])
 
 
 def finish(g: Nodes, geometry: Geometry, picture: str, *, linear: bool) -> onnx.ModelProto:
-    """The model, with what the runtime must know of it."""
+    """The finished model, with the metadata that the runtime needs."""
     channels = len(geometry.pattern.channels)
     inputs: dict[str, tuple[int, Shape]] = {
         contract.MOSAIC: (UINT16, ["rows", "columns"]),

@@ -1,4 +1,4 @@
-"""Writing ONNX by hand, made bearable: nodes and constants of a graph, named and collected. Needs `onnx`, like `device.graph`."""
+"""A small builder of ONNX graphs, which names and collects nodes and constants. Needs `onnx`, like `device.graph`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,11 +11,11 @@ from onnx import TensorProto, helper, numpy_helper
 Operand = str | float | Sequence[int] | NDArray[Any]
 """The name of a tensor, or a constant."""
 Shape = Sequence[int | str]
-"""Of an input or output: sizes, and names of those that vary."""
+"""Shape of an input or output: sizes, and names for those that vary."""
 
 UINT8, UINT16, FLOAT = int(TensorProto.UINT8), int(TensorProto.UINT16), int(TensorProto.FLOAT)
 END = 2**31 - 1
-"""As the end of a slice: to the last."""
+"""The end of a slice that reaches to the last element."""
 
 
 class Nodes:
@@ -26,22 +26,22 @@ class Nodes:
         self._constants: dict[tuple[str, tuple[int, ...], bytes], onnx.TensorProto] = {}
 
     def __call__(self, operator: str, *inputs: Operand, **attributes: int | list[int]) -> str:
-        """One node with one output."""
+        """Append a node with one output."""
         return self._append(operator, inputs, 1, attributes)[0]
 
     def sum(self, terms: Sequence[str]) -> str:
-        """The terms added one after the other, in this order."""
+        """The sum of the terms, added in this order."""
         total = terms[0]
         for term in terms[1:]:
             total = self("Add", total, term)
         return total
 
     def split(self, values: str, sizes: Sequence[int], axis: int) -> list[str]:
-        """Pieces of these sizes along an axis."""
+        """Pieces of `values`, of these sizes, along an axis."""
         return self._append("Split", [values, list(sizes)], len(sizes), {"axis": axis}) if len(sizes) > 1 else [values]
 
     def total(self, values: str, count: int, axis: int) -> str:
-        """The sum over an axis of `count`, in an order of its own (halves upon halves): ReduceSum's is the runtime's choice."""
+        """The sum over an axis of length `count`, added pairwise in a fixed order; that of ReduceSum is up to the runtime."""
         if count == 1:
             return values
         if count % 2:
@@ -50,7 +50,7 @@ class Nodes:
         return self.total(self("Add", *self.split(values, (count // 2, count // 2), axis)), count // 2, axis)
 
     def reshape(self, values: str, shape: Shape) -> str:
-        """To a shape of numbers and of names of one-element tensors."""
+        """Reshape to sizes that are numbers or names of one-element tensors."""
         return self("Reshape", values, self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0))
 
     def finish(
@@ -64,7 +64,15 @@ class Nodes:
         version: str,
         metadata: Mapping[str, str],
     ) -> onnx.ModelProto:
-        """The model, checked. inputs: type and shape by name; output: the result it is, its name, type and shape."""
+        """The finished model, checked by onnx.
+
+        name: name of the graph.
+        inputs: (type, shape) of each input, by name.
+        output: name of the result that is the output, name of the output, (type, shape).
+        opset, ir_version: versions of ONNX.
+        version: producer version.
+        metadata: strings to store in the model.
+        """
         result, shown, kind = output
         self._nodes.append(helper.make_node("Identity", [result], [shown], shown))
         graph = helper.make_graph(
@@ -90,7 +98,7 @@ class Nodes:
         return results
 
     def _constant(self, value: Operand) -> str:
-        """A tensor of its own, once: float32 for floats, int64 (indices and shapes) for integers, uint8 as it is."""
+        """Name of a constant tensor, stored once: float32 for floats, int64 (indices and shapes) for integers, uint8 unchanged."""
         array = np.asarray(value)
         array = array.astype({"f": np.float32, "i": np.int64, "u": np.uint8}[array.dtype.kind])
         key = array.dtype.str, array.shape, array.tobytes()

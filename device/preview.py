@@ -1,11 +1,10 @@
-"""Run a preview graph over a mosaic, in strips of rows: whole pictures do not fit a processor's cache, strips do."""
+"""Running a preview graph on a mosaic, in strips of rows, which fit into the cache of the processor."""
 
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -24,18 +23,28 @@ from . import contract
 from .border import ExtendedFrame
 
 _STRIP_PIXELS = 1 << 17
-"""Of the sensor, at a time, for a full-resolution picture; of a smaller one twice as many. Their planes fit 2 MB of cache."""
+"""Sensor pixels per strip at full resolution; twice as many for smaller pictures. Their planes fit into 2 MB of cache."""
 
 _DAMAGED = "it is damaged; write it again: panchroma export-preview"
-_LARGEST_GRAPH = 8 << 20  # bytes; ours have some twenty thousand
+_LARGEST_GRAPH = 8 << 20  # bytes; our graphs have about twenty thousand
 
 
 class Preview:
-    """A preview graph, ready to run on any number of mosaics of its pattern, of any size and origin.
+    """A preview graph, loaded once, for any number of mosaics of its pattern, of any size and origin.
 
-    model: the path of a graph (`panchroma export-preview` writes one), or its bytes.
-    threads: strips worked on at a time; None: as many as this process may use processors.
-    Raises InputError when the model cannot be read or is of another version of the contract.
+    model: path of a graph (`panchroma export-preview` writes one), or its bytes.
+    threads: number of strips that are processed at a time; None = the number of processors that this process may use.
+    Raises InputError when the model cannot be read, or has another version of the contract.
+
+    >>> import numpy as np
+    >>> from device import Preview
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> pattern = CfaPattern.bayer(6)
+    >>> white = np.where(pattern.panchromatic_mask((120, 180)), 3.0, 1.0)  # a white surface, scene units
+    >>> mosaic = Mosaic(white, pattern, SensorCalibration.of_bits(12))
+    >>> picture = Preview.for_mosaic(mosaic, scale=3).run(mosaic)
+    >>> picture.shape, picture[20, 30].tolist()
+    ((40, 60, 3), [255, 255, 255])
     """
 
     def __init__(self, model: Path | str | bytes, threads: int | None = None) -> None:
@@ -52,18 +61,22 @@ class Preview:
 
     @classmethod
     def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
-        """The preview for mosaics of this one's pattern: a graph that came with the package, or one built now if `onnx` is there.
+        """The preview for all mosaics of a pattern: a graph from the package, or one built now if `onnx` is installed.
 
-        scale: sensor pixels per picture pixel, each way: a divisor of the period. linear: scene units instead of a picture for a
-        screen. Raises InputError when there is no such graph.
+        mosaic: any mosaic with the pattern.
+        scale: sensor pixels per picture pixel, each way; a divisor of the period.
+        linear: scene units instead of a picture for a screen.
+        threads: number of strips that are processed at a time; None = the number of processors that this process may use.
+        Raises InputError when there is no such graph.
         """
         return cls(find_model(mosaic.pattern, scale, linear=linear), threads)
 
     def run(self, mosaic: Mosaic) -> ByteArray | FloatArray:
-        """The picture, turned like the samples: uint8 sRGB (h, w, 3), or float32 scene units (h, w, C) of a linear graph.
+        """The picture of a mosaic: uint8 sRGB (h, w, 3), or float32 scene units (h, w, C) of a linear graph.
 
-        h = H // scale, w = W // scale (at least 1). Channels whose colours nobody knows are shown in grey. Raises InputError for a
-        mosaic of another pattern.
+        h = H // scale, w = W // scale (at least 1), in the orientation of the samples. Channels of unknown colours are shown in
+        grey.
+        Raises InputError for a mosaic of another pattern.
         """
         pattern, description = mosaic.pattern, self.description
         description.check(pattern)
@@ -85,26 +98,15 @@ class Preview:
             frame.copy_rows(rows.first + patches.start * pattern.period - above, codes)
             strip = self._strip(codes, inputs)
             if strip.dtype != picture.dtype or strip.shape != (count // description.scale, *strip_size):
-                raise InputError(f"the preview graph makes {strip.dtype} {strip.shape} of a strip: {_DAMAGED}")
+                raise InputError(f"the preview graph returns {strip.dtype} {strip.shape} for a strip: {_DAMAGED}")
             begin = patches.start * pattern.period // description.scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
             target[:] = strip[first : first + len(target), columns.skip : columns.skip + columns.size]
 
         most = _STRIP_PIXELS * min(description.scale, 2) // (width * pattern.period)
-        strips = _strips(rows.patches, max(1, most))
-        turn = Lock()
-
-        def work(_: int) -> None:
-            while True:
-                with turn:
-                    patches = next(strips, None)
-                if patches is None:
-                    return
-                develop(patches)
-
-        for _ in self._pool.map(work, range(self._threads)):
-            pass  # an error in a thread comes up here
+        for _ in self._pool.map(develop, _strips(rows.patches, max(1, most))):
+            pass  # raises an error of a strip
         return picture
 
     def _strip(self, codes: CodeArray, inputs: dict[str, NDArray[Any]]) -> NDArray[Any]:
@@ -117,7 +119,7 @@ class Preview:
         return np.asarray(strip)
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
-        """All inputs but the mosaic."""
+        """All inputs of the graph except the mosaic."""
         noise = calibration.noise
         inputs: dict[str, Any] = {
             contract.BLACK: calibration.black_level,
@@ -134,8 +136,12 @@ class Preview:
 class _Axis:
     """Patches and picture pixels along one axis of a frame.
 
-    first: sensor pixel at which the first patch begins, 0 or less; patches: how many; skip: picture pixels of the patches before
-    the picture's first, which is the cell around the middle of the frame's first `scale` pixels; size: picture pixels.
+    first: sensor pixel at which the first patch begins, 0 or less.
+    patches: number of patches.
+    skip: picture pixels of the patches before the first pixel of the picture, which is the cell around the middle of the first
+        `scale` pixels of the frame.
+    size: number of picture pixels.
+    period: K.
     """
 
     first: int
@@ -152,14 +158,17 @@ class _Axis:
         return cls(first, -(-(skip + pixels) * scale // period), skip, pixels, period)
 
     def span(self, before: int, after: int) -> tuple[int, int]:
-        """Sensor pixels from `before` the patches to `after` them."""
+        """(first, last + 1) sensor pixel of the patches, extended by `before` and `after` pixels."""
         return self.first - before, self.first + self.patches * self.period + after
 
 
 def find_model(pattern: CfaPattern, scale: int, *, linear: bool) -> Path | bytes:
-    """The graph for a pattern: the file of one that came with the package, or the bytes of one built now, which needs `onnx`.
+    """The graph for a pattern: the path of one in the package, or the bytes of one built now, which needs `onnx`.
 
-    Raises InputError when there is neither, or the pattern has no such scale.
+    pattern: the filter pattern.
+    scale: sensor pixels per picture pixel, each way.
+    linear: scene units instead of a picture for a screen.
+    Raises InputError when there is no such graph in the package and `onnx` is not installed, or when the pattern has no such scale.
     """
     path = Path(__file__).parent / "models" / contract.file_name(pattern, scale, linear=linear)
     if path.exists():
@@ -168,31 +177,31 @@ def find_model(pattern: CfaPattern, scale: int, *, linear: bool) -> Path | bytes
         from .graph import build_preview
     except ImportError:
         raise InputError(
-            f"no preview graph {path.name} came with this program, for the pattern {contract.tile_name(pattern)}; where onnx is "
-            "installed, panchroma export-preview writes it"
+            f"this program has no preview graph {path.name} for the pattern {contract.tile_name(pattern)}; "
+            "panchroma export-preview writes it on a machine with onnx"
         ) from None
     graph: bytes = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
     return graph
 
 
 def _session(model: Path | str | bytes) -> Any:
-    """An onnxruntime session that computes in the calling thread."""
+    """An onnxruntime session for the graph, which computes in the calling thread."""
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1  # strips run side by side instead
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # strips run in parallel instead
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 4  # errors are raised too
+    options.log_severity_level = 4  # errors are raised anyway
     name = "the preview graph" if isinstance(model, bytes) else str(model)
     try:
         data = model if isinstance(model, bytes) else read_whole(model, _LARGEST_GRAPH, "a preview graph")
         return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    except Exception as error:  # onnxruntime has a class of its own for each of its error codes, with no common base
+    except Exception as error:  # each error code of onnxruntime has its own class, without a common base
         raise InputError(f"{name}: is not a graph that onnxruntime can run ({error})") from error
 
 
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Display white, and the matrix from camera RGB relative to it to linear sRGB; without known colours, to grey."""
+    """Display white, and the matrix from camera RGB relative to it to linear sRGB; to grey if the colours are unknown."""
     try:
         transform = ColourTransform.to_space(calibration)
     except InputError:
@@ -202,7 +211,7 @@ def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]
 
 
 def _strips(patches: int, most: int) -> Iterator[range]:
-    """Patch rows in pieces of nearly equal length."""
+    """Divide the rows of patches into ranges of at most `most`, of nearly equal length."""
     count = -(-patches // most)
     edges = [patches * number // count for number in range(count + 1)]
     return map(range, edges[:-1], edges[1:])

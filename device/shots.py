@@ -1,4 +1,4 @@
-"""The folder of a camera's shots: a name for each that no other has, and a link to the latest."""
+"""The folder of a camera's shots: unique file names, and a link to the latest shot."""
 
 import errno
 import os
@@ -16,36 +16,43 @@ _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})\.dng")
 
 
 class ShotFolder:
-    """Saves shots as TIME-COUNTER.dng, durably and never over another file.
+    """Saves shots as TIME-COUNTER.dng, durably, and never over another file.
 
-    TIME is UTC, to the millisecond; COUNTER goes on where the folder's highest ended, so that the order of the shots is known and
-    no name comes twice even where a clock is wrong: many a camera has none that runs while it is off.
-    latest: a symbolic link that always leads to a whole file, the last one saved; None = no such link.
-    Raises InputError when `latest` is something else than a link, OutputError when the folder cannot be looked into.
+    TIME is UTC to the millisecond. COUNTER continues from the highest one in the folder, so that names are unique and the order of
+    the shots is known even if the clock is wrong: many cameras have no clock that runs while they are off.
+
+    folder: an existing folder.
+    latest: a symbolic link that always points to a whole file, the one saved last; None = no link.
+    Raises InputError when `latest` exists and is not a link, OutputError when the folder cannot be listed.
     """
 
     def __init__(self, folder: Path, latest: Path | None = None) -> None:
         self._folder = folder
         self._latest = latest
         if latest is not None and not latest.is_symlink() and latest.exists():
-            raise InputError(f"{latest}: is there and is no link; name another place for the link to the latest shot")
+            raise InputError(f"{latest}: exists and is no link; choose another name for the link to the latest shot")
         if latest is not None:
             sweep(latest.parent)
         try:
             names = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
         except OSError as error:
-            raise OutputError(f"{folder}: cannot be looked into ({error.strerror or error})") from None
+            raise OutputError(f"{folder}: cannot be listed ({error.strerror or error})") from None
         self._counter = count(1 + max((int(name[1]) for name in names if name), default=0))
 
     def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
-        """Write the mosaic with its preview picture and return the file; `taken` is UTC. Raises OutputError, leaving no part."""
+        """Write a mosaic as a DNG and return its path. Raises OutputError when that fails; no partial file is left.
+
+        mosaic: the shot.
+        picture: its preview, uint8 sRGB (h, w, 3).
+        taken: time of the shot, with time zone.
+        """
         while True:
             time = taken.astimezone(UTC)
             path = self._folder / f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}.dng"
             try:
                 write_dng(path, mosaic, picture)
             except OutputError as error:
-                if isinstance(error.__cause__, FileExistsError):  # another camera's, in the same folder
+                if isinstance(error.__cause__, FileExistsError):  # of another camera that saves in the same folder
                     continue
                 raise
             break
@@ -55,7 +62,7 @@ class ShotFolder:
 
 
 def _point(link: Path, path: Path) -> None:
-    """Make `link` lead to `path`, at once: there is no moment without a link, or with a broken one."""
+    """Point `link` to `path` atomically: at no moment is the link missing or broken."""
     part = part_path(link)
     try:
         try:
@@ -68,5 +75,5 @@ def _point(link: Path, path: Path) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         if error.errno in (errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP):
-            reason = "this file system has no symbolic links; leave the link out, or put it elsewhere"
+            reason = "this file system has no symbolic links; omit the link, or put it elsewhere"
         raise OutputError(f"{link}: the link to the latest shot cannot be made: {reason}") from error

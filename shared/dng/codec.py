@@ -100,7 +100,7 @@ def _check_preview(jpeg: bytes) -> None:
 
 def _check_digest(dng: DngReader, samples: CodeArray) -> None:
     if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST) != raw_digest(samples):
-        raise damaged("the samples are not those that were written (NewRawImageDigest)")
+        raise damaged("the samples differ from those that were written (NewRawImageDigest)")
 
 
 def decode_preview(data: bytes | IO[bytes]) -> bytes:

@@ -145,7 +145,7 @@ def test_a_folder_that_goes_away_ends_it(tmp_path: Path) -> None:
     watch.take(1)
     (folder / "frame.raw").unlink()
     folder.rmdir()
-    with pytest.raises(InputError, match="frames: cannot be looked into"):
+    with pytest.raises(InputError, match="frames: cannot be listed"):
         watch.rest()
 
 

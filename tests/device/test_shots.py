@@ -105,7 +105,7 @@ def test_a_file_system_without_links_is_named(tmp_path: Path, monkeypatch: pytes
 def test_what_is_no_link_is_not_replaced(tmp_path: Path, make: object) -> None:
     link = tmp_path / "latest.dng"
     link.touch() if make is Path.touch else link.mkdir()
-    with pytest.raises(InputError, match="is there and is no link"):
+    with pytest.raises(InputError, match="exists and is no link"):
         ShotFolder(tmp_path, link)
 
 

@@ -273,7 +273,7 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
         (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),
         (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: there is no such file"),
         (["builtin:64x48@9", "--graph", "missing.onnx"], "missing.onnx: there is no such file"),
-        (["builtin:64x48@9", "--latest", "."], "is there and is no link"),
+        (["builtin:64x48@9", "--latest", "."], "exists and is no link"),
         ([".", "--width", "64", "--height", "48", "--format", "raw14"], "'raw14' is unknown"),
         ([".", "--width", "64", "--height", "48", "--format", "raw12", "--stride", "7"], "the stride is 7 bytes"),
         ([".", "--width", "64", "--height", "48", "--format", "raw12", "--bits", "10"], "of 10 bits, raw12 has 12"),
