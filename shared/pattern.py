@@ -164,17 +164,12 @@ class CfaPattern:
         for axis, name in ((1, "row"), (0, "column")):
             if self._occupied(axis).all():
                 raise InputError(f"pattern: no panchromatic {name} between the blocks: the colour sites must form one small block")
-        reached = {tuple(np.argwhere(self._colour)[0].tolist())}
-        front = list(reached)
-        while front:
-            row, column = front.pop()
-            for neighbour in (
-                ((row + down) % self.period, (column + right) % self.period) for down in (-1, 0, 1) for right in (-1, 0, 1)
-            ):
-                if self._colour[neighbour] and neighbour not in reached:
-                    reached.add(neighbour)
-                    front.append(neighbour)
-        if len(reached) != int(self._colour.sum()):
+        reached = np.zeros_like(self._colour)
+        reached[tuple(np.argwhere(self._colour)[0])] = True
+        for _ in range(int(self._colour.sum())):  # each step reaches the neighbours, also across the edge of the tile
+            around = [np.roll(reached, (down, right), (0, 1)) for down in (-1, 0, 1) for right in (-1, 0, 1)]
+            reached = self._colour & np.logical_or.reduce(around)
+        if (reached != self._colour).any():
             raise InputError("pattern: the tile has more than one block of colour sites; give the smallest tile that repeats")
 
 

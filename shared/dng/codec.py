@@ -82,7 +82,7 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
     """
     with opened(data) as dng:
         rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
-        if rendered and dng.planes() == PICTURE_PLANES:
+        if rendered and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples = dng.samples(max_pixels, PICTURE_PLANES)
             _check_digest(dng, samples)
         else:

@@ -95,10 +95,6 @@ class DngReader:
                 return page
         raise damaged("the file has no raw picture")
 
-    def planes(self) -> int:
-        """Number of raw samples per pixel."""
-        return int(self.raw().samplesperpixel)
-
     def cfa(self) -> tuple[tuple[int, ...], ...] | None:
         """The CFA codes of one period, row by row; None if the mosaic is stored as a grey picture (LinearRaw)."""
         page = self.raw()
