@@ -73,8 +73,8 @@ def _speeds(material: "Material", rounds: int, threads: int, console: Console) -
     """Everything in turns, on one frame."""
     from offline import render, render_bands
     from shared.dng import decode_dng, encode_dng
-    from tools.evaluation.speed.peers import PEERS, limit_threads
     from tools.evaluation.speed.presets import presets
+    from tools.evaluation.speed.rivals import PEERS, limit_threads
     from tools.evaluation.speed.rounds import StageClock, Timing, alternate
     from tools.evaluation.speed.tables import speed_lines
     from tools.host.compilation import telling_compilation

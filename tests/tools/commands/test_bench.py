@@ -9,8 +9,8 @@ import pytest
 from offline import PAPER, RenderSettings, threads, use_threads
 from tests.tools.command import run
 from tools.commands import bench
-from tools.evaluation.speed import peers, presets
-from tools.evaluation.speed.peers import PEERS
+from tools.evaluation.speed import presets, rivals
+from tools.evaluation.speed.rivals import PEERS
 
 TINY = ("bench", "--megapixels", "0.005", "--rounds", "2", "--frames", "2")
 OURS = ["paper", "paper, band by band", "DNG, writing", "DNG, reading"]
@@ -19,7 +19,7 @@ OURS = ["paper", "paper, band by band", "DNG, writing", "DNG, reading"]
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Without other programs, and without the preview's processes."""
-    monkeypatch.setattr(peers, "find_spec", lambda _: None)
+    monkeypatch.setattr(rivals, "find_spec", lambda _: None)
     monkeypatch.setattr(bench, "_preview", lambda *_: {})
     before = threads()
     yield

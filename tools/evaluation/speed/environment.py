@@ -9,7 +9,7 @@ from tools.host.memory import available_memory
 from tools.host.processors import processors
 from tools.host.versions import package_version, program_version
 
-from .peers import PEERS
+from .rivals import PEERS
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "imagecodecs", "onnxruntime")
 
