@@ -73,7 +73,7 @@ def _speeds(material: "Material", rounds: int, threads: int, console: Console) -
     """Everything in turns, on one frame."""
     from offline import render, render_bands
     from shared.dng import decode_dng, encode_dng
-    from tools.evaluation.speed.presets import presets
+    from tools.evaluation.presets import presets
     from tools.evaluation.speed.rivals import PEERS, limit_threads
     from tools.evaluation.speed.rounds import StageClock, Timing, alternate
     from tools.evaluation.speed.tables import speed_lines
@@ -135,8 +135,8 @@ def _preview(material: "Material", frames: int, threads: int, console: Console) 
 
 def _scaling(sizes: "list[Material]", threads: int, console: Console) -> dict[str, Any]:
     """How time and memory grow."""
+    from tools.evaluation.presets import presets
     from tools.evaluation.speed.files import measure_files
-    from tools.evaluation.speed.presets import presets
     from tools.evaluation.speed.tables import scaling_lines
 
     def measured(preset: str, progress: StageProgress) -> "list[FileTiming]":

@@ -9,7 +9,8 @@ import pytest
 from offline import PAPER, RenderSettings, threads, use_threads
 from tests.tools.command import run
 from tools.commands import bench
-from tools.evaluation.speed import presets, rivals
+from tools.evaluation import presets
+from tools.evaluation.speed import rivals
 from tools.evaluation.speed.rivals import PEERS
 
 TINY = ("bench", "--megapixels", "0.005", "--rounds", "2", "--frames", "2")

@@ -57,7 +57,7 @@ def _measure(shot: str, preset: str, threads: int) -> FileTiming:
     from tools.pictures.band_writer import write_picture_bands
     from tools.pictures.writer import PictureKind
 
-    from .presets import presets
+    from ..presets import presets
 
     use_threads(threads)
     settings = presets()[preset]
