@@ -1,8 +1,12 @@
-"""The presets of the renderer, each once."""
+"""The presets of the off-camera renderer, by name."""
 
-from offline import BEST, PAPER, RenderSettings
+from offline import BEST, PAPER, RenderSettings, render
+from shared import Mosaic
+from shared.arrays import FloatArray
+
+PRESETS = {"paper": PAPER, "best": BEST}
 
 
-def presets() -> dict[str, RenderSettings]:
-    """By name; `best` only where it differs from `paper`."""
-    return {"paper": PAPER} if BEST == PAPER else {"paper": PAPER, "best": BEST}
+def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """Picture of a shot by the off-camera renderer, float32 (H, W, 3), scene units of the shot."""
+    return render(mosaic, settings).rgb

@@ -3,7 +3,7 @@ import pytest
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, rising, window_origins
+from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
 from tools.evaluation.metrics import BORDER, CAP, patch_psnr, quality
 from tools.evaluation.ssim import ssim
 
@@ -85,9 +85,3 @@ def test_ssim_of_equal_pictures_is_one_and_needs_a_window() -> None:
         ssim(a, b, border=5)
     with pytest.raises(InputError, match="shape"):
         ssim(a, b[:-1])
-
-
-def test_rising() -> None:
-    assert rising([1, 1, 2], 0.05)
-    assert rising([1, 0.97, 2], 0.05)
-    assert not rising([1, 0.9, 2], 0.05)

@@ -1,4 +1,4 @@
-"""What others make of a Bayer mosaic of the same size: only their own work is timed, not the bringing of their input."""
+"""Rivals timed on a Bayer mosaic of the same size; preparing their input is not timed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +10,15 @@ from ..rivals.packages import demosaic_malvar, demosaic_menon, edge_aware
 from .material import Material
 from .rounds import Work
 
-_LIBRAW = ("AHD", "DCB", "AAHD", "PPG")
-
 
 @dataclass(frozen=True)
-class Peer:
-    """One rival: its name, the module it needs and its distribution, and what it does with a frame."""
+class TimedRival:
+    """One rival.
+
+    name: for people.
+    module, distribution: what it needs.
+    prepare: brings a frame into the form that it takes, and returns the work to be timed.
+    """
 
     name: str
     module: str
@@ -24,36 +27,26 @@ class Peer:
 
     @property
     def installed(self) -> bool:
-        """Whether its package is."""
+        """Whether its package is installed."""
         return find_spec(self.module) is not None
 
 
-def _menon(material: Material) -> Work:
-    return partial(demosaic_menon, material.bayer)
+def _libraw(algorithm: str) -> TimedRival:
+    return TimedRival(f"LibRaw, {algorithm}", "rawpy", "rawpy", lambda frame: partial(develop, frame.bayer_dng, algorithm))
 
 
-def _malvar(material: Material) -> Work:
-    return partial(demosaic_malvar, material.bayer)
-
-
-def _libraw(algorithm: str, material: Material) -> Work:
-    return partial(develop, material.bayer_dng, algorithm)
-
-
-def _opencv(material: Material) -> Work:
-    return partial(edge_aware, material.bayer_codes, "RGGB")
-
-
-PEERS = (
-    Peer("colour-demosaicing, Menon 2007", "colour_demosaicing", "colour-demosaicing", _menon),
-    Peer("colour-demosaicing, Malvar 2004", "colour_demosaicing", "colour-demosaicing", _malvar),
-    *(Peer(f"LibRaw, {name}", "rawpy", "rawpy", partial(_libraw, name.lower())) for name in _LIBRAW),
-    Peer("OpenCV, edge-aware", "cv2", "opencv-contrib-python-headless", _opencv),
+_COLOUR = "colour_demosaicing", "colour-demosaicing"
+_OPENCV = "cv2", "opencv-contrib-python-headless"
+RIVALS = (
+    TimedRival("colour-demosaicing, Menon 2007", *_COLOUR, lambda frame: partial(demosaic_menon, frame.bayer)),
+    TimedRival("colour-demosaicing, Malvar 2004", *_COLOUR, lambda frame: partial(demosaic_malvar, frame.bayer)),
+    *map(_libraw, ("AHD", "DCB", "AAHD", "PPG")),
+    TimedRival("OpenCV, edge-aware", *_OPENCV, lambda frame: partial(edge_aware, frame.bayer_codes, "RGGB")),
 )
 
 
 def limit_threads(count: int) -> None:
-    """Let OpenCV use so many threads; LibRaw is told by OMP_NUM_THREADS, before it is loaded."""
+    """Let OpenCV use `count` threads. LibRaw reads OMP_NUM_THREADS instead, when it is loaded."""
     if find_spec("cv2") is not None:
         import cv2
 
