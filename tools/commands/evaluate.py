@@ -8,13 +8,14 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from shared.errors import InputError, OutputError
+from shared.errors import InputError
 from shared.pattern import PERIODS
+from shared.writing import write_durably
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
 from tools.host.console import Console
 from tools.host.countdown import duration
-from tools.host.jobs import FAILED, output_folder
+from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 from tools.host.versions import program_version
@@ -66,16 +67,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
-    from tools.evaluation.report import write_report, write_tables
+    from tools.evaluation.page.gallery import render_gallery
+    from tools.evaluation.page.page import build_page
     from tools.evaluation.study import collect, tasks
+    from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
 
     folder = output_folder(arguments.output)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.report or name != _PAGE]
     if not (arguments.overwrite or arguments.dry_run):
-        for path in outputs:
-            if path.exists():
-                raise OutputError(f"{path}: exists already; use --overwrite to replace it; the results behind it are kept")
+        refuse_existing(outputs)
     team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
     todo, there = tasks(study, folder.absolute() if _elsewhere(arguments) else folder)
@@ -88,9 +89,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not figures.scenes:
         raise InputError("nothing could be measured; the lines above say why")
     program = f"panchroma {program_version()}"
-    write_tables(figures, program, failures, folder / _JSON, folder / _CSV, overwrite=arguments.overwrite)
+    write_durably(folder / _JSON, encode_json(figures, program, failures), overwrite=arguments.overwrite)
+    write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.report:
-        write_report(figures, program, failures, folder / _PAGE, team, overwrite=arguments.overwrite)
+        page = build_page(figures, render_gallery(figures, team), program, failures)
+        write_durably(folder / _PAGE, page.encode(), overwrite=arguments.overwrite)
     console.say(plain_text(figures))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:

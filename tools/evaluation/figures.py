@@ -60,6 +60,7 @@ class Claim:
 
 
 Find = Callable[[str], Figure | None]  # the figure of a method
+_Key = tuple[str, float, str, int]  # set or scene, level, method, period
 
 
 class Figures:
@@ -68,38 +69,37 @@ class Figures:
     def __init__(self, study: Study, results: dict[Cell, Measures]) -> None:
         self.study = study
         self.results = results
-        self.scenes = [_figure(cell, measures) for cell, measures in results.items()]
-        self.groups = [group for group in SETS if any(figure.group == group for figure in self.scenes)]
-        self._by_scene = {(f.scene, f.level, f.method, f.period): f for f in self.scenes}
+        present = {cell.scene.group for cell in results}
+        self.groups = [group for group in SETS if group in present]
+        self.scenes = {
+            (cell.scene.name, cell.level, cell.method, cell.period): Figure(
+                cell.scene.group, cell.scene.name, cell.level, cell.method, cell.period, each.quality, each.psnr, each.ssim, 1
+            )
+            for cell, each in results.items()
+        }
 
     @cached_property
-    def pools(self) -> list[Figure]:
+    def pools(self) -> dict[_Key, Figure]:
         """Pooled figures by set, level, method and period; only where every scene of the set has a result."""
-        found = []
-        for group in self.groups:
-            count = len(self.scene_names(group))
-            parts: dict[tuple[float, str, int], list[Measures]] = {}
-            for cell, measures in self.results.items():
-                if cell.scene.group == group:
-                    parts.setdefault((cell.level, cell.method, cell.period), []).append(measures)
-            for (level, method, period), each in parts.items():
-                if len(each) == count:
-                    quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
-                    psnr, ssim = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim"))
-                    found.append(Figure(group, None, level, method, period, quality, psnr, ssim, count))
+        parts: dict[_Key, list[Measures]] = {}
+        for cell, measures in self.results.items():
+            parts.setdefault((cell.scene.group, cell.level, cell.method, cell.period), []).append(measures)
+        found = {}
+        for key in sorted(parts, key=lambda key: self.groups.index(key[0])):
+            each = parts[key]
+            if len(each) == len(self.scene_names(key[0])):
+                quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
+                psnr, ssim = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim"))
+                found[key] = Figure(key[0], None, *key[1:], quality, psnr, ssim, len(each))
         return found
-
-    @cached_property
-    def _by_pool(self) -> dict[tuple[str, float, str, int], Figure]:
-        return {(f.group, f.level, f.method, f.period): f for f in self.pools}
 
     def pooled(self, group: str, level: float, method: str, period: int | None = None) -> Figure | None:
         """The pooled figure of one set of scenes; None if there is none. period: of the sparse sensor, by default the study's."""
-        return self._by_pool.get((group, level, method, self._period(method, period)))
+        return self.pools.get((group, level, method, self._period(method, period)))
 
     def of_scene(self, scene: str, level: float, method: str, period: int | None = None) -> Figure | None:
         """The figure of one scene; None if there is none. period: of the sparse sensor, by default the study's."""
-        return self._by_scene.get((scene, level, method, self._period(method, period)))
+        return self.scenes.get((scene, level, method, self._period(method, period)))
 
     def _period(self, method: str, period: int | None) -> int:
         return (period or self.study.period) if methods()[method].ours else 0
@@ -229,8 +229,3 @@ def _lead(find: Find, own: str, rival: str) -> list[float] | None:
 def _rising(values: Iterable[float]) -> bool:
     """Whether each value is above the one before, or less than EVEN below."""
     return all(after > before - EVEN for before, after in pairwise(values))
-
-
-def _figure(cell: Cell, measures: Measures) -> Figure:
-    scene = cell.scene
-    return Figure(scene.group, scene.name, cell.level, cell.method, cell.period, measures.quality, measures.psnr, measures.ssim, 1)

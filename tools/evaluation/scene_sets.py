@@ -74,7 +74,7 @@ class Reading:
     def scene(self, source: str) -> Scene:
         """Load a scene and cut it. Raises InputError, without the name of the source, if it cannot be read or is too small."""
         scene, rgb = _loaded(source, self)
-        return Scene(rgb, scene.name, scene.camera_to_xyz, scene.neutral, scene.metadata, scene.notes)
+        return replace(scene, rgb=rgb)
 
     def truth(self, source: str) -> FloatArray:
         """Light of the scene after cutting, float32 (H, W, 3), read-only. Raises InputError as `scene` does."""

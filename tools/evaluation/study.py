@@ -160,11 +160,5 @@ def _cameras(scene: SceneInfo, level: float, period: int, protocol: Protocol, re
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
     """All results that are there, in the order of the report."""
     cache = Cache(folder / FOLDER)
-    known: dict[str, Measures] = {}
-    results = {}
-    for cell in study.cells():
-        measures = known.get(cell.name) or cache.get(cell.name)
-        if measures is not None:
-            known[cell.name] = measures
-            results[cell] = measures
-    return results
+    found = ((cell, cache.get(cell.name)) for cell in study.cells())
+    return {cell: measures for cell, measures in found if measures is not None}

@@ -17,7 +17,7 @@ _POOLED = "all scenes"
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
     """One flat object per figure, pools (scene null) before scenes; quantiles in dB are PLANE_q25, PLANE_q50, PLANE_q75."""
-    return [_row(figure) for figure in (*figures.pools, *figures.scenes)]
+    return [_row(figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
 
 
 def encode_csv(figures: Figures) -> bytes:

@@ -17,7 +17,7 @@ def pair(rows: int = 60, columns: int = 70, seed: int = 0) -> tuple[FloatArray, 
 
 
 def test_pooled_quantiles_are_those_of_all_patches() -> None:
-    """Of frames of different size: every patch counts once."""
+    """Frames differ in size: every patch counts once."""
     maps = [patch_psnr(*pair(rows, columns, seed)) for rows, columns, seed in ((60, 70, 0), (44, 41, 1), (90, 50, 2))]
     for plane in range(len(PLANES)):
         found = Histogram.pooled([Histogram.of(each[plane]) for each in maps]).quantiles()

@@ -70,14 +70,14 @@ def test_a_new_method_a_new_level_a_new_period_add_only_themselves(tmp_path: Pat
     assert added(scenes=study.scenes[::-1]) == []
 
 
-def test_another_picture_under_the_same_name_is_measured_anew(tmp_path: Path) -> None:
+def test_another_picture_under_the_same_name_is_measured_again(tmp_path: Path) -> None:
     measured(study_of(tmp_path), tmp_path)
     np.save(tmp_path / "scene1.npy", small_scene(78, 102, 9))
     todo, there = tasks(study_of(tmp_path), tmp_path)
     assert (len(todo), there) == (6, 6)
 
 
-def test_changed_code_is_measured_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_changed_code_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = study_of(tmp_path)
     measured(study, tmp_path)
 

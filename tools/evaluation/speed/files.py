@@ -52,10 +52,11 @@ def _measure(shot: Path, preset: str, threads: int) -> FileTiming:
     kind = PictureKind.of("tif")
 
     def run(mosaic: Mosaic) -> float:
-        clock = _Clock(render_bands(mosaic, PRESETS[preset]))
+        seconds: list[float] = []
+        bands = _timed(render_bands(mosaic, PRESETS[preset]), seconds)
         calibration, metadata, picture = mosaic.calibration, mosaic.metadata, shot.with_suffix(".tif")
-        write_picture_bands(picture, clock, mosaic.shape, kind, calibration=calibration, metadata=metadata, overwrite=True)
-        return clock.seconds
+        write_picture_bands(picture, bands, mosaic.shape, kind, calibration=calibration, metadata=metadata, overwrite=True)
+        return sum(seconds)
 
     mosaic = read_dng(shot)
     pixels = mosaic.samples.size
@@ -72,18 +73,11 @@ def _measure(shot: Path, preset: str, threads: int) -> FileTiming:
     return FileTiming(pixels, statistics.median(rendering), statistics.median(whole), peak_memory())
 
 
-class _Clock:
-    """Passes bands on, and adds up the seconds that they took to make."""
-
-    def __init__(self, bands: Iterator[FloatArray]) -> None:
-        self._bands = bands
-        self.seconds = 0.0
-
-    def __iter__(self) -> Iterator[FloatArray]:
-        while True:
-            start = time.perf_counter()
-            band = next(self._bands, None)
-            self.seconds += time.perf_counter() - start
-            if band is None:
-                return
-            yield band
+def _timed(bands: Iterator[FloatArray], seconds: list[float]) -> Iterator[FloatArray]:
+    """Pass bands on; what each took to make is added to `seconds`."""
+    start = time.perf_counter()
+    for band in bands:
+        seconds.append(time.perf_counter() - start)
+        yield band
+        start = time.perf_counter()
+    seconds.append(time.perf_counter() - start)
