@@ -16,7 +16,8 @@ from offline import BEST, PAPER, render
 from offline.luminance import recover_luminance
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.evaluation.methods import methods, render_bayer
+from tools.evaluation.cameras import CameraPair
+from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, PATCH, quality
 from tools.evaluation.protocol import Protocol, cut
 from tools.scenes.load import load_scene
@@ -32,7 +33,7 @@ def rivals(rgb: FloatArray, sigma: float) -> Figures:
     name = "bm3d+menon" if sigma else "menon"
     method = methods()[name]
     if method.missing is None:
-        found["rival"] = quality(render_bayer(method, PROTOCOL.bayer_shot(rgb, sigma), None), rgb).rgb[:2]
+        found["rival"] = quality(method.render(CameraPair(PROTOCOL, sigma, rgb, PERIOD, None)), rgb).rgb[:2]
     if sigma and method.missing is None:
         import bm3d
 

@@ -18,7 +18,8 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tests.data import DATA, ROOT
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
+from tools.evaluation.rivals.bayer import bayer_mosaic
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.load import load_scene
 

@@ -20,7 +20,8 @@ from shared.errors import InputError, OutputError
 from shared.sensor import simulate_additive
 from shared.writing import write_durably
 from tools.evaluation.metrics import Quality, quality
-from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
+from tools.evaluation.rivals.bayer import bayer_mosaic
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.compilation import telling_compilation
 from tools.host.console import Console
 from tools.host.jobs import Job, output_folder, run_jobs

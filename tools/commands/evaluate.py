@@ -1,20 +1,21 @@
 """Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera, and compare the renderings.
 
-Writes evaluation.html (one page, no network needed), evaluation.json and evaluation.csv. Results are kept in DIR/results as they
-come: an interrupted run goes on where it stopped, and another method or noise level adds only itself.
+Writes evaluation.html (one page that works offline), evaluation.json and evaluation.csv. Results are kept in DIR/results as they
+are made: an interrupted run continues where it stopped, and another method or noise level adds only itself.
 """
 
 import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from shared.errors import InputError, OutputError
+from shared.errors import InputError
 from shared.pattern import PERIODS
+from shared.writing import write_durably
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
 from tools.host.console import Console
 from tools.host.countdown import duration
-from tools.host.jobs import FAILED, output_folder
+from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 from tools.host.versions import program_version
@@ -24,11 +25,10 @@ if TYPE_CHECKING:
     from tools.evaluation.team import Team
 
 _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
-_SIGMAS, _EXPOSURES = (0.0, 0.01, 0.02, 0.03), (1.0, 1 / 4, 1 / 16)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma evaluate`."""
+    """Add the options of `panchroma evaluate`."""
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder of them")
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for the results")
     light = parser.add_argument_group("light and noise")
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--exposure", type=float, nargs="+", metavar="FACTOR", help="light with --protocol sensor (default: 1, 1/4, 1/16)"
     )
     light.add_argument("--seed", type=int, default=0, help="of the noise; the same for every scene")
-    light.add_argument("--linear", action="store_true", help="the pictures' numbers are light, whatever the files say")
+    light.add_argument("--linear", action="store_true", help="the numbers in the pictures are light, whatever the files say")
     what = parser.add_argument_group("what is compared")
     what.add_argument(
         "--period", type=int, nargs="+", default=[6], metavar="K", help="of the sparse-colour sensor; several make a study of K"
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run_ = parser.add_argument_group("the run")
     run_.add_argument("-j", "--jobs", type=int, metavar="N", help="processes (default: one per core, as memory allows)")
     run_.add_argument("--scheduler", metavar="ADDRESS", help="measure on the workers of this dask scheduler, tcp://HOST:PORT")
-    run_.add_argument("--scheduler-file", metavar="FILE", help="the same, of the scheduler that wrote this file")
+    run_.add_argument("--scheduler-file", metavar="FILE", help="the same, by the file that the scheduler wrote")
     run_.add_argument("--max-memory", metavar="SIZE", help="for all processes, for example 4G (default: most of what is free)")
     run_.add_argument("--report", action=argparse.BooleanOptionalAction, default=True, help="make the page, or only the figures")
     run_.add_argument("--overwrite", action="store_true", help="replace the page and the tables of an earlier run")
@@ -66,17 +66,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code."""
-    from tools.evaluation.report import write_report, write_tables
+    """Measure what is missing and write the page and the tables; returns the exit code."""
+    from tools.evaluation.page.gallery import render_gallery
+    from tools.evaluation.page.page import build_page
     from tools.evaluation.study import collect, tasks
+    from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
 
     folder = output_folder(arguments.output)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.report or name != _PAGE]
     if not (arguments.overwrite or arguments.dry_run):
-        for path in outputs:
-            if path.exists():
-                raise OutputError(f"{path}: exists already; use --overwrite to replace it; the results behind it are kept")
+        refuse_existing(outputs)
     team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
     todo, there = tasks(study, folder.absolute() if _elsewhere(arguments) else folder)
@@ -89,9 +89,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if not figures.scenes:
         raise InputError("nothing could be measured; the lines above say why")
     program = f"panchroma {program_version()}"
-    write_tables(figures, program, failures, folder / _JSON, folder / _CSV, overwrite=arguments.overwrite)
+    write_durably(folder / _JSON, encode_json(figures, program, failures), overwrite=arguments.overwrite)
+    write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.report:
-        write_report(figures, program, failures, folder / _PAGE, team, overwrite=arguments.overwrite)
+        page = build_page(figures, render_gallery(figures, team), program, failures)
+        write_durably(folder / _PAGE, page.encode(), overwrite=arguments.overwrite)
     console.say(plain_text(figures))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
@@ -100,23 +102,22 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str]]:
-    """What is asked for, with the scenes that can be read; and a line for each that cannot."""
-    from tools.evaluation.methods import choose, default_names
-    from tools.evaluation.methods import methods as known_methods
+    """The study asked for, with the scenes that can be read; and a line for each scene that cannot."""
+    from tools.evaluation.methods import choose, default_names, missing_packages
     from tools.evaluation.protocol import Protocol
     from tools.evaluation.scene_sets import Reading, distinct, expand
     from tools.evaluation.study import Study
 
     protocol = Protocol(arguments.protocol, arguments.seed)
-    levels = arguments.sigma if protocol.kind == "paper" else arguments.exposure
-    if (arguments.exposure if protocol.kind == "paper" else arguments.sigma) is not None:
+    wanted, other = arguments.sigma, arguments.exposure
+    if protocol.kind == "sensor":
+        wanted, other = other, wanted
+    if other is not None:
         raise InputError("--sigma is the noise of --protocol paper, --exposure the light of --protocol sensor; use the other one")
-    levels = protocol.in_order(levels or list(_SIGMAS if protocol.kind == "paper" else _EXPOSURES))
-    for level in levels:
-        protocol.check_level(level)
+    levels = protocol.levels(wanted)
     methods = choose(arguments.methods or default_names())
-    if not arguments.methods and (absent := sorted({each.missing for each in known_methods().values() if each.missing})):
-        console.note(f"some methods are left out, for these packages are not installed: {', '.join(absent)}")
+    if not arguments.methods and (missing := missing_packages()):
+        console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
     periods = sorted(set(arguments.period))
     for period in periods:
         if period not in PERIODS:
@@ -135,17 +136,18 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
         console.note(remark)
     if not scenes:
         raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
-    return Study(tuple(scenes), tuple(each.name for each in methods), tuple(levels), tuple(periods), protocol, reading), failures
+    return Study(tuple(scenes), tuple(each.name for each in methods), levels, tuple(periods), protocol, reading), failures
 
 
 def _elsewhere(arguments: argparse.Namespace) -> bool:
-    """Whether others measure, to whom names are to be told in full."""
+    """Whether dask workers measure, which need absolute file names."""
     if arguments.scheduler and arguments.scheduler_file:
         raise InputError("--scheduler or --scheduler-file: one of them")
     return bool(arguments.scheduler or arguments.scheduler_file)
 
 
 def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
+    """Measure here or on dask workers; a line for each result that could not be made."""
     if not (_elsewhere(arguments) and todo):
         return team.measure(todo)
     from tools.host.cluster import connected
@@ -155,7 +157,7 @@ def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") ->
 
 
 def _list(todo: "list[Task]", there: int, failures: list[str], console: Console) -> int:
-    """--dry-run: the work, and how long it takes, roughly."""
+    """Print the work of a --dry-run and its rough duration."""
     for task in todo:
         console.say(task.title)
         for cell in task.cells:

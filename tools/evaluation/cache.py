@@ -1,4 +1,4 @@
-"""Results on disk, called by what they depend on: an interrupted run goes on, and a new method adds only itself."""
+"""Results kept on disk, each under a name made of all it depends on, so that an interrupted run continues where it stopped."""
 
 import hashlib
 import json
@@ -12,34 +12,28 @@ from shared.writing import write_durably
 from .measures import Measures
 
 FOLDER = "results"
-_FORMAT = 2
 
 
 def key(**parts: Any) -> str:
-    """The name of a result: a digest of everything it depends on (JSON values)."""
-    text = json.dumps({"format": _FORMAT, **parts}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    """Name of a result: a digest of everything it depends on (JSON values)."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True)
 class Cache:
-    """The results in one folder, a file each, written whole or not at all."""
+    """The results in one folder, one file each."""
 
     folder: Path
 
     def get(self, name: str) -> Measures | None:
-        """A result, or None when it is not there or not whole."""
+        """The result of this name; None when there is no such file or it is damaged."""
         try:
             return Measures.decode(self._path(name).read_bytes())
         except (OSError, InputError):
             return None
 
-    def has(self, name: str) -> bool:
-        """Whether there is a file of that name."""
-        return self._path(name).exists()
-
     def put(self, name: str, measures: Measures) -> None:
-        """Keep a result. Raises OutputError as `write_durably` does."""
+        """Keep a result; the file is complete or absent. Raises OutputError as `write_durably` does."""
         try:
             self.folder.mkdir(exist_ok=True)
         except OSError as error:

@@ -1,24 +1,33 @@
-"""Figures of an evaluation: per scene and pooled, who wins and by how much, what becomes of the paper's claims."""
+"""Figures of an evaluation, per scene and pooled: who wins, by how much, and whether the paper's claims hold."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 
-from .measures import PLANES, Histogram, Measures, rising
-from .methods import Method, methods
+from .measures import PLANES, Histogram, Measures
+from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
 from .study import Cell, Study
 
 RGB, LUMINANCE, CHROMINANCE = range(3)
-_SAME = 0.05  # dB: less is no difference
+EVEN = 0.05  # dB: smaller differences count as none
 
 
 @dataclass(frozen=True)
 class Figure:
-    """Quantiles (dB) of a scene's patches, or of all patches of a set of scenes; whole-image figures, of a set their mean."""
+    """Figures of one method on a scene, or on a set of scenes.
+
+    group: the set.
+    scene: its name; None for the whole set.
+    level, method, period: as in `Cell`.
+    quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
+    psnr, ssim: of the whole picture, dB and index; of a set the mean.
+    scenes: number of scenes.
+    """
 
     group: str
     scene: str | None
@@ -33,7 +42,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Loss:
-    """Where a rival is ahead of us: a scene at a level, and by how many dB of median RGB PSNR (positive)."""
+    """A scene and level at which a rival beats us, by `margin` dB of median RGB PSNR (positive)."""
 
     scene: str
     level: float
@@ -43,55 +52,65 @@ class Loss:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, what was found ("shown", "shown in part", "refuted"), and the figures that say so."""
+    """A claim of the paper, the finding ("shown", "shown in part", "refuted"), and the figures behind it."""
 
     text: str
     finding: str
     why: str
 
 
+Find = Callable[[str], Figure | None]  # the figure of a method
+_Key = tuple[str, float, str, int]  # set or scene, level, method, period
+
+
 class Figures:
-    """All figures of a study, from the results that are there."""
+    """All figures of a study, from the results that exist."""
 
     def __init__(self, study: Study, results: dict[Cell, Measures]) -> None:
         self.study = study
         self.results = results
-        self.scenes = [_figure(cell, measures) for cell, measures in results.items()]
-        self.groups = [group for group in SETS if any(figure.group == group for figure in self.scenes)]
-        self._by_scene = {(f.scene, f.level, f.method, f.period): f for f in self.scenes}
+        present = {cell.scene.group for cell in results}
+        self.groups = [group for group in SETS if group in present]
+        self.scenes = {
+            (cell.scene.name, cell.level, cell.method, cell.period): Figure(
+                cell.scene.group, cell.scene.name, cell.level, cell.method, cell.period, each.quality, each.psnr, each.ssim, 1
+            )
+            for cell, each in results.items()
+        }
 
     @cached_property
-    def pools(self) -> list[Figure]:
-        """Per set, level, method and period; only where every scene of the set has a result."""
-        found = []
-        for group in self.groups:
-            count = sum(scene.group == group for scene in self.study.scenes)
-            parts: dict[tuple[float, str, int], list[Measures]] = {}
-            for cell, measures in self.results.items():
-                if cell.scene.group == group:
-                    parts.setdefault((cell.level, cell.method, cell.period), []).append(measures)
-            for (level, method, period), each in parts.items():
-                if len(each) == count:
-                    quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
-                    psnr, ssim = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim"))
-                    found.append(Figure(group, None, level, method, period, quality, psnr, ssim, count))
+    def pools(self) -> dict[_Key, Figure]:
+        """Pooled figures by set, level, method and period; only where every scene of the set has a result."""
+        parts: dict[_Key, list[Measures]] = {}
+        for cell, measures in self.results.items():
+            parts.setdefault((cell.scene.group, cell.level, cell.method, cell.period), []).append(measures)
+        found = {}
+        for key in sorted(parts, key=lambda key: self.groups.index(key[0])):
+            each = parts[key]
+            if len(each) == len(self.scene_names(key[0])):
+                quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
+                psnr, ssim = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim"))
+                found[key] = Figure(key[0], None, *key[1:], quality, psnr, ssim, len(each))
         return found
 
-    @cached_property
-    def _by_pool(self) -> dict[tuple[str, float, str, int], Figure]:
-        return {(f.group, f.level, f.method, f.period): f for f in self.pools}
-
     def pooled(self, group: str, level: float, method: str, period: int | None = None) -> Figure | None:
-        """Of a set; period: of ours, by default the study's."""
-        return self._by_pool.get((group, level, method, self._period(method, period)))
+        """The pooled figure of one set of scenes; None if there is none. period: of the sparse sensor, by default the study's."""
+        return self.pools.get((group, level, method, self._period(method, period)))
 
     def of_scene(self, scene: str, level: float, method: str, period: int | None = None) -> Figure | None:
-        """Of one scene."""
-        return self._by_scene.get((scene, level, method, self._period(method, period)))
+        """The figure of one scene; None if there is none. period: of the sparse sensor, by default the study's."""
+        return self.scenes.get((scene, level, method, self._period(method, period)))
+
+    def _period(self, method: str, period: int | None) -> int:
+        return (period or self.study.period) if methods()[method].ours else 0
+
+    def scene_names(self, group: str) -> list[str]:
+        """Names of the scenes of a set."""
+        return [scene.name for scene in self.study.scenes if scene.group == group]
 
     @cached_property
     def ours(self) -> str | None:
-        """The method that stands for us: the best render there is."""
+        """The method that represents us: the best renderer in the study."""
         return next((name for name in ("best", "paper", "preview") if name in self.study.methods), None)
 
     @property
@@ -99,135 +118,114 @@ class Figures:
         """Methods of the Bayer sensor."""
         return [name for name in self.study.methods if not methods()[name].ours]
 
-    def best_rival(self, find: Callable[[str], Figure | None], plane: int = RGB) -> Figure | None:
-        """The rival with the highest median; find: method -> its figure."""
-        found = [figure for figure in map(find, self.rivals) if figure is not None]
-        return max(found, key=lambda figure: figure.quality.median[plane], default=None)
-
     def winner(self, group: str, level: float, plane: int) -> str | None:
         """The method with the highest pooled median at a level."""
-        found = [figure for name in self.study.methods if (figure := self.pooled(group, level, name)) is not None]
-        return max(found, key=lambda figure: figure.quality.median[plane]).method if found else None
+        return _best(self.study.methods, partial(self.pooled, group, level), plane)
 
-    def best_of_scene(self, scene: str, level: float) -> str | None:
+    def winner_of_scene(self, scene: str, level: float) -> str | None:
         """The method with the highest median RGB PSNR on a scene."""
-        found = [figure for name in self.study.methods if (figure := self.of_scene(scene, level, name)) is not None]
-        return max(found, key=lambda figure: figure.quality.median[RGB]).method if found else None
+        return _best(self.study.methods, partial(self.of_scene, scene, level))
+
+    def rival_of_scene(self, scene: str, level: float) -> str | None:
+        """The rival with the highest median RGB PSNR on a scene."""
+        return _best(self.rivals, partial(self.of_scene, scene, level))
 
     def margin(self, group: str, level: float, plane: int = RGB) -> tuple[str, float] | None:
-        """The best rival of a set at a level, and by how many dB of the median we are ahead of it (negative: behind)."""
-        if self.ours is None:
+        """The best rival on a set at a level, and our lead over its median, dB (negative: it leads)."""
+        return self._margin(partial(self.pooled, group, level), plane)
+
+    def _scene_margin(self, scene: str, level: float) -> tuple[str, float] | None:
+        return self._margin(partial(self.of_scene, scene, level))
+
+    def _margin(self, find: Find, plane: int = RGB) -> tuple[str, float] | None:
+        rival = _best(self.rivals, find, plane)
+        if rival is None or self.ours is None or (lead := _lead(find, self.ours, rival)) is None:
             return None
-        own = self.pooled(group, level, self.ours)
-        rival = self.best_rival(lambda name: self.pooled(group, level, name), plane)
-        if own is None or rival is None:
-            return None
-        return rival.method, own.quality.median[plane] - rival.quality.median[plane]
+        return rival, lead[plane]
 
     def best_period(self, group: str, level: float) -> tuple[int, float] | None:
-        """The period at which our best render is best at a level, and by how many dB of median RGB PSNR over the study's own."""
-        found = [
-            f for period in self.study.periods if self.ours and (f := self.pooled(group, level, self.ours, period)) is not None
-        ]
-        own = self.pooled(group, level, self.ours) if self.ours else None
-        if not found or own is None:
+        """The best period for our renderer at a level, and its lead over the study's own period, dB of median RGB PSNR."""
+        if self.ours is None or (own := self.pooled(group, level, self.ours)) is None:
             return None
+        found = [f for period in self.study.periods if (f := self.pooled(group, level, self.ours, period)) is not None]
         best = max(found, key=lambda figure: figure.quality.median[RGB])
         return best.period, best.quality.median[RGB] - own.quality.median[RGB]
 
     def wins(self, group: str, level: float) -> tuple[int, int]:
-        """(scenes on which we are ahead of every rival in median RGB PSNR, scenes)."""
-        margins = [margin for name in self._names(group) if (margin := self._scene_margin(name, level)) is not None]
-        return sum(margin > 0 for _, margin in margins), len(margins)
+        """(number of scenes on which we beat every rival in median RGB PSNR, number of scenes compared)."""
+        margins = [margin for name in self.scene_names(group) if (margin := self._scene_margin(name, level)) is not None]
+        return sum(lead > 0 for _, lead in margins), len(margins)
 
     def losses(self, group: str) -> list[Loss]:
-        """Where the best rival is ahead of us, the largest margin first."""
+        """Scenes and levels at which the best rival beats us, the largest margin first."""
         found = []
         for level in self.study.levels:
-            for name in self._names(group):
+            for name in self.scene_names(group):
                 margin = self._scene_margin(name, level)
-                if margin is not None and margin[1] < -_SAME:
+                if margin is not None and margin[1] < -EVEN:
                     found.append(Loss(name, level, margin[0], -margin[1]))
         return sorted(found, key=lambda loss: -loss.margin)
 
     def claims(self, group: str) -> list[Claim]:
-        """The two claims of section 4, held against the paper's own baseline and its own method where both were measured."""
-        baseline = next((name for name in ("dlmmse", "menon", *self.rivals) if name in self.rivals), None)
+        """The two claims of section 4, tested with the paper's own method and its own rival where both were measured."""
+        rival = next((name for name in ("dlmmse", "menon", *self.rivals) if name in self.rivals), None)
         own = "paper" if "paper" in self.study.methods else self.ours
-        if baseline is None or own is None:
+        if rival is None or own is None:
             return []
-        levels = self.study.levels
-        differences = [self._difference(group, level, own, baseline) for level in levels]
-        if any(difference is None for difference in differences):
-            return []
-        known = [difference for difference in differences if difference is not None]
+        leads = []
+        for level in self.study.levels:
+            lead = _lead(partial(self.pooled, group, level), own, rival)
+            if lead is None:
+                return []
+            leads.append(lead)
         claims = []
-        if self.study.protocol.kind == "sensor" or levels[0] == 0:
-            claims.append(_noise_free(self, group, known[0], own, baseline))
-        if len(levels) > 1:
-            claims.append(_growing(self, known, own, baseline))
+        if self.study.protocol.kind == "sensor" or self.study.levels[0] == 0:
+            claims.append(self._noise_free(group, leads[0], own, rival))
+        if len(leads) > 1:
+            claims.append(self._growing(leads, own, rival))
         return claims
 
-    def _difference(self, group: str, level: float, own: str, rival: str) -> tuple[float, ...] | None:
-        ours, theirs = self.pooled(group, level, own), self.pooled(group, level, rival)
-        if ours is None or theirs is None:
-            return None
-        return tuple(a - b for a, b in zip(ours.quality.median, theirs.quality.median, strict=True))
+    def _noise_free(self, group: str, lead: list[float], own: str, rival: str) -> Claim:
+        rgb, luminance, chrominance = lead
+        level, protocol, names = self.study.levels[0], self.study.protocol, self.scene_names(group)
+        by_scene = [_lead(partial(self.of_scene, name, level), own, rival) for name in names]
+        ahead = sum(each is not None and each[RGB] > 0 for each in by_scene)
+        mainly = luminance > max(chrominance, 0)
+        finding = "refuted" if rgb <= EVEN else "shown" if mainly else "shown in part"
+        light = "Noise-free" if protocol.kind == "paper" else f"At {protocol.describe(level)}"
+        return Claim(
+            f"{light}, better than Bayer, mainly in luminance",
+            finding,
+            f"{own} minus {rival}: {rgb:+.1f} dB RGB, {luminance:+.1f} dB luminance, {chrominance:+.1f} dB chrominance; "
+            f"ahead in RGB on {ahead} of {len(names)} scenes",
+        )
 
-    def _scene_margin(self, scene: str, level: float) -> tuple[str, float] | None:
-        own = self.of_scene(scene, level, self.ours) if self.ours else None
-        rival = self.best_rival(lambda name: self.of_scene(scene, level, name))
-        if own is None or rival is None:
-            return None
-        return rival.method, own.quality.median[RGB] - rival.quality.median[RGB]
-
-    def _names(self, group: str) -> Iterable[str]:
-        return [scene.name for scene in self.study.scenes if scene.group == group]
-
-    def _period(self, method: str, period: int | None) -> int:
-        return (period or self.study.period) if methods()[method].ours else 0
-
-
-def title(method: str) -> str:
-    """A method's name for people."""
-    known: Method = methods()[method]
-    return known.title
-
-
-def _figure(cell: Cell, measures: Measures) -> Figure:
-    scene = cell.scene
-    return Figure(scene.group, scene.name, cell.level, cell.method, cell.period, measures.quality, measures.psnr, measures.ssim, 1)
+    def _growing(self, leads: list[list[float]], own: str, rival: str) -> Claim:
+        by_plane = list(zip(*leads, strict=True))
+        parts = [
+            f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each)
+            for name, each in zip(("RGB", *PLANES[1:]), by_plane, strict=True)
+        ]
+        first, last = by_plane[RGB][0], by_plane[RGB][-1]
+        finding = "refuted" if last <= first + EVEN else "shown" if _rising(by_plane[RGB]) else "shown in part"
+        noise = ", ".join(self.study.protocol.describe(level) for level in self.study.levels)
+        return Claim("The more noise, the larger the lead", finding, f"{own} minus {rival}, dB, at {noise}: {'; '.join(parts)}")
 
 
-def _noise_free(figures: Figures, group: str, difference: tuple[float, ...], own: str, baseline: str) -> Claim:
-    rgb, luminance, chrominance = difference
-    level = figures.study.levels[0]
-    ahead = sum(
-        (a := figures.of_scene(name, level, own)) is not None
-        and (b := figures.of_scene(name, level, baseline)) is not None
-        and a.quality.median[RGB] > b.quality.median[RGB]
-        for name in figures._names(group)
-    )
-    total = len(list(figures._names(group)))
-    mainly = luminance > max(chrominance, 0)
-    finding = "refuted" if rgb <= _SAME else "shown" if mainly else "shown in part"
-    light = "Noise-free" if figures.study.protocol.kind == "paper" else f"At {figures.study.protocol.describe(level)}"
-    return Claim(
-        f"{light}, better than Bayer, mainly in luminance",
-        finding,
-        f"{own} minus {baseline}: {rgb:+.1f} dB RGB, {luminance:+.1f} dB luminance, {chrominance:+.1f} dB chrominance; "
-        f"ahead in RGB on {ahead} of {total} scenes",
-    )
+def _best(names: Iterable[str], find: Find, plane: int = RGB) -> str | None:
+    """The method with the highest median."""
+    medians = {name: figure.quality.median[plane] for name in names if (figure := find(name)) is not None}
+    return max(medians, key=lambda name: medians[name], default=None)
 
 
-def _growing(figures: Figures, differences: list[tuple[float, ...]], own: str, baseline: str) -> Claim:
-    parts = []
-    grows = []
-    for plane, name in enumerate(PLANES):
-        values = [difference[plane] for difference in differences]
-        grows.append(rising(values, _SAME))
-        parts.append(f"{'RGB' if name == 'rgb' else name} " + ", ".join(f"{value:+.1f}" for value in values))
-    first, last = differences[0][RGB], differences[-1][RGB]
-    finding = "shown" if grows[RGB] and last > first + _SAME else "shown in part" if last > first + _SAME else "refuted"
-    noise = ", ".join(figures.study.protocol.describe(level) for level in figures.study.levels)
-    return Claim("The more noise, the more better", finding, f"{own} minus {baseline}, dB, at {noise}: {'; '.join(parts)}")
+def _lead(find: Find, own: str, rival: str) -> list[float] | None:
+    """How far the medians of RGB, luminance and chrominance of one method are above those of another, dB."""
+    ours, theirs = find(own), find(rival)
+    if ours is None or theirs is None:
+        return None
+    return [a - b for a, b in zip(ours.quality.median, theirs.quality.median, strict=True)]
+
+
+def _rising(values: Iterable[float]) -> bool:
+    """Whether each value is above the one before, or less than EVEN below."""
+    return all(after > before - EVEN for before, after in pairwise(values))

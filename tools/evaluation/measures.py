@@ -1,9 +1,8 @@
-"""What is kept of one rendering: quantiles of its patches, their histogram (to pool scenes), whole-image figures, where it errs."""
+"""What is kept of one rendering: patch quantiles, patch histograms (to pool scenes), whole-image figures, and where it errs."""
 
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,28 +16,29 @@ from .ssim import ssim
 
 PLANES = ("rgb", "luminance", "chrominance")
 WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
-_STEP = 0.002  # dB, a bin of the histogram: what pooled quantiles may be wrong by
+_STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
 _BINS = round((CAP - _LOWEST) / _STEP) + 1
+_PARTS = ("bins", "counts")
 
 
 @dataclass(frozen=True, eq=False)
 class Histogram:
-    """How many patches score what: bin numbers (ascending) and counts, int64 alike."""
+    """Number of patches by PSNR: bin numbers, ascending, and counts, both int64."""
 
     bins: NDArray[np.int64]
     counts: NDArray[np.int64]
 
     @classmethod
     def of(cls, decibels: DoubleArray) -> "Histogram":
-        """Of any array of PSNR, dB."""
+        """Histogram of PSNR in dB, any shape."""
         places = np.floor((decibels.ravel() - _LOWEST) / _STEP).clip(0, _BINS - 1).astype(np.int64)
         bins, counts = np.unique(places, return_counts=True)
         return cls(bins, counts.astype(np.int64))
 
     @classmethod
     def pooled(cls, parts: Sequence["Histogram"]) -> "Histogram":
-        """Of all patches of all parts together."""
+        """Histogram of all patches of all parts together."""
         total = np.bincount(
             np.concatenate([part.bins for part in parts]), np.concatenate([part.counts for part in parts]), _BINS
         ).astype(np.int64)
@@ -46,7 +46,7 @@ class Histogram:
         return cls(bins, total[bins])
 
     def quantiles(self) -> tuple[float, float, float]:
-        """25 %, 50 % and 75 %, dB, to within a bin."""
+        """25 %, 50 % and 75 % quantiles, dB, to within a bin."""
         reached = np.cumsum(self.counts)
         wanted = np.array(QUANTILES) * (reached[-1] - 1)
         places = np.searchsorted(reached, wanted, side="right")
@@ -58,10 +58,12 @@ class Histogram:
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """Of one rendering. quality: exact; psnr (dB), ssim: of the whole picture but for the border; patches: per plane of PLANES.
+    """Figures of one rendering.
 
-    errors: float32, mean squared error over all channels of WINDOW x WINDOW squares every STRIDE pixels; where they begin is
-    `window_origins`.
+    quality: exact quantiles of its patches.
+    psnr, ssim: of the whole picture without its border; PSNR in dB.
+    patches: histograms of PSNR, one for each of PLANES.
+    errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
     """
 
     quality: Quality
@@ -72,11 +74,10 @@ class Measures:
 
     @classmethod
     def of(cls, rendered: FloatArray, truth: FloatArray) -> "Measures":
-        """rendered, truth: (H, W, 3), scene units. Raises InputError as `patch_psnr` does."""
+        """Measure a rendering against the truth, both (H, W, 3), scene units. Raises InputError as `patch_psnr` does."""
         maps = patch_psnr(rendered, truth)
-        quality = Quality(*(_quantiles(plane) for plane in maps))
         return cls(
-            quality,
+            Quality.of(maps),
             psnr(rendered, truth, BORDER),
             ssim(rendered, truth, BORDER),
             tuple(Histogram.of(plane) for plane in maps),
@@ -84,7 +85,7 @@ class Measures:
         )
 
     def encode(self) -> bytes:
-        """For the cache; `decode` gives the same back."""
+        """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
         quality = np.array([getattr(self.quality, plane) for plane in PLANES])
@@ -93,7 +94,7 @@ class Measures:
 
     @classmethod
     def decode(cls, data: bytes) -> "Measures":
-        """Inverse of `encode`; raises InputError for anything else."""
+        """Inverse of `encode`. Raises InputError for anything else."""
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
                 parts = tuple(Histogram(*(stored[f"{name}_{kind}"] for kind in _PARTS)) for name in PLANES)
@@ -104,11 +105,11 @@ class Measures:
             raise InputError(f"is no result of a measurement ({error})") from None
 
 
-_PARTS = ("bins", "counts")
-
-
 def window_origins(size: int) -> list[int]:
-    """First rows (or columns) of the squares of `Measures.errors` in a frame of that many; one, smaller, if none fits."""
+    """First rows (or columns) of the squares of `Measures.errors` in a frame with `size` of them, every STRIDE pixels.
+
+    If no square fits there is one origin, of a smaller square.
+    """
     span = size - 2 * BORDER
     if span <= WINDOW:
         return [BORDER]
@@ -124,13 +125,3 @@ def _window_errors(rendered: FloatArray, truth: FloatArray) -> FloatArray:
         square = np.stack(means, axis=axis)
     errors: FloatArray = square.astype(np.float32)
     return errors
-
-
-def _quantiles(values: DoubleArray) -> tuple[float, float, float]:
-    low, middle, high = np.quantile(values, QUANTILES).tolist()
-    return low, middle, high
-
-
-def rising(values: Sequence[float], tolerance: float) -> bool:
-    """Whether each value is above the one before, or less than `tolerance` below."""
-    return all(after > before - tolerance for before, after in pairwise(values))

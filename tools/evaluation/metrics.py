@@ -1,4 +1,4 @@
-"""How far a rendering is from the truth: PSNR over small patches, as in the paper's section 4, of luminance and chrominance too."""
+"""Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,13 +9,13 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 
 PATCH = 10  # pixels
-BORDER = 15  # pixels left out at each side: the paper's margin against what happens at the frame's edge
+BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge
 QUANTILES = (0.25, 0.50, 0.75)
-CAP = 200.0  # dB: what equal pixels score. Infinity is no number in JSON, and float32 rounding alone scores about 150
+CAP = 200.0  # dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
 
 
 class PatchPsnr(NamedTuple):
-    """PSNR of every overlapping patch, dB, float64 (rows, columns) each; a patch's place is that of its first pixel."""
+    """PSNR of every overlapping patch, dB, float64 (rows, columns) each, at the place of the patch's first pixel."""
 
     rgb: DoubleArray
     luminance: DoubleArray
@@ -24,29 +24,36 @@ class PatchPsnr(NamedTuple):
 
 @dataclass(frozen=True)
 class Quality:
-    """25 %, 50 % and 75 % quantiles of the patches' PSNR, dB."""
+    """25 %, 50 % and 75 % quantiles of the patches' PSNR, dB, by plane."""
 
     rgb: tuple[float, float, float]
     luminance: tuple[float, float, float]
     chrominance: tuple[float, float, float]
 
+    @classmethod
+    def of(cls, patches: PatchPsnr) -> "Quality":
+        """Quantiles of all patches."""
+        return cls(*(tuple(np.quantile(plane, QUANTILES).tolist()) for plane in patches))
+
     @property
     def median(self) -> tuple[float, float, float]:
-        """Medians of RGB, luminance, chrominance: the figures that tables quote."""
+        """Medians of RGB, luminance and chrominance, the figures that tables quote."""
         return self.rgb[1], self.luminance[1], self.chrominance[1]
 
 
 def quality(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> Quality:
-    """Quantiles of `patch_psnr`, same arguments and errors."""
-    return Quality(*(_quantiles(plane) for plane in patch_psnr(rendered, truth, patch, border)))
+    """Quantiles of `patch_psnr`, with the same arguments and errors."""
+    return Quality.of(patch_psnr(rendered, truth, patch, border))
 
 
 def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> PatchPsnr:
-    """PSNR, 10 log10(1 / MSE), of all patch x patch squares at least `border` pixels inside the frame.
+    """PSNR, 10 log10(1 / MSE), at most CAP, of all patch x patch squares at least `border` pixels inside the frame.
 
-    rendered, truth: (H, W, 3), linear, scene units, neither scaled nor clipped; 1.0 is the peak. Luminance is the mean of the three
-    channels; chrominance is RGB minus luminance; MSE is the mean over all pixels and channels concerned. At most CAP.
+    Luminance is the mean of the three channels, chrominance is RGB minus luminance, MSE is the mean over all pixels and channels of
+    a square.
 
+    rendered, truth: (H, W, 3), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
+    patch, border: pixels.
     Raises InputError when the shapes differ, a value is not finite, or no patch fits.
     """
     error = _error(rendered, truth)
@@ -64,7 +71,7 @@ def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, bord
 
 
 def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
-    """PSNR of the whole picture but for `border` pixels at each side, dB, at most CAP; arguments and errors as in `patch_psnr`."""
+    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP. Arguments and errors as in `patch_psnr`."""
     error = _error(rendered, truth)
     inner = error[border : error.shape[0] - border, border : error.shape[1] - border]
     if inner.size == 0:
@@ -86,7 +93,7 @@ def _error(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
 def _box_mean(values: DoubleArray, size: int) -> DoubleArray:
     """Mean over every size x size square, (H - size + 1, W - size + 1).
 
-    By adding shifted copies, not by differences of running sums: those leave 1e-12 behind in a patch without error.
+    Adds shifted copies: differences of running sums would leave 1e-12 in a patch without error.
     """
     for axis in (0, 1):
         length = values.shape[axis] - size + 1
@@ -100,8 +107,3 @@ def _box_mean(values: DoubleArray, size: int) -> DoubleArray:
 def _decibels(mean_square: DoubleArray | np.float64) -> DoubleArray:
     decibels: DoubleArray = -10 * np.log10(np.maximum(mean_square, 10 ** (-CAP / 10)))
     return decibels
-
-
-def _quantiles(values: DoubleArray) -> tuple[float, float, float]:
-    low, middle, high = np.quantile(values, QUANTILES).tolist()
-    return low, middle, high

@@ -1,9 +1,9 @@
-"""The scenes of an evaluation: which files, what they are, and which of them may be pooled."""
+"""The scenes of an evaluation: which files they are, and which of them may be pooled."""
 
 import hashlib
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,14 +18,14 @@ from tools.scenes.scene import Scene
 from .metrics import BORDER, PATCH
 from .protocol import CROP, cut
 
-# Sets in the order of the report. What a developer program has made (interpolated, sharpened, quantised to 8 bits) is no
-# measurement of light: linearised, but never pooled with what sensors measured.
+# Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8 bits) is not a measurement of light:
+# it is linearised, but never pooled with what sensors measured.
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
-_KNOWN: tuple[tuple[str, Callable[[str], bool]], ...] = (
-    ("Kodak", lambda stem: re.fullmatch(r"kodim\d\d", stem) is not None),
-    ("McMaster", lambda stem: re.fullmatch(r"(mcm|mcmaster)[-_]?\d\d?", stem) is not None),
+_KNOWN: tuple[tuple[str, Callable[[str], object]], ...] = (
+    ("Kodak", re.compile(r"kodim\d\d").fullmatch),
+    ("McMaster", re.compile(r"(mcm|mcmaster)[-_]?\d\d?").fullmatch),
 )
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
@@ -34,8 +34,15 @@ _LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
 
 @dataclass(frozen=True)
 class SceneInfo:
-    """A scene that can be read. digest: of its pixels, cut as they are used; name: unique, for tables; group: one of SETS;
-    neutral: what white reads, None = unknown.
+    """A scene that can be read.
+
+    source: file, or `builtin:WxH`.
+    name: unique, for tables.
+    group: one of SETS.
+    digest: of its pixels, after cutting.
+    rows, columns: after cutting.
+    neutral: what white reads, one value per channel; None = unknown.
+    notes: remarks for the user on how the file was interpreted.
     """
 
     source: str
@@ -49,28 +56,32 @@ class SceneInfo:
 
     @property
     def megapixels(self) -> float:
-        """Of the part that is used."""
+        """Size after cutting."""
         return self.rows * self.columns / 1e6
 
 
 @dataclass(frozen=True)
 class Reading:
-    """How sources are read. linear: the pictures' numbers are light, whatever the files say; largest: of a side, pixels."""
+    """How sources are read.
+
+    linear: the numbers in the pictures are light, whatever the files say.
+    largest: longest side, pixels; None = whole scenes.
+    """
 
     linear: bool = False
     largest: int | None = None
 
     def scene(self, source: str) -> Scene:
-        """The scene, cut. Raises InputError, without the source's name, when it cannot be read or is too small."""
+        """Load a scene and cut it. Raises InputError, without the name of the source, if it cannot be read or is too small."""
         scene, rgb = _loaded(source, self)
-        return Scene(rgb, scene.name, scene.camera_to_xyz, scene.neutral, scene.metadata, scene.notes)
+        return replace(scene, rgb=rgb)
 
     def truth(self, source: str) -> FloatArray:
-        """The scene's light, cut: float32 (H, W, 3), read-only."""
+        """Light of the scene after cutting, float32 (H, W, 3), read-only. Raises InputError as `scene` does."""
         return _loaded(source, self)[1]
 
     def info(self, source: str) -> SceneInfo:
-        """What is known of it; errors as in `scene`."""
+        """Facts about the scene. Raises InputError as `scene` does."""
         scene, rgb = _loaded(source, self)
         rows, columns = rgb.shape[:2]
         group = MEASURED if self.linear else _group(source, scene)
@@ -89,14 +100,14 @@ def _loaded(source: str, reading: Reading) -> tuple[Scene, FloatArray]:
 
 
 def digest(rgb: FloatArray) -> str:
-    """Of shape and pixels."""
+    """32 hexadecimal digits that identify the shape and the pixels of a scene."""
     total = hashlib.sha256(repr(rgb.shape).encode())
     total.update(np.ascontiguousarray(rgb, "<f4").data)
     return total.hexdigest()[:32]
 
 
 def expand(sources: list[str]) -> list[str]:
-    """The sources, with each folder replaced by the files in it (not hidden ones, not those of folders within it)."""
+    """The sources, with each folder replaced by the files in it, except hidden ones and those of its subfolders."""
     found: list[str] = []
     for source in sources:
         path = Path(source)
@@ -108,7 +119,7 @@ def expand(sources: list[str]) -> list[str]:
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
-    """The scenes, each once and under a name of its own; and what to tell of those left out."""
+    """The scenes, each once and under a unique name; and a remark for the user on each one left out."""
     kept: dict[str, SceneInfo] = {}
     remarks = []
     names: set[str] = set()
@@ -121,12 +132,12 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
         while name in names:
             name, number = f"{scene.name} ({number})", number + 1
         names.add(name)
-        kept[scene.digest] = SceneInfo(**{**scene.__dict__, "name": name})
+        kept[scene.digest] = replace(scene, name=name)
     return list(kept.values()), remarks
 
 
 def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
-    """What white reads. Linear pictures that do not say it pass for balanced, and seldom are: there it is estimated."""
+    """What white reads. Linear pictures without this information claim to be balanced and seldom are: there it is estimated."""
     if group == MEASURED and (scene.neutral is None or len(set(scene.neutral)) == 1):
         return estimate_neutral(scene.rgb) or scene.neutral
     return scene.neutral
@@ -157,8 +168,7 @@ def _is_developed(path: Path) -> bool:
         import tifffile
 
         with tifffile.TiffFile(path) as file_:
-            first = file_.pages[0]
-            return getattr(first, "bitspersample", 16) <= 8
+            return getattr(file_.pages[0], "bitspersample", 16) <= 8
     if path.suffix.lower() == ".npy":
         return bool(np.load(path, mmap_mode="r", allow_pickle=False).dtype == np.uint8)
     return False

@@ -10,9 +10,10 @@ _C1, _C2 = 0.01**2, 0.03**2  # K1, K2 at a dynamic range of 1
 
 
 def ssim(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
-    """Mean SSIM index over all windows that lie wholly within the picture less `border` pixels at each side, and over the channels.
+    """Mean SSIM index over all channels and over all windows that lie `border` pixels or more inside the frame.
 
-    rendered, truth: (H, W, C), scene units, range 1. Raises InputError when the shapes differ or no window fits.
+    rendered, truth: (H, W, C), scene units, range 1.
+    Raises InputError when the shapes differ or no window fits.
     """
     if rendered.shape != truth.shape or rendered.ndim != 3:
         raise InputError(f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected (rows, columns, channels) alike")
@@ -25,18 +26,15 @@ def ssim(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
 
 def _index(x: FloatArray, y: FloatArray) -> float:
     a, b = x.astype(np.float64), y.astype(np.float64)
-    mean_a, mean_b = _blur(a), _blur(b)
-    variance_a, variance_b = _blur(a * a) - mean_a**2, _blur(b * b) - mean_b**2
-    covariance = _blur(a * b) - mean_a * mean_b
+    mean_a, mean_b = _local_mean(a), _local_mean(b)
+    variance_a, variance_b = _local_mean(a * a) - mean_a**2, _local_mean(b * b) - mean_b**2
+    covariance = _local_mean(a * b) - mean_a * mean_b
     likeness = (2 * mean_a * mean_b + _C1) * (2 * covariance + _C2)  # Eq. 13
     return float((likeness / ((mean_a**2 + mean_b**2 + _C1) * (variance_a + variance_b + _C2))).mean())
 
 
-def _blur(values: DoubleArray) -> DoubleArray:
-    from scipy.ndimage import correlate1d
+def _local_mean(values: DoubleArray) -> DoubleArray:
+    """Gaussian mean over each window, (H - 10, W - 10)."""
+    from scipy.ndimage import gaussian_filter
 
-    steps = np.arange(-_RADIUS, _RADIUS + 1)
-    kernel = np.exp(-(steps**2) / (2 * _SIGMA**2))
-    for axis in (0, 1):
-        values = correlate1d(values, kernel / kernel.sum(), axis)
-    return values[_RADIUS:-_RADIUS, _RADIUS:-_RADIUS]
+    return gaussian_filter(values, _SIGMA, radius=_RADIUS)[_RADIUS:-_RADIUS, _RADIUS:-_RADIUS]

@@ -1,4 +1,4 @@
-"""The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is there."""
+"""The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is made."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,8 +9,9 @@ from shared.arrays import FloatArray
 from shared.errors import PanchromaError
 
 from .cache import FOLDER, Cache, key
+from .cameras import CameraPair
 from .measures import Measures
-from .methods import DENOISING_SECONDS, Method, choose, denoise, render_bayer, render_sparse
+from .methods import DENOISING_SECONDS, Method, choose, methods
 from .protocol import Protocol
 from .scene_sets import Reading, SceneInfo
 
@@ -19,7 +20,12 @@ _MEASURING = 0.3  # seconds per megapixel, roughly
 
 @dataclass(frozen=True)
 class Cell:
-    """One result: a scene at a level by a method; period: of a method of ours, 0 for a rival. name: in the cache."""
+    """One result.
+
+    scene, level, method: what was measured; level as in `Protocol`.
+    period: of the sparse-colour pattern; 0 for a rival.
+    name: of the result in the cache.
+    """
 
     scene: SceneInfo
     level: float
@@ -30,7 +36,14 @@ class Cell:
 
 @dataclass(frozen=True)
 class Study:
-    """What is compared. levels: in order of rising noise; periods: of our sensor; the first is the one that meets the rivals."""
+    """What is compared.
+
+    scenes: all under different names.
+    methods: names.
+    levels: in order of rising noise.
+    periods: of the sparse-colour pattern, rising.
+    protocol, reading: how scenes are photographed and read.
+    """
 
     scenes: tuple[SceneInfo, ...]
     methods: tuple[str, ...]
@@ -41,7 +54,7 @@ class Study:
 
     @property
     def period(self) -> int:
-        """The period at which our methods meet the rivals: the paper's, where it is among them."""
+        """The period at which our methods are compared with the rivals: the paper's, if it is among them."""
         return 6 if 6 in self.periods else self.periods[0]
 
     def cells(self) -> Iterator[Cell]:
@@ -68,7 +81,7 @@ class Study:
 
 @dataclass(frozen=True)
 class Task:
-    """Results that one process makes one after the other, for they share their preparation."""
+    """Results that one process makes one after the other, because they share their preparation."""
 
     cells: tuple[Cell, ...]
     protocol: Protocol
@@ -77,40 +90,40 @@ class Task:
 
     @property
     def seconds(self) -> float:
-        """How long it takes, roughly: for the time left, not for a promise."""
-        each = sum(_method(cell).seconds + _MEASURING for cell in self.cells)
-        again = max(0, sum(_method(cell).denoised for cell in self.cells) - 1)  # what is denoised is kept for the next method
-        return (each - again * DENOISING_SECONDS) * self.cells[0].scene.megapixels
+        """Rough duration, for the time left."""
+        chosen = [methods()[cell.method] for cell in self.cells]
+        once = max(0, sum(method.denoise is not None for method in chosen) - 1)  # denoised samples are kept for the next method
+        each = sum(method.seconds + _MEASURING for method in chosen)
+        return (each - once * DENOISING_SECONDS) * self.cells[0].scene.megapixels
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Name for people."""
         first = self.cells[0]
         names = " ".join(dict.fromkeys(cell.method + (f" K={cell.period}" if cell.period else "") for cell in self.cells))
         return f"{first.scene.name}, {self.protocol.describe(first.level)}: {names}"
 
 
 def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
-    """What is still to be done, and how many results are there already. Equal results are made once."""
+    """What is still to be done, and the number of results that are there already. Equal results are made once."""
     cache = Cache(folder / FOLDER)
     todo: dict[tuple[str, float, str], list[Cell]] = {}
     there = 0
-    seen: set[str] = set()
+    distinct: dict[str, Cell] = {}
     for cell in study.cells():
-        if cell.name in seen:
-            continue
-        seen.add(cell.name)
-        if cache.has(cell.name) and cache.get(cell.name) is not None:
+        distinct.setdefault(cell.name, cell)
+    for cell in distinct.values():
+        if cache.get(cell.name) is not None:
             there += 1
             continue
-        shared = "bm3d" if _method(cell).denoised else cell.name
+        shared = "bm3d" if methods()[cell.method].denoise else cell.name
         todo.setdefault((cell.scene.digest, cell.level, shared), []).append(cell)
     return [Task(tuple(cells), study.protocol, study.reading, folder) for cells in todo.values()], there
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of a task: what went wrong with single results, by their names."""
+    """What went wrong with single results of a task: (name in the cache, line for people)."""
 
     task: Task
     failures: tuple[tuple[str, str], ...] = ()
@@ -135,32 +148,17 @@ def work(task: Task) -> Outcome:
 
 
 def render_cell(cell: Cell, protocol: Protocol, reading: Reading) -> FloatArray:
-    """The picture behind a result: float32 (H, W, 3), scene units."""
-    method = _method(cell)
-    truth = reading.truth(cell.scene.source)
-    if method.ours:
-        return render_sparse(method, protocol.sparse_shot(truth, cell.level, cell.period), protocol.gain(cell.level))
-    denoised = _denoised(cell.scene.source, cell.level, protocol, reading) if method.denoised else None
-    return render_bayer(method, protocol.bayer_shot(truth, cell.level), cell.scene.neutral, denoised)
+    """The picture behind a result, float32 (H, W, 3), scene units."""
+    return methods()[cell.method].render(_cameras(cell.scene, cell.level, cell.period, protocol, reading))
 
 
-@lru_cache(maxsize=1)  # by far the longest part of the methods that share it
-def _denoised(source: str, level: float, protocol: Protocol, reading: Reading) -> FloatArray:
-    return denoise(protocol.bayer_shot(reading.truth(source), level))
+@lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest
+def _cameras(scene: SceneInfo, level: float, period: int, protocol: Protocol, reading: Reading) -> CameraPair:
+    return CameraPair(protocol, level, reading.truth(scene.source), period, scene.neutral)
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
     """All results that are there, in the order of the report."""
     cache = Cache(folder / FOLDER)
-    known: dict[str, Measures] = {}
-    results = {}
-    for cell in study.cells():
-        measures = known.get(cell.name) or cache.get(cell.name)
-        if measures is not None:
-            known[cell.name] = measures
-            results[cell] = measures
-    return results
-
-
-def _method(cell: Cell) -> Method:
-    return choose([cell.method])[0]
+    found = ((cell, cache.get(cell.name)) for cell in study.cells())
+    return {cell: measures for cell, measures in found if measures is not None}

@@ -1,4 +1,4 @@
-"""The figures for machines: JSON with all that is known, CSV with a row per figure."""
+"""The figures for machines: JSON with everything, CSV with a row per figure."""
 
 import csv
 import io
@@ -16,12 +16,12 @@ _POOLED = "all scenes"
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
-    """A flat object per figure: pools first (scene null), then scenes; quantiles in dB as PLANE_q25, PLANE_q50, PLANE_q75."""
-    return [_row(figure) for figure in (*figures.pools, *figures.scenes)]
+    """One flat object per figure, pools (scene null) before scenes; quantiles in dB are PLANE_q25, PLANE_q50, PLANE_q75."""
+    return [_row(figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
 
 
 def encode_csv(figures: Figures) -> bytes:
-    """UTF-8, a header line, dot as decimal sign; figures to 4 decimals."""
+    """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals."""
     text = io.StringIO()
     found = rows(figures)
     writer = csv.DictWriter(text, list(found[0]) if found else list(_COLUMNS), lineterminator="\n")
@@ -32,7 +32,7 @@ def encode_csv(figures: Figures) -> bytes:
 
 
 def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
-    """One object: how it was measured, scenes, methods, figures, verdict. No value is NaN or infinite."""
+    """JSON file content, one object: protocol, scenes, methods, verdict, figures, failures. No value is NaN or infinite."""
     study = figures.study
     document = {
         "program": program,

@@ -1,14 +1,13 @@
-"""What an evaluation found, in words."""
+"""The verdict of an evaluation in words."""
 
-from .figures import Figures, Loss, title
+from .figures import EVEN, Figures, Loss
 from .methods import methods
 
-_LOSSES = 3  # that are named, of each level
-_EVEN = 0.05  # dB
+_LOSSES = 3  # named at each level
 
 
 def plain_text(figures: Figures) -> str:
-    """The verdict for a terminal: a table of pooled medians per set, then its sentences."""
+    """The verdict for a terminal: for each set a table of pooled medians, then sentences."""
     lines = []
     study = figures.study
     for group in figures.groups:
@@ -21,7 +20,7 @@ def plain_text(figures: Figures) -> str:
             if any(cells):
                 texts = [f"{cell.quality.median[0]:.1f}" if cell else "-" for cell in cells]
                 columns = (f"{text:>{width}}" for text, width in zip(texts, widths, strict=True))
-                lines.append(f"{title(name):30}" + "  ".join(columns))
+                lines.append(f"{methods()[name].title:30}" + "  ".join(columns))
         lines += [headline(figures, group), *comparisons(figures, group)]
         lines += [f"{claim.text}: {claim.finding} ({claim.why})." for claim in figures.claims(group)]
         if lost := losses(figures, group):
@@ -33,20 +32,20 @@ def plain_text(figures: Figures) -> str:
 
 
 def heading(figures: Figures, group: str) -> str:
-    """A set and how many scenes it has."""
-    count = sum(scene.group == group for scene in figures.study.scenes)
+    """Name of a set with its number of scenes."""
+    count = len(figures.scene_names(group))
     return f"{group[0].upper()}{group[1:]} ({count} scene{'s' * (count != 1)})"
 
 
 def headline(figures: Figures, group: str) -> str:
-    """The verdict on a set in one sentence: at which levels we are ahead of every rival."""
+    """The verdict on a set in one sentence: the levels at which we beat every rival."""
     margins = [(level, margin[1]) for level in figures.study.levels if (margin := figures.margin(group, level)) is not None]
     if not margins:
         return "There is nothing to compare: measure a method of ours and a rival."
     kinds = (
-        ("better than every Bayer rival", [level for level, ahead in margins if ahead >= _EVEN]),
-        ("even with the best", [level for level, ahead in margins if abs(ahead) < _EVEN]),
-        ("worse than the best", [level for level, ahead in margins if ahead <= -_EVEN]),
+        ("better than every Bayer rival", [level for level, lead in margins if lead >= EVEN]),
+        ("even with the best", [level for level, lead in margins if abs(lead) < EVEN]),
+        ("worse than the best", [level for level, lead in margins if lead <= -EVEN]),
     )
     parts = [
         f"{text} at {_listed([figures.study.protocol.describe(level) for level in levels])}" for text, levels in kinds if levels
@@ -55,27 +54,25 @@ def headline(figures: Figures, group: str) -> str:
 
 
 def comparisons(figures: Figures, group: str) -> list[str]:
-    """Against the best rival at each level, one sentence each."""
-    said = []
+    """One sentence for each level: the comparison with the best rival."""
+    sentences = []
     for level in figures.study.levels:
         margin = figures.margin(group, level)
-        if margin is None or figures.ours is None:
+        if margin is None:
             continue
-        rival, ahead = margin
-        won, of = figures.wins(group, level)
-        place = capital(figures.study.protocol.describe(level))
-        scenes = f"ahead of every rival on {won} of {of} scenes" if of > 1 else ""
-        if abs(ahead) < _EVEN:
-            said.append(f"{place}: even with {methods()[rival].short}; {scenes}".rstrip("; ") + ".")
+        rival, lead = methods()[margin[0]].short, margin[1]
+        won, count = figures.wins(group, level)
+        text = f"{capital(figures.study.protocol.describe(level))}: "
+        if abs(lead) < EVEN:
+            text += f"even with {rival}"
         else:
-            word = "better" if ahead > 0 else "worse"
-            text = f"{figures.ours} is {abs(ahead):.1f} dB {word} than the best rival, {methods()[rival].short}"
-            said.append(f"{place}: {text}; {scenes}".rstrip("; ") + ".")
-    return said
+            text += f"{figures.ours} is {abs(lead):.1f} dB {'better' if lead > 0 else 'worse'} than the best rival, {rival}"
+        sentences.append(text + (f"; ahead of every rival on {won} of {count} scenes." if count > 1 else "."))
+    return sentences
 
 
 def losses(figures: Figures, group: str) -> str:
-    """Where the best rival of a scene is ahead of us: level by level, for what is lost without noise is lost for another reason."""
+    """Scenes on which the best rival beats us, by level: what is lost without noise is lost for another reason than in noise."""
     found = figures.losses(group)
     if not found:
         return "On no scene at any level." if figures.ours and figures.rivals else ""
@@ -89,17 +86,17 @@ def losses(figures: Figures, group: str) -> str:
 
 
 def periods(figures: Figures, group: str) -> str:
-    """Which period wins at which level, in a sentence; nothing when there is only one."""
+    """The best period at each level, in a sentence; empty when only one was measured."""
     study = figures.study
     found = [(level, best) for level in study.levels if (best := figures.best_period(group, level)) is not None]
     if len(study.periods) < 2 or not found:
         return ""
-    parts = [f"{study.protocol.describe(level)} K = {period} ({ahead:+.1f} dB)" for level, (period, ahead) in found]
+    parts = [f"{study.protocol.describe(level)} K = {period} ({lead:+.1f} dB)" for level, (period, lead) in found]
     return f"Best K of {figures.ours}, and its margin over K = {study.period}: {', '.join(parts)}."
 
 
 def capital(text: str) -> str:
-    """With a capital first letter."""
+    """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 

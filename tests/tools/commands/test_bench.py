@@ -8,9 +8,9 @@ import pytest
 
 from offline import PAPER, RenderSettings, threads, use_threads
 from tests.tools.command import run
-from tools.commands import bench
-from tools.evaluation.speed import peers, presets
-from tools.evaluation.speed.peers import PEERS
+from tools.evaluation.presets import PRESETS
+from tools.evaluation.speed import measure, rivals
+from tools.evaluation.speed.rivals import RIVALS
 
 TINY = ("bench", "--megapixels", "0.005", "--rounds", "2", "--frames", "2")
 OURS = ["paper", "paper, band by band", "DNG, writing", "DNG, reading"]
@@ -19,8 +19,8 @@ OURS = ["paper", "paper, band by band", "DNG, writing", "DNG, reading"]
 @pytest.fixture
 def alone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Without other programs, and without the preview's processes."""
-    monkeypatch.setattr(peers, "find_spec", lambda _: None)
-    monkeypatch.setattr(bench, "_preview", lambda *_: {})
+    monkeypatch.setattr(rivals, "find_spec", lambda _: None)
+    monkeypatch.setattr(measure, "measure_previews", lambda *_: {})
     before = threads()
     yield
     use_threads(before)
@@ -28,20 +28,20 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.mark.usefixtures("alone")
 def test_what_is_not_installed_is_listed_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(presets, "BEST", PAPER)
+    monkeypatch.delitem(PRESETS, "best")
     outcome = run(*TINY, "-j", "1", "--json")
     assert outcome.code == 0, outcome.err
     (record,) = outcome.records
     assert list(record["seconds"]) == OURS
-    assert record["times_as_fast_as"] == {"paper": dict.fromkeys([peer.name for peer in PEERS])}
-    assert all(f"{peer.name:<34} not installed: pip install" in outcome.err for peer in PEERS)
+    assert record["times_as_fast_as"] == {"paper": dict.fromkeys([rival.name for rival in RIVALS])}
+    assert all(f"{rival.name:<34} not installed: pip install" in outcome.err for rival in RIVALS)
     assert record["environment"]["threads"] == 1
     assert {"processor", "cores", "load", "system", "python", "packages"} <= set(record["environment"])
 
 
 @pytest.mark.usefixtures("alone")
 def test_every_preset_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(presets, "BEST", RenderSettings(refinement=PAPER.refinement.__class__(repetitions=1)))
+    monkeypatch.setitem(PRESETS, "best", RenderSettings(refinement=PAPER.refinement.__class__(repetitions=1)))
     (record,) = run(*TINY, "--json").records
     assert list(record["stages"]) == list(record["times_as_fast_as"]) == ["paper", "best"]
     assert [name for name in record["seconds"] if name.startswith("best")] == ["best", "best, band by band"]
@@ -53,11 +53,11 @@ def test_every_preset_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning")  # colour-demosaicing under a newer SciPy
-def test_peers_and_preview_are_measured_where_they_are_installed() -> None:
+def test_rivals_and_preview_are_measured_where_they_are_installed() -> None:
     outcome = run(*TINY, "--json")
     assert outcome.code == 0, outcome.err
     (record,) = outcome.records
-    there = [peer.name for peer in PEERS if importlib.util.find_spec(peer.module)]
+    there = [rival.name for rival in RIVALS if importlib.util.find_spec(rival.module)]
     for name, ratio in record["times_as_fast_as"]["paper"].items():
         assert (ratio is not None) == (name in there)
     for name in there:

@@ -27,7 +27,7 @@ def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
 
 
 def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlmmse"), count: int = 2, **changes: object) -> Study:
-    """Of scenes written to `folder`."""
+    """A study of scenes written to `folder`."""
     scenes = []
     for seed in range(count):
         path = folder / f"scene{seed}.npy"

@@ -1,186 +1,117 @@
-"""What a result depends on: what it reaches counts, and nothing else."""
+"""What a kept result depends on: every file that its method names, and a method names every file that it needs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-from tools.evaluation import code_digest as sources
+from tests.test_architecture import ROOT, imported, sources
+from tools.evaluation import code_digest
 from tools.evaluation.code_digest import digest
-from tools.evaluation.methods import methods
+from tools.evaluation.methods import MEASURING, methods
 
 TREE = {
-    "tools/__init__.py": "",
-    "tools/entry.py": '''
-"""Of the module."""
-from shared import Lens as Glass
-from . import table
-from .steps import blur
-
-def look(scene):
-    """Of the function."""
-    from .late import polish
-    return polish(blur(scene, Glass(2.0).bend()) * table.GAIN)
-
-def unrelated():
-    return 1
-''',
-    "tools/steps.py": """
-from shared.kinds import Kind
-_WIDTH = 3
-_LENGTH = 4
-
-def blur(scene, by, kind: "Kind" = None):
-    return _inner(scene) * _WIDTH
-
-def _inner(scene):
-    return scene
-
-def sharpen(scene):
-    return _inner(scene) * _LENGTH
-""",
-    "tools/table.py": "GAIN = 2\nLOSS = 3\n",
-    "tools/late.py": "def polish(scene):\n    return scene\n",
-    "shared/__init__.py": "from .lens import Lens\nfrom .other import Other\n",
-    "shared/other.py": "class Other:\n    pass\n",
-    "shared/kinds.py": "class Kind:\n    size = 1\n",
-    "shared/lens.py": '''
-class Optic:
-    def __init__(self, power):
-        self.power = power
-
-class Lens(Optic):
-    """Of the class."""
-    def bend(self):
-        """Of the method."""
-        return self._half()
-
-    def _half(self):
-        return self.power / 2
-
-    def describe(self):
-        return "a lens"
-''',
+    "offline/entry.py": '"""A module."""\n\n\ndef look(scene):\n    """Look."""\n    return scene\n',
+    "offline/kernels/blur.py": "WIDTH = 3\n",
+    "device/models/graph.onnx": "graph",
+    "tools/rival.py": "def demosaic(samples):\n    return samples\n",
 }
-Change = Callable[[str, str, str], None]
+PLACES = ("offline", "device", "tools/rival.py")
 
 
 @pytest.fixture
-def change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Change]:
-    """(file, before, after): in a small tree of sources that stands for ours."""
-    monkeypatch.setattr(sources, "_ROOT", tmp_path)
-
-    def forget() -> None:
-        for each in (sources.digest, sources._source, sources._path):
-            each.cache_clear()
-
-    def edit(name: str, before: str, after: str) -> None:
-        text = (tmp_path / name).read_text()
-        assert before in text
-        (tmp_path / name).write_text(text.replace(before, after, 1))
-        forget()
-
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A small tree of sources that stands for ours."""
+    monkeypatch.setattr(code_digest, "_ROOT", tmp_path)
     for name, text in TREE.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    forget()
-    yield edit
-    monkeypatch.undo()
-    forget()
+    digest.cache_clear()
+    yield tmp_path
+    digest.cache_clear()
 
 
 @pytest.mark.parametrize(
-    ("name", "before", "after"),
+    ("name", "text", "counts"),
     [
-        ("tools/entry.py", "scene, Glass", "-scene, Glass"),  # itself
-        ("tools/steps.py", "return scene\n", "return -scene\n"),  # what a called function calls
-        ("tools/steps.py", "_WIDTH = 3", "_WIDTH = 5"),  # a constant
-        ("tools/table.py", "GAIN = 2", "GAIN = 5"),  # by the module's name
-        ("tools/late.py", "return scene", "return -scene"),  # imported in a function
-        ("shared/lens.py", "self.power = power", "self.power = -power"),  # a base class, through a package, under another name
-        ("shared/lens.py", "self.power / 2", "self.power / 3"),  # a method that a used method uses
-        ("shared/kinds.py", "size = 1", "size = 2"),  # by a quoted annotation alone
-        ("shared/__init__.py", "from .lens import Lens", "from .other import Other as Lens"),
+        ("offline/entry.py", "def look(scene):\n    return -scene\n", True),
+        ("offline/kernels/blur.py", "WIDTH = 5\n", True),
+        ("offline/kernels/new.py", "", True),
+        ("device/models/graph.onnx", "another graph", True),
+        ("tools/rival.py", "def demosaic(samples):\n    return samples + 1\n", True),
+        (
+            "offline/entry.py",
+            '"""Other words."""\n# a remark\ndef look( scene ):\n    """More\n    words."""\n    return (scene)\n',
+            False,
+        ),
+        ("offline/README.md", "words", False),
+        ("offline/kernels/__pycache__/blur.cpython-313.pyc", "compiled", False),
+        ("tools/other.py", "ANYTHING = 1\n", False),
+        ("shared/other.py", "ANYTHING = 1\n", False),
     ],
 )
-def test_what_is_reached_counts(change: Change, name: str, before: str, after: str) -> None:
-    old = digest("tools.entry:look")
-    change(name, before, after)
-    assert digest("tools.entry:look") != old
-    change(name, after, before)
-    assert digest("tools.entry:look") == old
+def test_code_in_the_named_places_counts_and_nothing_else(tree: Path, name: str, text: str, counts: bool) -> None:
+    before = digest(*PLACES)
+    (tree / name).parent.mkdir(exist_ok=True)
+    (tree / name).write_text(text)
+    digest.cache_clear()
+    assert (digest(*PLACES) != before) == counts
 
 
-@pytest.mark.parametrize(
-    ("name", "before", "after"),
-    [
-        ("tools/entry.py", "return 1", "return 2"),
-        ("tools/entry.py", '"""Of the module."""', "# another remark"),
-        ("tools/entry.py", '"""Of the function."""\n', '"""Said otherwise."""\n\n    # and at length\n'),
-        ("tools/steps.py", "_LENGTH = 4", "_LENGTH = 5"),
-        ("tools/steps.py", "def sharpen(scene):", "def sharpen(scene, more=1):"),
-        ("tools/table.py", "LOSS = 3", "LOSS = 4"),
-        ("shared/other.py", "pass", "size = 1"),
-        ("shared/lens.py", '"""Of the class."""', '"""Said otherwise."""'),
-        ("shared/lens.py", '"""Of the method."""', '"""Said otherwise."""'),
-        ("shared/lens.py", '"a lens"', '"some glass"'),  # a method that nothing reached calls
-    ],
-)
-def test_what_is_not_reached_does_not_count(change: Change, name: str, before: str, after: str) -> None:
-    old = digest("tools.entry:look")
-    change(name, before, after)
-    assert digest("tools.entry:look") == old
+def test_a_file_counts_under_its_name(tree: Path) -> None:
+    before = digest("offline")
+    (tree / "offline/entry.py").rename(tree / "offline/renamed.py")
+    digest.cache_clear()
+    assert digest("offline") != before
 
 
-def test_a_method_can_be_an_entry(change: Change) -> None:
-    old = digest("shared.lens:Lens.describe")
-    change("shared/lens.py", "self.power / 2", "self.power / 3")
-    assert digest("shared.lens:Lens.describe") == old
-    change("shared/lens.py", '"a lens"', '"some glass"')
-    assert digest("shared.lens:Lens.describe") != old
+def test_a_place_that_does_not_exist_is_an_error() -> None:
+    with pytest.raises(FileNotFoundError):
+        digest("tools/evaluation/nothing.py")
 
 
-def test_nothing_is_not_a_source() -> None:
-    with pytest.raises(ValueError, match=r"tools\.evaluation\.metrics:nothing"):
-        digest("tools.evaluation.metrics:nothing")
+def module_files() -> dict[str, Path]:
+    """The file of each module of ours; a package is its `__init__`."""
+    return {module.removesuffix(".__init__"): Path(*module.split(".")).with_suffix(".py") for module, _ in sources()}
 
 
-ALGORITHM = {
-    "paper": "offline.kernels.averaging:_weigh",
-    "preview": "device.border:ExtendedFrame",
-    "bilinear": "tools.evaluation.rivals.bilinear:_GREEN",
-    "dlmmse": "tools.evaluation.rivals.dlmmse:_moving_mean",
-    "ahd": "tools.evaluation.rivals.integers:Levels",
-    "ea": "tools.evaluation.rivals.integers:Levels",
-    "bm3d+menon": "tools.evaluation.rivals.denoising:_even_out",
-}
-SHARED_BY_ALL = (
-    "tools.evaluation.metrics:patch_psnr",
-    "tools.evaluation.ssim:_blur",
-    "tools.evaluation.protocol:_camera",
-    "shared.sensor:typical_noise",
-)
+FILES = module_files()
 
 
-@pytest.mark.parametrize("name", ALGORITHM)
-def test_a_result_depends_on_its_algorithm_its_noise_and_its_measure(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[str] = []
+@cache
+def needed(file: Path) -> frozenset[Path]:
+    """The files of ours that importing a file runs: what it imports, wherever it does, and the packages these are in."""
+    parts = file.with_suffix("").parts
+    prefixes = [tuple(name.split(".")) for name in imported(".".join(parts), (ROOT / file).read_text("utf-8"))]
+    modules = {".".join(name[:length]) for name in [*prefixes, parts] for length in range(1, len(name) + 1)}
+    return frozenset(FILES[module] for module in modules & FILES.keys())
 
-    def spy(*entries: str) -> str:
-        seen.extend(entries)
-        return ""
 
-    monkeypatch.setattr("tools.evaluation.methods.digest", spy)
-    methods()[name].identity()
-    reached = {f"{module}:{each}" for module, each in sources._Walk(tuple(seen)).reached}
-    assert {ALGORITHM[name], *SHARED_BY_ALL} <= reached
-    modules = {each.partition(":")[0] for each in reached}
-    assert not modules & {
-        "tools.evaluation.page.page",
-        "tools.evaluation.figures",
-        "shared.dng.file",
-        "tools.commands.render",
-        "tools.scenes.load",
+def forgotten(*places: str) -> set[Path]:
+    """Files with code that files at these places import, and that are not there themselves."""
+    named = {path.relative_to(ROOT) for place in places for path in code_digest._files(ROOT / place)}
+    missing = {each for file in named if file.suffix == ".py" for each in needed(file)} - named
+    return {each for each in missing if code_digest._code((ROOT / each).read_bytes()) != code_digest._code(b"")}
+
+
+@pytest.mark.parametrize("name", methods())
+def test_a_method_names_every_file_that_it_needs(name: str) -> None:
+    """Whatever the named files import is named, and so is the method's own module: too much may count, never too little."""
+    method = methods()[name]
+    functions = [getattr(method.function, "func", method.function), method.denoise]
+    assert {str(FILES[function.__module__]) for function in functions if function} <= set(method.code)
+    assert forgotten(*MEASURING, *method.code) == set()
+
+
+def test_a_forgotten_file_is_found() -> None:
+    assert forgotten("tools/evaluation/rivals/packages.py", "shared") == {
+        Path("tools/evaluation/rivals", name) for name in ("bayer.py", "integers.py")
     }
-    if name != "paper":
-        assert not any(module.startswith("offline") for module in modules)
+    assert Path("offline/render.py") in forgotten("tools/evaluation/presets.py", "shared")
+
+
+@pytest.mark.parametrize("name", [name for name, method in methods().items() if not method.ours])
+def test_a_rivals_result_survives_a_change_of_ours(name: str) -> None:
+    assert not [place for place in methods()[name].code if not place.startswith("tools/evaluation/rivals/")]
+    assert not [place for place in MEASURING if place.startswith(("offline", "device"))]

@@ -97,6 +97,14 @@ def test_claims_are_shown_or_refuted_by_the_figures(study: Study) -> None:
     assert claims(study, paper=(0.05 * NOISE, 0.05 * NOISE), dlmmse=(0.02 * NOISE, 0.1 * NOISE)) == ["refuted", "shown"]
 
 
+@pytest.mark.parametrize(("middle", "finding"), [(0.09, "shown"), (0.0797, "shown"), (0.06, "shown in part")])
+def test_a_growing_lead_may_not_fall_in_between(tmp_path: Path, middle: float, finding: str) -> None:
+    study = study_of(tmp_path, levels=(0.0, 0.01, 0.03), methods=("paper", "dlmmse"))
+    errors = {("dlmmse", level): np.float32(size) * NOISE for level, size in zip(study.levels, (0.08, middle, 0.16), strict=True)}
+    errors |= {("paper", level): 0.05 * NOISE for level in study.levels}
+    assert figures_with(study, errors).claims(SET)[1].finding == finding
+
+
 def test_claims_need_a_noise_free_level_and_the_methods(tmp_path: Path) -> None:
     noisy = study_of(tmp_path, levels=(0.01, 0.03))
     errors = {(name, level): 0.05 * NOISE for name in noisy.methods for level in noisy.levels}

@@ -3,7 +3,7 @@ import pytest
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, rising, window_origins
+from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
 from tools.evaluation.metrics import BORDER, CAP, patch_psnr, quality
 from tools.evaluation.ssim import ssim
 
@@ -17,7 +17,7 @@ def pair(rows: int = 60, columns: int = 70, seed: int = 0) -> tuple[FloatArray, 
 
 
 def test_pooled_quantiles_are_those_of_all_patches() -> None:
-    """Of frames of different size: every patch counts once."""
+    """Frames differ in size: every patch counts once."""
     maps = [patch_psnr(*pair(rows, columns, seed)) for rows, columns, seed in ((60, 70, 0), (44, 41, 1), (90, 50, 2))]
     for plane in range(len(PLANES)):
         found = Histogram.pooled([Histogram.of(each[plane]) for each in maps]).quantiles()
@@ -85,9 +85,3 @@ def test_ssim_of_equal_pictures_is_one_and_needs_a_window() -> None:
         ssim(a, b, border=5)
     with pytest.raises(InputError, match="shape"):
         ssim(a, b[:-1])
-
-
-def test_rising() -> None:
-    assert rising([1, 1, 2], 0.05)
-    assert rising([1, 0.97, 2], 0.05)
-    assert not rising([1, 0.9, 2], 0.05)

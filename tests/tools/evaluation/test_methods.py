@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation import methods as module
-from tools.evaluation.methods import Method, choose, default_names, methods, render_bayer, render_sparse
-from tools.evaluation.protocol import BayerShot, Protocol
-from tools.evaluation.rivals import demosaic_bilinear
+from tools.evaluation.cameras import CameraPair
+from tools.evaluation.methods import Method, choose, default_names, methods
+from tools.evaluation.protocol import Protocol
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.versions import package_version
 
 ASKED_FOR = {"paper", "best", "preview", "bilinear", "malvar", "menon", "dlmmse", "ahd", "dcb", "dht", "aahd", "ea"}
@@ -35,14 +35,8 @@ def test_a_method_without_its_package_is_left_out_and_refused_by_name(monkeypatc
         choose(["bm3d+menon"])
 
 
-def test_best_is_a_default_only_where_it_differs_from_the_paper() -> None:
-    assert ("best" in default_names()) == (BEST != PAPER)
-    same = methods()["best"].identity() == methods()["paper"].identity()
-    assert same == (BEST == PAPER)
-
-
 def test_identities_tell_apart_what_differs() -> None:
-    identities = {name: method.identity() for name, method in methods().items() if name != "best"}
+    identities = {name: method.identity() for name, method in methods().items()}
     assert len(set(identities.values())) == len(identities)
 
 
@@ -55,21 +49,28 @@ def test_balanced_methods_see_white_as_grey() -> None:
         return demosaic_bilinear(samples, order)
 
     rgb = np.broadcast_to(np.array([0.3, 0.6, 0.15], np.float32), (30, 30, 3))
-    shot = Protocol().bayer_shot(rgb, 0.0)
-    picture = render_bayer(Method("spy", "", demosaic=spy, balanced=True), shot, (0.5, 1.0, 0.25))
+    cameras = CameraPair(Protocol(), 0.0, rgb, 6, (0.5, 1.0, 0.25))
+    picture = Method("spy", "", spy, balanced=True).render(cameras)
     np.testing.assert_allclose(seen[0], 0.6, atol=1e-6)
     np.testing.assert_allclose(picture, rgb, atol=1e-6)
-    render_bayer(Method("spy", "", demosaic=spy), shot, (0.5, 1.0, 0.25))
-    np.testing.assert_array_equal(seen[1], shot.samples)
+    Method("spy", "", spy).render(cameras)
+    np.testing.assert_array_equal(seen[1], Protocol().bayer_shot(rgb, 0.0).samples)
 
 
-def test_each_camera_has_its_own_methods() -> None:
-    shot = BayerShot(np.zeros((30, 30), np.float32), 0, 0)
-    with pytest.raises(InputError, match="sparse"):
-        render_bayer(methods()["paper"], shot, None)
-    mosaic = Protocol().sparse_shot(np.zeros((30, 30, 3), np.float32), 0, 6)
-    with pytest.raises(InputError, match="Bayer"):
-        render_sparse(methods()["bilinear"], mosaic, 1.0)
+def test_methods_that_denoise_share_the_denoised_samples() -> None:
+    calls: list[tuple[float, float]] = []
+
+    def darken(samples: FloatArray, shot: float, read: float) -> FloatArray:
+        calls.append((shot, read))
+        return samples * np.float32(0.5)
+
+    rgb = np.full((30, 30, 3), 0.4, np.float32)
+    cameras = CameraPair(Protocol(), 0.0, rgb, 6, None)
+    for _ in range(2):
+        picture = Method("spy", "", demosaic_bilinear, denoise=darken).render(cameras)
+        np.testing.assert_allclose(picture, rgb / 2, atol=1e-6)
+    assert calls == [(0.0, 0.0)]
+    np.testing.assert_allclose(Method("plain", "", demosaic_bilinear).render(cameras), rgb, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["paper", "preview"])
@@ -77,6 +78,5 @@ def test_each_camera_has_its_own_methods() -> None:
 def test_ours_give_a_flat_scene_back_in_scene_units(name: str, period: int) -> None:
     rgb = np.broadcast_to(np.array([0.2, 0.4, 0.3], np.float32), (48, 54, 3))
     for protocol, level, tolerance in ((Protocol(), 0.0, 2e-3), (Protocol("sensor"), 0.5, 0.02)):
-        shot = protocol.sparse_shot(rgb, level, period)
-        picture = render_sparse(methods()[name], shot, protocol.gain(level))
+        picture = methods()[name].render(CameraPair(protocol, level, rgb, period, None))
         np.testing.assert_allclose(picture.mean(axis=(0, 1)), rgb[0, 0], atol=tolerance)

@@ -50,15 +50,15 @@ def test_sensors_clip_at_white() -> None:
 
 
 def test_levels_are_ordered_by_noise_and_checked() -> None:
-    assert Protocol("paper").in_order([0.03, 0.0, 0.01, 0.01]) == [0.0, 0.01, 0.03]
-    assert Protocol("sensor").in_order([0.25, 1.0]) == [1.0, 0.25]
+    assert Protocol("paper").levels([0.03, 0.0, 0.01, 0.01]) == (0.0, 0.01, 0.03)
+    assert Protocol("sensor").levels([0.25, 1.0]) == (1.0, 0.25)
     assert [Protocol("paper").describe(level) for level in (0.0, 0.01)] == ["no noise", "sigma 0.01"]
     assert [Protocol("sensor").describe(level) for level in (2.0, 1.0, 0.25)] == ["exposure 2", "exposure 1", "exposure 1/4"]
     assert "5,000 electrons per scene unit at exposure 1, read noise of 3 electrons, 12 bits" in Protocol("sensor").conditions
     assert "Gaussian" in Protocol("paper").conditions
     for kind, level in (("paper", -0.1), ("paper", np.nan), ("sensor", 0.0), ("sensor", np.inf)):
         with pytest.raises(InputError, match="expected"):
-            Protocol(kind).check_level(level)  # type: ignore[arg-type]
+            Protocol(kind).levels([level])  # type: ignore[arg-type]
     with pytest.raises(InputError, match="protocol"):
         Protocol("both")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="seed"):

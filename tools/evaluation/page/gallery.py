@@ -1,38 +1,44 @@
-"""The gallery, after the paper's Fig. 4: small squares of the scenes where the methods differ most, and where we are worst."""
+"""The gallery, after the paper's Fig. 4: small crops where the methods differ most, and where our error is largest."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from math import lcm, log2
 
 import numpy as np
 
-from shared import Mosaic, SensorCalibration
+from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 from tools.pictures.samples import quantise
 
-from ..figures import Figures
-from ..measures import WINDOW, Measures, window_origins
-from ..methods import choose, denoise, methods, render_bayer, render_sparse
+from ..cameras import CameraPair
+from ..figures import RGB, Figures
+from ..measures import WINDOW, window_origins
+from ..methods import methods
 from ..metrics import BORDER
-from ..protocol import BayerShot
 from ..scene_sets import SceneInfo
 from ..study import Study
 from ..team import Team
 
-# Errors below this are seen by nobody: a square may differ by many decibels there, and still be the same picture.
+# Nobody sees errors below this: crops that differ by many decibels there still look the same.
 _INVISIBLE = 0.004**2
-_HALO = 96  # pixels around a square that are rendered with it and cut off: beyond the reach of every method
+_HALO = 96  # pixels around a crop that are rendered with it and cut off: beyond the reach of every method
 _PER_KIND = 3
 _RIVALS = 4
-_BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # so bright is this quantile of a scene shown
+_BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene is shown with
 _MOST_STOPS = 6.0
+
+WHY_AHEAD, WHY_BEHIND, WHY_WORST = "where we gain most", "where we lose most", "where our error is largest"
 
 
 @dataclass(frozen=True)
-class Place:
-    """A square of a scene at a level, and why it was chosen."""
+class Crop:
+    """A part of a scene at a noise level, and why it was chosen (WHY_...).
+
+    row, column: of its first pixel.
+    height, width: pixels.
+    """
 
     scene: SceneInfo
     level: float
@@ -42,10 +48,20 @@ class Place:
     width: int
     why: str
 
+    @property
+    def part(self) -> tuple[slice, slice]:
+        """Rows and columns in the scene."""
+        return slice(self.row, self.row + self.height), slice(self.column, self.column + self.width)
+
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One rendering of a place: method ("" is the truth), sRGB uint8 (h, w, 3), and its PSNR there, dB (None of the truth)."""
+    """One rendering of a crop.
+
+    method: name; "" for the truth.
+    pixels: sRGB, uint8 (h, w, 3).
+    psnr: of the crop, dB; None for the truth.
+    """
 
     method: str
     pixels: ByteArray
@@ -54,99 +70,79 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Exhibit:
-    """A place with its pictures, the truth first; stops: by how much the scene is brightened to be seen."""
+    """A crop with its pictures, the truth first; stops: brightening for display."""
 
-    place: Place
+    crop: Crop
     pictures: tuple[Picture, ...]
     stops: float
 
 
-WHY_AHEAD, WHY_BEHIND, WHY_WORST = "where we gain most", "where we lose most", "where our error is largest"
-
-
-def gallery(figures: Figures, team: Team) -> list[Exhibit]:
-    """Exhibits at the lowest and the highest level, rendered by the team. Empty when there is nothing of ours or no rival."""
-    places = list(choose_places(figures))
-    if not places:
+def render_gallery(figures: Figures, team: Team) -> list[Exhibit]:
+    """Exhibits at the lowest and the highest level, rendered by the team. Empty without a method of ours or without a rival."""
+    crops = list(choose_crops(figures))
+    if not crops:
         return []
-    pixels = (WINDOW + 2 * _HALO) ** 2 + max(place.scene.rows * place.scene.columns for place in places) // 4
-    shown = [(place, _shown(figures, place)) for place in places]
-    return team.together("gallery", partial(exhibit, figures.study), shown, pixels)
+    pixels = (WINDOW + 2 * _HALO) ** 2 + max(crop.scene.rows * crop.scene.columns for crop in crops) // 4
+    shown = [(crop, _shown(figures, crop)) for crop in crops]
+    return team.together("gallery", partial(render_exhibit, figures.study), shown, pixels)
 
 
-def choose_places(figures: Figures) -> Iterator[Place]:
-    """Up to three squares per kind and level, of different scenes where there are so many."""
+def choose_crops(figures: Figures) -> Iterator[Crop]:
+    """Up to three crops per reason and level, each from another scene."""
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
-        taken: list[Place] = []
+        taken: list[Crop] = []
         for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST):
             found = sorted(_candidates(figures, level, why, taken), key=lambda candidate: -candidate[0])
-            for score, place in found[:_PER_KIND]:
+            for score, crop in found[:_PER_KIND]:
                 if score > 0:
-                    taken.append(place)
-                    yield place
+                    taken.append(crop)
+                    yield crop
 
 
-def exhibit(study: Study, shown: tuple[Place, tuple[str, ...]]) -> Exhibit:
-    """Render a place by the methods named."""
-    place, names = shown
-    scene = study.reading.scene(place.scene.source)
-    transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=place.scene.neutral))
+def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit:
+    """Render a crop by the methods named."""
+    crop, names = shown
+    scene = study.reading.scene(crop.scene.source)
+    transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
     stops = _stops(scene.rgb)
-    truth = scene.rgb[_inner(place)]
+    truth = scene.rgb[crop.part]
     pictures = [Picture("", _display(truth, transform, stops), None)]
-    shots = Shots(study, place, scene.rgb)
-    for name in names:
-        rendered = shots.render(name)
+    for name, rendered in render_crop(study, crop, scene.rgb, names):
         square = float(np.square(rendered.astype(np.float64) - truth).mean())
         pictures.append(Picture(name, _display(rendered, transform, stops), -10 * float(np.log10(max(square, 1e-20)))))
-    return Exhibit(place, tuple(pictures), stops)
+    return Exhibit(crop, tuple(pictures), stops)
 
 
-class Shots:
-    """What both cameras measured of a place and its surroundings: the same samples as in the whole frame, each made once."""
+def render_crop(study: Study, crop: Crop, truth: FloatArray, names: Iterable[str]) -> Iterator[tuple[str, FloatArray]]:
+    """(method, its picture of a crop, float32 (h, w, 3), scene units): from the samples of the whole frame's shots.
 
-    def __init__(self, study: Study, place: Place, truth: FloatArray) -> None:
-        self._study, self._place, self._truth = study, place, truth
-        step = lcm(2, study.period)  # the cut keeps the phase of both filter patterns
-        self._rows = _around(place.row, place.height, truth.shape[0], step)
-        self._columns = _around(place.column, place.width, truth.shape[1], step)
+    Only the crop and its surroundings are rendered.
 
-    def render(self, name: str) -> FloatArray:
-        """The picture of the place by a method, float32 (height, width, 3), scene units."""
-        (method,) = choose([name])
-        if method.ours:
-            picture = render_sparse(method, self._sparse, self._study.protocol.gain(self._place.level))
-        else:
-            denoised = self._denoised if method.denoised else None
-            picture = render_bayer(method, self._bayer, self._place.scene.neutral, denoised)
-        top, left = self._place.row - self._rows.start, self._place.column - self._columns.start
-        return picture[top : top + self._place.height, left : left + self._place.width]
-
-    @cached_property
-    def _sparse(self) -> Mosaic:
-        shot = self._study.protocol.sparse_shot(self._truth, self._place.level, self._study.period)
-        return Mosaic(shot.samples[self._rows, self._columns], shot.pattern, shot.calibration)
-
-    @cached_property
-    def _bayer(self) -> BayerShot:
-        shot = self._study.protocol.bayer_shot(self._truth, self._place.level)
-        return BayerShot(shot.samples[self._rows, self._columns], shot.shot, shot.read, shot.order)
-
-    @cached_property
-    def _denoised(self) -> FloatArray:
-        return denoise(self._bayer)
+    truth: light of the whole scene, (H, W, 3), scene units.
+    names: of the methods.
+    """
+    step = lcm(2, study.period)  # keeps the phase of both filter patterns
+    rows = _around(crop.row, crop.height, truth.shape[0], step)
+    columns = _around(crop.column, crop.width, truth.shape[1], step)
+    cameras = CameraPair(study.protocol, crop.level, truth, study.period, crop.scene.neutral, rows, columns)
+    top, left = crop.row - rows.start, crop.column - columns.start
+    for name in names:
+        yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]
 
 
-def _candidates(figures: Figures, level: float, why: str, taken: list[Place]) -> Iterator[tuple[float, Place]]:
-    """The best square of each scene, with how much it shows."""
+def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> Iterator[tuple[float, Crop]]:
+    """The best crop of each scene, with its score."""
     for scene in figures.study.scenes:
-        errors = {name: measures.errors for name, measures in _of(figures, scene, level)}
-        own = figures.ours
-        rival = figures.best_rival(lambda name, at=scene.name: figures.of_scene(at, level, name))  # type: ignore[misc]
+        errors = {
+            cell.method: measures.errors
+            for cell, measures in figures.results.items()
+            if cell.scene == scene and cell.level == level and cell.period in (0, figures.study.period)
+        }
+        own, rival = figures.ours, figures.rival_of_scene(scene.name, level)
         if own is None or own not in errors or rival is None:
             continue
-        ours, theirs = (np.maximum(errors[name], _INVISIBLE) for name in (own, rival.method))
+        ours, theirs = (np.maximum(errors[name], _INVISIBLE) for name in (own, rival))
         scores = {
             WHY_AHEAD: np.log10(theirs / ours),
             WHY_BEHIND: np.log10(ours / theirs),
@@ -154,49 +150,37 @@ def _candidates(figures: Figures, level: float, why: str, taken: list[Place]) ->
         }[why].copy()
         origins = [window_origins(size) for size in (scene.rows, scene.columns)]
         for row, column in np.argwhere(scores > 0).tolist():
-            if any(_overlap(place, scene, origins[0][row], origins[1][column]) for place in taken):
+            if any(_overlap(crop, scene, origins[0][row], origins[1][column]) for crop in taken):
                 scores[row, column] = 0.0
         row, column = (int(each) for each in np.unravel_index(int(scores.argmax()), scores.shape))
         height, width = (min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns))
-        yield float(scores[row, column]), Place(scene, level, origins[0][row], origins[1][column], height, width, why)
+        yield float(scores[row, column]), Crop(scene, level, origins[0][row], origins[1][column], height, width, why)
 
 
-def _of(figures: Figures, scene: SceneInfo, level: float) -> Iterable[tuple[str, Measures]]:
-    period = figures.study.period
-    for cell, measures in figures.results.items():
-        if cell.scene == scene and cell.level == level and cell.period in (0, period):
-            yield cell.method, measures
-
-
-def _shown(figures: Figures, place: Place) -> tuple[str, ...]:
-    """Ours, the paper's baseline, and the rivals that are best on this scene."""
+def _shown(figures: Figures, crop: Crop) -> tuple[str, ...]:
+    """Methods shown: ours with the best first, the paper's rival, and the best rivals on this scene."""
     scored = [
-        (figure.quality.median[0], name)
+        (figure.quality.median[RGB], name)
         for name in figures.rivals
-        if (figure := figures.of_scene(place.scene.name, place.level, name)) is not None
+        if (figure := figures.of_scene(crop.scene.name, crop.level, name)) is not None
     ]
     best = [name for _, name in sorted(scored, reverse=True)][:_RIVALS]
     if "dlmmse" in figures.rivals and "dlmmse" not in best:
         best = [*best[: _RIVALS - 1], "dlmmse"]
     ours = [name for name in figures.study.methods if methods()[name].ours]
-    ours.sort(key=lambda name: name != figures.ours)
-    return (*dict.fromkeys(ours), *best)
+    return (*sorted(ours, key=lambda name: name != figures.ours), *best)
 
 
-def _overlap(place: Place, scene: SceneInfo, row: int, column: int) -> bool:
-    return place.scene == scene and abs(place.row - row) < WINDOW and abs(place.column - column) < WINDOW
+def _overlap(crop: Crop, scene: SceneInfo, row: int, column: int) -> bool:
+    return crop.scene == scene and abs(crop.row - row) < WINDOW and abs(crop.column - column) < WINDOW
 
 
 def _around(start: int, length: int, size: int, step: int) -> slice:
     return slice(max(0, start - _HALO) // step * step, min(size, start + length + _HALO))
 
 
-def _inner(place: Place) -> tuple[slice, slice]:
-    return slice(place.row, place.row + place.height), slice(place.column, place.column + place.width)
-
-
 def _stops(rgb: FloatArray) -> float:
-    """Brightening for display, by the scene's own light."""
+    """Brightening for display, from the scene's own light."""
     bright = float(np.quantile(rgb.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
     return min(max(log2(_BRIGHT / bright), 0.0), _MOST_STOPS) if bright > 0 else 0.0
 

@@ -1,127 +1,111 @@
-"""The plots of the page: quality over noise (the paper's Fig. 3), and over the period of the pattern."""
+"""The sections of the page that have plots: quality over noise (the paper's Fig. 3), and over the period of the pattern."""
 
+from collections.abc import Sequence
 from html import escape
 
 from shared import CfaPattern
 
-from ..figures import RGB, Figure, Figures, title
+from ..figures import RGB, Figure, Figures
 from ..measures import PLANES
 from ..methods import methods
-from ..protocol import ORDER
+from ..protocol import ORDER, fraction
 from ..verdict import capital, heading, periods
-from .svg import Series, line_plot
+from .elements import cell, row, table
+from .svg import Quartiles, Series, legend, line_plot
 
 _OURS = ("--ours", "--ours-2", "--ours-3")
-_RIVALS, _LEVELS = 9, 6
-Point = tuple[float, float, float] | None
+_RIVALS, _LEVELS = 9, 6  # colours of the style sheet
 _PLANE_TITLES = ("RGB", "Luminance", "Chrominance")
 
 
-def noise_plots(figures: Figures) -> str:
-    """Fig. 3 for every set: medians and quartiles over the noise, lines to be switched on and off."""
+def noise_section(figures: Figures) -> str:
+    """Quality over noise for every set: medians and quartiles, with lines that can be switched on and off."""
     study = figures.study
-    labels = [f"{level:g}" if study.protocol.kind == "paper" else _fraction(level) for level in study.levels]
-    places = list(study.levels) if study.protocol.kind == "paper" else [float(index) for index in range(len(study.levels))]
-    axis = "sigma" if study.protocol.kind == "paper" else "exposure"
+    paper = study.protocol.kind == "paper"
+    labels = [f"{level:g}" if paper else fraction(level) for level in study.levels]
+    places = list(study.levels) if paper else [float(index) for index in range(len(study.levels))]
     parts = ["<h2>Quality and noise</h2><p>Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches.</p>"]
     for number, group in enumerate(figures.groups):
-        parts.append(f"<div><h3>{escape(heading(figures, group))}</h3>")
         shown = _shown(figures, group)
-        plots = []
-        for plane, name in enumerate(_PLANE_TITLES):
-            series = [
-                Series(
-                    each,
-                    title(each),
-                    _colour(figures, each),
-                    _points(figures, group, each, plane),
-                    each in shown[:3],
-                    each in shown,
-                    dashed=_dashed(figures, each),
+        planes = [
+            {
+                name: Series(
+                    name,
+                    methods()[name].title,
+                    _colour(figures, name),
+                    tuple(_quartiles(figures.pooled(group, level, name), plane) for level in study.levels),
+                    name in shown[:3],
+                    name in shown,
+                    dashed=_dashed(figures, name),
                 )
-                for each in _drawn_last(figures)
-            ]
-            plots.append(line_plot(f"set{number}", name, places, labels, series, axis))
+                for name in _drawn_last(figures)
+            }
+            for plane in range(len(PLANES))
+        ]
+        plots = [
+            line_plot(f"set{number}", name, places, labels, list(lines.values()), "sigma" if paper else "exposure")
+            for name, lines in zip(_PLANE_TITLES, planes, strict=True)
+        ]
+        parts.append(f"<div><h3>{escape(heading(figures, group))}</h3>")
         parts.append(f'<div class="plots">{"".join(plots)}</div>')
-        boxes = "".join(
-            f'<label style="--line:{_colour(figures, each)}"><input type="checkbox" value="{each}"{" checked" * (each in shown)}>'
-            f'<span class="swatch{" dashed" * _dashed(figures, each)}"></span>{escape(title(each))}</label>'
-            for each in study.methods
-        )
-        parts.append(f'<fieldset class="legend" hidden>{boxes}</fieldset></div>')
+        parts.append(f"{legend(planes[RGB][name] for name in study.methods)}</div>")
     return "\n".join(parts)
 
 
 def period_section(figures: Figures) -> str:
-    """Light efficiency against quality, per noise level, and which period wins when."""
+    """Quality over the period for every set and level, with the light that each period collects, and the best period."""
     study, own = figures.study, figures.ours
     if own is None:
         return ""
-    light = [CfaPattern.bayer(period, ORDER).light_efficiency for period in study.periods]
+    light = [f"{CfaPattern.bayer(period, ORDER).light_efficiency:.2f}×" for period in study.periods]
     parts = [
         "<h2>How sparse should colour be?</h2><p>Few colour blocks (large K) collect more light and leave luminance sharper; many "
-        f"give finer colour. Median RGB PSNR of {escape(title(own))}; below each K the light it collects, as a multiple of a Bayer "
-        "sensor's. The large dot is the best K.</p>"
+        f"give finer colour. Median RGB PSNR of {escape(methods()[own].title)}; below each K the light it collects, as a multiple "
+        "of a Bayer sensor's. The large dot is the best K.</p>"
     ]
+    labels = [f"K={period}" for period in study.periods]
     for number, group in enumerate(figures.groups):
-        rows, plots = [], []
-        for plane, name in enumerate(_PLANE_TITLES):
-            series = []
-            for index, level in enumerate(study.levels):
-                found = [figures.pooled(group, level, own, period) for period in study.periods]
-                points = tuple(_of(figure, plane) for figure in found)
-                known = [(point[1], place) for place, point in enumerate(p for p in points if p)]
-                best = max(known)[1] if known else None
-                text = study.protocol.describe(level)
-                series.append(Series(f"level-{index}", text, f"var(--l{index % _LEVELS})", points, marked=best))
-                if plane == RGB:
-                    rows.append(_winner_row(text, study.periods, points))
-            labels = [f"K={period}" for period in study.periods]
-            second = [f"{each:.2f}×" for each in light]
-            plots.append(line_plot(f"period{number}", name, [float(p) for p in study.periods], labels, series, "", second))
-        boxes = "".join(
-            f'<label style="--line:var(--l{index % _LEVELS})"><input type="checkbox" value="level-{index}" checked>'
-            f'<span class="swatch"></span>{escape(capital(study.protocol.describe(level)))}</label>'
-            for index, level in enumerate(study.levels)
-        )
-        head = "".join(f'<th scope="col">K = {period}</th>' for period in study.periods)
-        table = f'<table><thead><tr><th scope="col">Median RGB, dB</th>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+        planes = [_period_lines(figures, group, own, plane) for plane in range(len(PLANES))]
+        plots = [
+            line_plot(f"period{number}", name, [float(period) for period in study.periods], labels, lines, "", light)
+            for name, lines in zip(_PLANE_TITLES, planes, strict=True)
+        ]
+        rows = [row(line.title, _cells(line.points)) for line in planes[RGB]]
         parts.append(
             f"<h3>{escape(heading(figures, group))}</h3><p>{escape(periods(figures, group))}</p>"
-            f'<div><div class="plots">{"".join(plots)}</div>'
-            f'<fieldset class="legend" hidden>{boxes}</fieldset></div>'
-            f'<div class="scroll" tabindex="0" role="region" aria-label="table">{table}</div>'
+            f'<div><div class="plots">{"".join(plots)}</div>{legend(planes[RGB])}</div>'
+            f"{table('Median RGB, dB', (f'K = {period}' for period in study.periods), rows)}"
         )
     return "\n".join(parts)
 
 
-def _winner_row(text: str, periods: tuple[int, ...], points: tuple[Point, ...]) -> str:
+def _period_lines(figures: Figures, group: str, own: str, plane: int) -> list[Series]:
+    """One line per level, with its best period marked."""
+    lines = []
+    for index, level in enumerate(figures.study.levels):
+        points = tuple(_quartiles(figures.pooled(group, level, own, period), plane) for period in figures.study.periods)
+        medians = [point[1] for point in points if point]
+        best = max(((median, place) for place, median in enumerate(medians)), default=(0.0, None))[1]
+        title = capital(figures.study.protocol.describe(level))
+        lines.append(Series(f"level-{index}", title, f"var(--l{index % _LEVELS})", points, marked=best))
+    return lines
+
+
+def _cells(points: Sequence[Quartiles | None]) -> list[str]:
     best = max((point[1] for point in points if point), default=None)
-    cells = "".join(
-        "<td>–</td>"
-        if point is None
-        else f'<td class="win">★ {point[1]:.1f}</td>'
-        if point[1] == best
-        else f"<td>{point[1]:.1f}</td>"
-        for point, _ in zip(points, periods, strict=True)
-    )
-    return f'<tr><th scope="row">{escape(capital(text))}</th>{cells}</tr>'
+    return [cell(f"{point[1]:.1f}", best=point[1] == best, mark="★ ") if point else cell("–") for point in points]
 
 
 def _shown(figures: Figures, group: str) -> list[str]:
-    """What is drawn at first, with bands for the first three: ours, the paper's baseline, and the winners among the rivals."""
-    winners = []
-    for level in figures.study.levels:
-        margin = figures.margin(group, level)
-        winners += [margin[0]] if margin else []
-    last = winners[-1:]
+    """Methods drawn at first, the first three with bands: ours, the paper's rival, the best rivals (in most noise first)."""
+    winners = [margin[0] for level in figures.study.levels if (margin := figures.margin(group, level)) is not None]
     ours = [figures.ours] if figures.ours else []
-    baseline = [name for name in ("dlmmse", "menon", "bilinear") if name in figures.rivals][:1]
-    return list(dict.fromkeys([*ours, *baseline, *last, *winners]))
+    papers = [name for name in ("dlmmse", "menon", "bilinear") if name in figures.rivals][:1]
+    return list(dict.fromkeys([*ours, *papers, *winners[-1:], *winners]))
 
 
 def _drawn_last(figures: Figures) -> list[str]:
-    """The methods, what matters most last, for later lines lie above earlier ones."""
+    """The methods with the most important last, because later lines lie above earlier ones."""
     return sorted(figures.study.methods, key=lambda name: (name == figures.ours, methods()[name].ours))
 
 
@@ -134,21 +118,12 @@ def _colour(figures: Figures, name: str) -> str:
 
 
 def _dashed(figures: Figures, name: str) -> bool:
-    """Whether a rival's colour is one that another has too."""
+    """Whether a rival's colour is that of another one, too."""
     return name in figures.rivals and figures.rivals.index(name) >= _RIVALS
 
 
-def _points(figures: Figures, group: str, name: str, plane: int) -> tuple[Point, ...]:
-    found = [figures.pooled(group, level, name) for level in figures.study.levels]
-    return tuple(_of(figure, plane) for figure in found)
-
-
-def _of(figure: Figure | None, plane: int) -> Point:
+def _quartiles(figure: Figure | None, plane: int) -> Quartiles | None:
     if figure is None:
         return None
-    point: tuple[float, float, float] = getattr(figure.quality, PLANES[plane])
-    return point
-
-
-def _fraction(level: float) -> str:
-    return f"1/{1 / level:g}" if 0 < level < 1 else f"{level:g}"
+    quartiles: Quartiles = getattr(figure.quality, PLANES[plane])
+    return quartiles

@@ -1,4 +1,4 @@
-"""A Bayer sensor under the same light: its filters, and what it measures under each protocol of evaluation."""
+"""The Bayer sensor under the same light: its filters, and what it measures under each protocol."""
 
 from typing import Any
 
@@ -9,24 +9,23 @@ from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
 
-CHANNELS = "RGB"
-
 
 def sites(order: str) -> list[tuple[int, int, int]]:
-    """(channel, row, column) of the four sites of a quad. Raises InputError for an order that is none of BAYER_ORDERS."""
+    """(channel, row, column) of the four sites of a quad. Raises InputError unless `order` is one of BAYER_ORDERS."""
     if order not in BAYER_ORDERS:
         raise InputError(f"unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}")
-    return [(CHANNELS.index(letter), place // 2, place % 2) for place, letter in enumerate(order)]
+    return [("RGB".index(letter), place // 2, place % 2) for place, letter in enumerate(order)]
 
 
-def check_mosaic(mosaic: FloatArray) -> None:
-    """Raise InputError unless a mosaic has two axes of at least two samples."""
+def check_mosaic(mosaic: FloatArray, order: str = "RGGB") -> None:
+    """Raise InputError unless a mosaic has two axes of at least two samples, and `order` is one of BAYER_ORDERS."""
     if mosaic.ndim != 2 or min(mosaic.shape) < 2:
         raise InputError(f"a Bayer mosaic has at least 2 rows and 2 columns; this one has shape {mosaic.shape}")
+    sites(order)
 
 
 def sample_bayer(rgb: FloatArray, order: str = "RGGB") -> FloatArray:
-    """What a noiseless Bayer sensor reads of a scene (H, W, 3) in scene units: float32 (H, W)."""
+    """Samples of a noiseless Bayer sensor, float32 (H, W), from a scene (H, W, 3), both in scene units."""
     mosaic: FloatArray = np.empty(rgb.shape[:2], np.float32)
     for channel, row, column in sites(order):
         mosaic[row::2, column::2] = rgb[row::2, column::2, channel]
@@ -34,10 +33,12 @@ def sample_bayer(rgb: FloatArray, order: str = "RGGB") -> FloatArray:
 
 
 def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator, order: str = "RGGB") -> FloatArray:
-    """What a Bayer sensor measures of a scene (H, W, 3) in scene units: float32 (H, W), not clipped.
+    """Samples of a Bayer sensor with additive Gaussian noise, float32 (H, W), scene units, not clipped.
 
-    sigma: standard deviation of the additive Gaussian noise on every sample, scene units. order: filters of the first two rows,
-    one of BAYER_ORDERS. Raises InputError for another order or a negative sigma.
+    rgb: the scene, (H, W, 3), scene units.
+    sigma: standard deviation of the noise on every sample, scene units.
+    order: filters of the first two rows, one of BAYER_ORDERS.
+    Raises InputError for another order or a negative sigma.
     """
     if not 0 <= sigma < np.inf:
         raise InputError(f"sigma is {sigma}, expected 0 or more")
@@ -50,10 +51,16 @@ def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator, order:
 def bayer_exposure(
     rgb: FloatArray, noise: NoiseModel, exposure: float, levels: tuple[int, int], rng: np.random.Generator, order: str = "RGGB"
 ) -> FloatArray:
-    """What a Bayer sensor of the same pixels measures in the same time: float32 (H, W), scene units as they reached the sensor.
+    """Samples of a Bayer sensor with the sparse-colour sensor's pixels and exposure time, float32 (H, W), multiples of a code.
 
-    Noise is the sensor's own, in electrons, so shot noise counts one third of the light of a panchromatic pixel. The gain is the
-    one a Bayer camera has: its white level reads 1 scene unit, and there it clips. levels: codes of black and white.
+    The noise is that of the sensor in electrons. A Bayer pixel gets a third of a panchromatic pixel's light, and the camera's gain
+    suits that: its white level reads 1 scene unit, and there it clips.
+
+    rgb: the scene, (H, W, 3), scene units.
+    noise: of the sensor, first channel.
+    exposure: fraction of the scene's light that arrives; the samples are in scene units times this.
+    levels: codes of black and white.
+    order: filters of the first two rows, one of BAYER_ORDERS.
     Raises InputError for an exposure that is not positive, and an unknown order.
     """
     if not 0 < exposure < np.inf:

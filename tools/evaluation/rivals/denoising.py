@@ -1,6 +1,6 @@
-"""What a user in low light does before demosaicing: BM3D on each of the four planes of a Bayer mosaic.
+"""Denoising of a Bayer mosaic before demosaicing, as users do in low light: BM3D on each of its four planes.
 
-The package `bm3d` may be used for non-commercial purposes only; it is asked for only where it is installed.
+The licence of the package `bm3d` allows non-commercial use only. It is imported only when a method that needs it is run.
 """
 
 import numpy as np
@@ -13,11 +13,14 @@ _LEAST = 8  # pixels of a plane each way: BM3D's block
 
 
 def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
-    """BM3D on the four planes of a Bayer mosaic (H, W), scene units; float32 of the same shape.
+    """Apply BM3D to the four planes of a Bayer mosaic; float32 (H, W), scene units.
 
-    shot, read: the noise, variance = shot * signal + read**2, scene units: BM3D knows it, as our renderer does. With shot noise the
-    samples go through the generalised Anscombe transform, which makes their noise even, and back without bias
-    (Makitalo and Foi 2013). Planes smaller than 8 x 8, and mosaics without noise, stay as they are.
+    BM3D gets the true noise, as our renderer does. With shot noise, the generalised Anscombe transform first makes the noise equal
+    everywhere, and its unbiased inverse follows (Makitalo and Foi 2013). Planes smaller than 8 x 8 and mosaics without noise are
+    returned unchanged.
+
+    mosaic: (H, W), scene units.
+    shot, read: the noise, variance = shot * signal + read**2, scene units.
     """
     check_mosaic(mosaic)
     denoised = mosaic.copy()
@@ -27,7 +30,7 @@ def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
         for column in (0, 1):
             plane = mosaic[row::2, column::2].astype(np.float64)
             if shot:
-                denoised[row::2, column::2] = _even_out(plane, shot, read)
+                denoised[row::2, column::2] = _stabilised_bm3d(plane, shot, read)
             else:
                 denoised[row::2, column::2] = _bm3d(plane, read)
     return denoised
@@ -40,7 +43,7 @@ def _bm3d(plane: DoubleArray, sigma: float) -> DoubleArray:
     return result
 
 
-def _even_out(plane: DoubleArray, shot: float, read: float) -> DoubleArray:
+def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArray:
     """BM3D between the generalised Anscombe transform and its unbiased inverse (closed form)."""
     electrons, electron_read = plane / shot, read / shot
     stable = 2 * np.sqrt(np.maximum(electrons + 3 / 8 + electron_read**2, 0))

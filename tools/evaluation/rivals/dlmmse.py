@@ -1,8 +1,8 @@
-"""Demosaicking by directional linear minimum mean square-error estimation: the baseline of the paper's section 4.
+"""Demosaicking by directional linear minimum mean square-error estimation: the rival of the paper's section 4.
 
 L. Zhang, X. Wu, "Color demosaicking via directional linear minimum mean square-error estimation", IEEE Transactions on Image
-Processing 14(12), 2005. Green minus red (or blue) varies slowly. Interpolating across and down gives two noisy readings of it; each
-is denoised, both are joined by their expected errors, and red and blue follow by interpolating the differences.
+Processing 14(12), 2005. Green minus red (or blue) varies slowly. Horizontal and vertical interpolation give two noisy estimates of
+it. Each is denoised, the two are averaged by their expected errors, and red and blue follow from interpolated differences.
 """
 
 import numpy as np
@@ -14,20 +14,20 @@ from .bayer import check_mosaic, sites
 _GREEN = 1
 # Second-order interpolation of the missing colour along a line (section II; after Hamilton and Adams).
 _INTERPOLATION = np.array([-1, 2, 2, 2, -1]) / 4
-# The low-pass that tells signal from noise: nearly a Gaussian of 2 pixels.
+# The low-pass that separates signal from noise: close to a Gaussian of 2 pixels.
 _LOW_PASS = np.array([4, 9, 15, 23, 26, 23, 15, 9, 4]) / 128
 _WINDOW = 9  # pixels along the line, for the local moments
-_FLOOR = 0.1 / 255**2  # of a variance: keeps flat patches defined; far below what 8 bits show
+_FLOOR = 0.1 / 255**2  # added to variances: keeps flat patches defined, and is far below a step of 8 bits
 _DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
 _AXIAL = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
 
 
 def demosaic_dlmmse(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
-    """A picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units; measured samples kept.
+    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples are kept.
 
     Raises InputError for an unknown order, and when the mosaic has fewer than two rows or columns.
     """
-    check_mosaic(mosaic)
+    check_mosaic(mosaic, order)
     from scipy.ndimage import correlate
 
     samples = mosaic.astype(np.float64)
@@ -51,25 +51,25 @@ def demosaic_dlmmse(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
 
 
 def _directional_estimate(samples: DoubleArray, green_site: np.ndarray, axis: int) -> tuple[DoubleArray, DoubleArray]:
-    """Green minus the other colour of the line, and the expected squared error of that, at every pixel."""
+    """Green minus the other colour of the line at every pixel, and its expected squared error."""
     from scipy.ndimage import correlate1d
 
     interpolated = correlate1d(samples, _INTERPOLATION, axis, mode="mirror")
     reading = np.where(green_site, samples - interpolated, interpolated - samples)
     smooth = correlate1d(reading, _LOW_PASS, axis, mode="mirror")
     mean = _moving_mean(smooth, axis)
-    # Unbiased variance of the smooth signal, and the power of what the low-pass took for noise.
+    # Unbiased variance of the smooth signal, and power of what the low-pass removed as noise.
     signal = np.maximum(_moving_mean(smooth**2, axis) - mean**2, 0) * _WINDOW / (_WINDOW - 1)
     noise = _moving_mean((smooth - reading) ** 2, axis) + _FLOOR
     gain = signal / (signal + noise)
-    # The smooth signal itself stands for the local mean, as in the authors' own program; the paper's text has the moving mean.
+    # The smooth signal takes the place of the local mean, as in the authors' program; the paper's text has the moving mean.
     return smooth + gain * (reading - smooth), signal * (1 - gain) + _FLOOR
 
 
 def _moving_mean(values: DoubleArray, axis: int) -> DoubleArray:
     from scipy.ndimage import correlate1d
 
-    # Not uniform_filter1d: its running sums leave rounding behind, which the variances would see.
+    # Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
     mean: DoubleArray = correlate1d(values, np.full(_WINDOW, 1 / _WINDOW), axis, mode="mirror")
     return mean
 

@@ -1,4 +1,4 @@
-"""LibRaw's demosaicing, through a Bayer DNG in memory: what nearly every free raw developer and many viewers use."""
+"""LibRaw's demosaicing of a Bayer DNG in memory: the code behind nearly every free raw developer and many viewers."""
 
 import io
 from typing import Any
@@ -11,21 +11,23 @@ from shared.dng.tags import CFA_CODES, DNG_BACKWARD_VERSION, DNG_VERSION, Compre
 from shared.errors import InputError
 from shared.tiff import Directory, FieldType, encode_tiff
 
-from .bayer import check_mosaic, sites
+from .bayer import check_mosaic
 from .integers import Levels
 
 ALGORITHMS = ("ahd", "dcb", "dht", "aahd")
-_LEAST = 22  # pixels each way: LibRaw reads nothing smaller
+_LEAST = 22  # pixels each way: LibRaw refuses smaller frames
 
 
 def demosaic_libraw(mosaic: FloatArray, algorithm: str, order: str = "RGGB") -> FloatArray:
-    """A picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units.
+    """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units.
 
-    algorithm: one of ALGORITHMS. LibRaw gets the samples with a pedestal that it keeps, so that no noise below black or above white
-    is clipped, and returns linear 16-bit camera colours; neither white balance nor colour nor brightness is touched.
+    LibRaw gets the samples with a pedestal that it keeps, so that noise below black or above white is not clipped. It returns
+    linear 16-bit camera colours without white balance, colour conversion or brightening.
+
+    algorithm: one of ALGORITHMS.
     Raises InputError for an unknown algorithm or order, and for a frame smaller than 22 x 22.
     """
-    check_mosaic(mosaic)
+    check_mosaic(mosaic, order)
     if algorithm not in ALGORITHMS:
         raise InputError(f"unknown LibRaw algorithm {algorithm!r}; one of {', '.join(ALGORITHMS)}")
     if min(mosaic.shape) < _LEAST:
@@ -38,7 +40,7 @@ def demosaic_libraw(mosaic: FloatArray, algorithm: str, order: str = "RGGB") -> 
 
 
 def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
-    """What LibRaw makes of a Bayer file in memory, with one of its algorithms by name: linear camera colours, uint16 (H, W, 3)."""
+    """Linear camera colours, uint16 (H, W, 3), that one of LibRaw's algorithms makes of a Bayer file in memory."""
     import rawpy
 
     with rawpy.imread(io.BytesIO(data)) as raw:
@@ -58,8 +60,7 @@ def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
 
 
 def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:
-    """An uncompressed DNG of a Bayer mosaic, uint16 (H, W): black 0, white 65535, the camera's colours those of sRGB."""
-    letters = [next(channel for channel, *place in sites(order) if place == [row, column]) for row in (0, 1) for column in (0, 1)]
+    """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535, camera colours are those of sRGB."""
     rows, columns = codes.shape
     fields: dict[int, tuple[FieldType, Any]] = {
         Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0]),
@@ -75,13 +76,13 @@ def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:
         Tag.ROWS_PER_STRIP: (FieldType.LONG, [rows]),
         Tag.PLANAR_CONFIG: (FieldType.SHORT, [1]),
         Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [2, 2]),
-        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES["RGB"[letter]] for letter in letters)),
+        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in order)),
         Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
         Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
         Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, "Panchroma Bayer rival"),
         Tag.BLACK_LEVEL: (FieldType.SHORT, [0]),
         Tag.WHITE_LEVEL: (FieldType.LONG, [65535]),
-        # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and has to know some.
+        # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and needs a matrix.
         Tag.COLOR_MATRIX_1: (FieldType.SRATIONAL, [3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057]),
         Tag.CALIBRATION_ILLUMINANT_1: (FieldType.SHORT, [21]),
         Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, [1, 1, 1]),

@@ -1,1 +1,1 @@
-"""How fast everything is: what `panchroma bench` measures, and how."""
+"""Speed and memory: what `panchroma bench` measures, and how."""

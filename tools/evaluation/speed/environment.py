@@ -1,4 +1,4 @@
-"""What speeds depend on besides the program: the machine, and the libraries of it and of its rivals."""
+"""The machine and the libraries on which speeds were measured, ours and those of the rivals."""
 
 import os
 import platform
@@ -9,14 +9,14 @@ from tools.host.memory import available_memory
 from tools.host.processors import processors
 from tools.host.versions import package_version, program_version
 
-from .peers import PEERS
+from .rivals import RIVALS
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "imagecodecs", "onnxruntime")
 
 
 def environment(threads: int) -> dict[str, Any]:
-    """For machines and people: names, versions, figures. load: processes that ran on the average of the last minute."""
-    packages = dict.fromkeys((*_LIBRARIES, *(peer.distribution for peer in PEERS)))
+    """Names, versions and figures by key; `load` is the average number of running processes in the last minute."""
+    packages = dict.fromkeys((*_LIBRARIES, *(rival.distribution for rival in RIVALS)))
     return {
         "panchroma": program_version(),
         "processor": _processor(),
@@ -32,10 +32,8 @@ def environment(threads: int) -> dict[str, Any]:
 
 def _processor() -> str:
     try:
-        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
+        lines = Path("/proc/cpuinfo").read_text("utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())

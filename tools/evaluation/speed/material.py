@@ -1,15 +1,19 @@
-"""What is rendered when speed is measured: the built-in scene as both cameras see it, of any size."""
+"""The frames on which speed is measured: the built-in scene as both cameras see it, of any size."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.arrays import FloatArray
-from shared.errors import InputError
+from shared.errors import InputError, OutputError
 from shared.sensor import simulate_additive
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -20,14 +24,14 @@ from ..rivals.libraw import encode_bayer_dng
 Sample = TypeVar("Sample", bound=np.generic)
 
 SIGMA, BITS = 0.01, 12
-_STEP = 12  # whole periods and whole Bayer quads fit, so that the pattern goes on where pieces meet
+_STEP = 12  # whole periods and whole Bayer quads fit, so that the pattern continues where pieces meet
 _ASPECT = 1.5
-_PIECE = 792, 1200  # rows, columns drawn; larger frames repeat them, for drawing takes longer than rendering
+_PIECE = 792, 1200  # rows, columns drawn; larger frames repeat them, because drawing takes longer than rendering
 _LEAST, MOST = 24 * 24 / 1e6, 134.0
 
 
 def frame_shape(megapixels: float) -> tuple[int, int]:
-    """(rows, columns) of about so many pixels, 3 : 2, multiples of 12. Raises InputError when it is too little or too much."""
+    """(rows, columns) of about this many pixels, 3 : 2, multiples of 12. Raises InputError for too few or too many."""
     if not _LEAST <= megapixels <= MOST:
         raise InputError(f"--megapixels is {megapixels:g}, expected {_LEAST:.4f} to {MOST:g}")
     columns = max(24, round((megapixels * 1e6 * _ASPECT) ** 0.5 / _STEP) * _STEP)
@@ -36,40 +40,49 @@ def frame_shape(megapixels: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Material:
-    """One frame, (rows, columns), multiples of 12, in every form in which something takes it."""
+    """One frame in every form that something takes. shape: (rows, columns), multiples of 12."""
 
     shape: tuple[int, int]
 
     @property
     def pixels(self) -> int:
-        """Of the sensor."""
+        """Number of pixels of the sensor."""
         return self.shape[0] * self.shape[1]
 
     @cached_property
     def shot(self) -> Mosaic:
-        """As the sensor gives it: codes."""
-        taken = self._taken
-        return Mosaic(self._repeated(taken.codes), taken.pattern, taken.calibration)
+        """The sparse-colour shot as the sensor gives it, in codes."""
+        return Mosaic(self._repeated(self._taken.codes), self._taken.pattern, self._taken.calibration)
 
     @cached_property
     def mosaic(self) -> Mosaic:
-        """In scene units."""
-        taken = self._taken
-        return Mosaic(self._repeated(taken.signal), taken.pattern, taken.calibration)
+        """The sparse-colour shot in scene units."""
+        return Mosaic(self._repeated(self._taken.signal), self._taken.pattern, self._taken.calibration)
+
+    @contextmanager
+    def saved_shot(self) -> Iterator[Path]:
+        """The shot as a DNG in a temporary folder. Raises OutputError when there is no room for it."""
+        try:
+            with TemporaryDirectory(prefix="panchroma-bench-") as folder:
+                path = Path(folder) / "shot.dng"
+                write_dng(path, self.shot, np.zeros((8, 8, 3), np.uint8))
+                yield path
+        except OSError as error:
+            raise OutputError(f"no room for temporary files ({error.strerror or error}); set TMPDIR to another folder") from error
 
     @cached_property
     def bayer(self) -> FloatArray:
-        """The same scene under the same noise by a Bayer sensor, scene units."""
+        """Samples of a Bayer sensor from the same scene with the same noise, scene units."""
         return self._repeated(bayer_mosaic(self._rgb, SIGMA, np.random.default_rng(0)))
 
     @cached_property
     def bayer_codes(self) -> NDArray[np.uint16]:
-        """The same with 16 bits."""
+        """The samples `bayer` as 16-bit codes."""
         return Levels.around(self.bayer).encode(self.bayer)
 
     @cached_property
     def bayer_dng(self) -> bytes:
-        """The same as a file, uncompressed."""
+        """The samples `bayer` as an uncompressed DNG."""
         return encode_bayer_dng(self.bayer_codes)
 
     @cached_property

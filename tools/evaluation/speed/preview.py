@@ -1,9 +1,11 @@
-"""The camera's preview in a process of its own: from a cold start to the hundredth frame."""
+"""Time and memory of the camera's preview in an isolated process, from a cold start to the hundredth frame.
+
+Nothing heavy is imported here, because the new process imports this module before its clock starts.
+"""
 
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from tools.host.isolated import apart, memory_now, peak_memory
@@ -14,11 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PreviewTiming:
-    """Pictures of one shot at one scale; seconds and bytes.
+    """Time and memory of the previews of one shot at one scale.
 
-    imported: until the camera's software is there; first: from then to the first picture, the graph's loading included.
-    middle, slowest: the median and the 99 % quantile of the frames after it. grown: by how much the process was larger at its peak
-    than with the shot alone; leaked: how much more it holds after all frames than after the first.
+    scale: pixels of the sensor per pixel of the picture, each way.
+    pixels: of the sensor.
+    imported: seconds until the camera's software is loaded.
+    first: seconds from then to the first picture, loading the graph included.
+    middle, slowest: seconds per later picture, median and 99 % quantile.
+    grown: bytes of the process at its peak above those with the shot alone.
+    leaked: bytes after all pictures above those after the first.
     """
 
     scale: int
@@ -32,19 +38,13 @@ class PreviewTiming:
 
 
 def measure_preview(material: "Material", scales: tuple[int, ...], frames: int, threads: int) -> list[PreviewTiming]:
-    """Of the same shot at each scale."""
-    import numpy as np
-
-    from shared import write_dng
-
-    with TemporaryDirectory(prefix="panchroma-bench-") as folder:
-        shot = Path(folder) / "shot.dng"
-        write_dng(shot, material.shot, np.zeros((8, 8, 3), np.uint8))
-        return [apart(_measure, str(shot), scale, frames, threads) for scale in scales]
+    """Timings of the same shot at each scale. Raises OutputError when there is no room for its file."""
+    with material.saved_shot() as shot:
+        return [apart(_measure, shot, scale, frames, threads) for scale in scales]
 
 
-def _measure(shot: str, scale: int, frames: int, threads: int) -> PreviewTiming:
-    """In the new process, which has not even NumPy yet."""
+def _measure(shot: Path, scale: int, frames: int, threads: int) -> PreviewTiming:
+    """In the new process, which has not loaded even NumPy yet."""
     start = time.perf_counter()
     from device import Preview
     from shared import read_dng

@@ -1,4 +1,4 @@
-"""What was measured, as lines for people."""
+"""Timings as lines for people."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ _NAME = 34
 
 
 def environment_lines(facts: dict[str, Any]) -> list[str]:
-    """On what it was measured."""
+    """The machine and the libraries, from `environment`."""
     packages = ", ".join(f"{name} {known}" for name, known in facts["packages"].items() if known)
     load = "" if facts["load"] is None else f", load {facts['load']:.1f}"
     return [
@@ -22,18 +22,20 @@ def environment_lines(facts: dict[str, Any]) -> list[str]:
     ]
 
 
-def speed_lines(ours: dict[str, Timing], parts: dict[str, dict[str, Timing]], peers: dict[str, Timing | None]) -> list[str]:
-    """Megapixels a second, and for each peer how many times as fast each preset is. parts: stages of ours, by its name.
+def speed_lines(ours: dict[str, Timing], stages: dict[str, dict[str, Timing]], rivals: dict[str, Timing | None]) -> list[str]:
+    """Megapixels per second, and for each rival how many times as fast each preset is.
 
-    peers: None for one that is not installed.
+    ours: timings by name.
+    stages: timings of the stages of each preset.
+    rivals: timings by name; None for a rival that is not installed.
     """
-    presets = list(parts)
+    presets = list(stages)
     heading = f"{'MP/s':<{_NAME}}{'least':>9}{'median':>9}{'most':>9}"
     lines = [heading + "".join(f"{f'{name} is':>13}" for name in presets)]
     for name, timing in ours.items():
         lines.append(_speed(name, timing))
-        lines += [_speed(f"  {stage}", each) for stage, each in parts.get(name, {}).items()]
-    for name, rival in peers.items():
+        lines += [_speed(f"  {stage}", each) for stage, each in stages.get(name, {}).items()]
+    for name, rival in rivals.items():
         if rival is None:
             lines.append(f"{name:<{_NAME}} not installed: pip install -e '.[evaluation]'")
             continue
@@ -51,7 +53,7 @@ def _decimals(value: float) -> int:
 
 
 def preview_lines(timings: Iterable[PreviewTiming]) -> list[str]:
-    """Milliseconds and megabytes."""
+    """Speed, milliseconds and memory of the preview, a line per scale."""
     titles = ("preview", "MP", "MP/s", "median ms", "99 % ms", "import ms", "first ms", "memory", "after")
     rows = [
         (

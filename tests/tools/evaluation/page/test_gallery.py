@@ -6,7 +6,16 @@ import pytest
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tools.evaluation.measures import WINDOW
 from tools.evaluation.methods import methods
-from tools.evaluation.page.gallery import WHY_AHEAD, WHY_BEHIND, WHY_WORST, Place, Shots, choose_places, exhibit, gallery
+from tools.evaluation.page.gallery import (
+    WHY_AHEAD,
+    WHY_BEHIND,
+    WHY_WORST,
+    Crop,
+    choose_crops,
+    render_crop,
+    render_exhibit,
+    render_gallery,
+)
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
@@ -26,38 +35,37 @@ def large(folder: Path, **changes: object) -> Study:
 def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, kind: str, level: float, names: tuple[str, ...]) -> None:
     study = large(tmp_path, methods=names, levels=(level,), protocol=Protocol(kind))  # type: ignore[arg-type]
     scene = study.scenes[0]
-    place = Place(scene, level, 117, 131, WINDOW, WINDOW, WHY_WORST)
-    shots = Shots(study, place, study.reading.truth(scene.source))
-    for name in study.methods:
+    crop = Crop(scene, level, 117, 131, WINDOW, WINDOW, WHY_WORST)
+    parts = dict(render_crop(study, crop, study.reading.truth(scene.source), study.methods))
+    assert tuple(parts) == study.methods
+    for name, part in parts.items():
         method = methods()[name]
         whole = render_cell(study.cell(scene, level, method, 6 if method.ours else 0), study.protocol, study.reading)
-        part = shots.render(name)
         assert part.shape == (WINDOW, WINDOW, 3)
-        difference = np.abs(part - whole[117 : 117 + WINDOW, 131 : 131 + WINDOW])
+        difference = np.abs(part - whole[crop.part])
         assert np.quantile(difference, 0.99) < INVISIBLE, name
 
 
 def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: Path) -> None:
     study = large(tmp_path, methods=("preview", "bilinear", "dlmmse"))
     figures = measured(study, tmp_path)
-    places = list(choose_places(figures))
-    assert {place.why for place in places} <= {WHY_AHEAD, WHY_BEHIND, WHY_WORST}
-    assert {place.level for place in places} == {0.0, 0.03}
-    worst = next(place for place in places if place.why == WHY_WORST and place.level == 0.03)
-    taken = [place for place in places if place.level == 0.03 and place is not worst]
+    crops = list(choose_crops(figures))
+    assert {crop.why for crop in crops} <= {WHY_AHEAD, WHY_BEHIND, WHY_WORST}
+    assert {crop.level for crop in crops} == {0.0, 0.03}
+    worst = next(crop for crop in crops if crop.why == WHY_WORST and crop.level == 0.03)
+    taken = [crop for crop in crops if crop.level == 0.03 and crop is not worst]
     own = figures.results[study.cell(study.scenes[0], 0.03, methods()["preview"], 6)].errors
     truth = study.reading.truth(study.scenes[0].source)
     rendered = render_cell(study.cell(study.scenes[0], 0.03, methods()["preview"], 6), study.protocol, study.reading)
-    inside = slice(worst.row, worst.row + WINDOW), slice(worst.column, worst.column + WINDOW)
-    assert np.mean((rendered[inside] - truth[inside]) ** 2) <= own.max() * 1.001
-    for place in taken:  # no two squares of a level show the same
-        assert max(abs(place.row - worst.row), abs(place.column - worst.column)) >= WINDOW
+    assert np.mean((rendered[worst.part] - truth[worst.part]) ** 2) <= own.max() * 1.001
+    for crop in taken:  # no two squares of a level show the same
+        assert max(abs(crop.row - worst.row), abs(crop.column - worst.column)) >= WINDOW
 
 
 def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
     study = study_of(tmp_path, methods=("paper", "bilinear", "dlmmse", "dcb"))
     figures = measured(study, tmp_path)
-    exhibits = gallery(figures, alone())
+    exhibits = render_gallery(figures, alone())
     assert exhibits
     for each in exhibits:
         names = [picture.method for picture in each.pictures]
@@ -73,8 +81,8 @@ def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0) / 16)
     study = study_of(tmp_path, count=1)
-    place = Place(study.scenes[0], 0.0, 15, 15, 48, 60, WHY_WORST)
-    shown = exhibit(study, (place, ("bilinear",)))
+    crop = Crop(study.scenes[0], 0.0, 15, 15, 48, 60, WHY_WORST)
+    shown = render_exhibit(study, (crop, ("bilinear",)))
     assert shown.stops > 3
     assert shown.pictures[0].pixels.mean() > 60
     assert Reading().truth(study.scenes[0].source).max() < 0.06
@@ -82,4 +90,4 @@ def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
 
 def test_without_rivals_there_is_no_gallery(tmp_path: Path) -> None:
     figures = measured(study_of(tmp_path, methods=("paper",), count=1, levels=(0.03,)), tmp_path)
-    assert gallery(figures, alone()) == []
+    assert render_gallery(figures, alone()) == []

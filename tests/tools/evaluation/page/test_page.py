@@ -11,9 +11,9 @@ from tests.tools.evaluation.browser import CHROMIUM, Browser
 from tests.tools.evaluation.examples import alone, measured, study_of
 from tools.evaluation.figures import Figures
 from tools.evaluation.methods import methods
-from tools.evaluation.page.gallery import gallery
-from tools.evaluation.page.page import page
-from tools.evaluation.page.sections import noise_plots
+from tools.evaluation.page.gallery import render_gallery
+from tools.evaluation.page.page import build_page
+from tools.evaluation.page.sections import noise_section
 
 FAILURE = "<b>odd</b>.png: cannot be read"
 
@@ -23,7 +23,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     figures = measured(study_of(folder, periods=(4, 6), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
     path = folder / "evaluation.html"
-    path.write_text(page(figures, gallery(figures, alone()), "panchroma 1", [FAILURE]), "utf-8")
+    path.write_text(build_page(figures, render_gallery(figures, alone()), "panchroma 1", [FAILURE]), "utf-8")
     return path
 
 
@@ -67,7 +67,7 @@ def test_the_page_is_one_whole_file(written: Path) -> None:
 
 def test_no_two_methods_look_alike(tmp_path: Path) -> None:
     study = study_of(tmp_path, methods=tuple(methods()), periods=(6,))
-    text = noise_plots(Figures(study, measured(study_of(tmp_path), tmp_path).results))
+    text = noise_section(Figures(study, measured(study_of(tmp_path), tmp_path).results))
     looks = re.findall(r'<label style="--line:(.*?)"><input.*?<span class="(.*?)">', text)
     assert len(looks) == len(set(looks)) == len(methods())
 

@@ -6,7 +6,8 @@ from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
 from tests.data import DATA
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
+from tools.evaluation.rivals.bayer import bayer_mosaic
+from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.scenes.load import load_scene
 
 

@@ -1,0 +1,12 @@
+"""The presets of the off-camera renderer, by name."""
+
+from offline import BEST, PAPER, RenderSettings, render
+from shared import Mosaic
+from shared.arrays import FloatArray
+
+PRESETS = {"paper": PAPER, "best": BEST}
+
+
+def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """Picture of a shot by the off-camera renderer, float32 (H, W, 3), scene units of the shot."""
+    return render(mosaic, settings).rgb
