@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from shared.errors import PanchromaError
-from tools.host import crew
+from tools.host import worker_pool
 from tools.host.console import Console, StageProgress
 from tools.host.countdown import Countdown
 from tools.host.jobs import fail
@@ -78,7 +78,7 @@ def passes(order: Order, hands: Hands, console: Console, count: int) -> list[Pas
 
     def together(shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome | None]]:
         work = partial(_attempt_unseen, order, Share(hands.memory // hands.workers))
-        return crew.run(work, shots, hands.workers, hands.threads, said_once(console.note))
+        return worker_pool.run(work, shots, hands.workers, hands.threads, said_once(console.note))
 
     if hands.workers > 1:
         return [together, partial(alone, True)]

@@ -11,8 +11,8 @@ import pytest
 
 from tests.tools.command import results, run
 from tests.tools.rendering.examples import contents, save_shot, start
-from tools.host import crew
-from tools.host.crew import Note
+from tools.host import worker_pool
+from tools.host.worker_pool import Note
 from tools.rendering.journal import NAME
 
 
@@ -39,19 +39,19 @@ def linger(folder: Path, piece: int, note: Note) -> None:
 
 def test_pieces_are_shared_by_processes_that_stay() -> None:
     notes: list[str] = []
-    found = dict(crew.run(double, range(20), 2, 1, notes.append))
+    found = dict(worker_pool.run(double, range(20), 2, 1, notes.append))
     assert {piece: result[0] for piece, result in found.items() if result} == {piece: 2 * piece for piece in range(20)}
     assert 1 <= len({result[1] for result in found.values() if result}) <= 2
     assert sorted(notes) == sorted(f"at {piece}" for piece in range(20))
 
 
 def test_what_a_dead_process_was_at_is_done_again_once(tmp_path: Path) -> None:
-    found = dict(crew.run(partial(die_once, tmp_path), range(8), 2, 1, print))
+    found = dict(worker_pool.run(partial(die_once, tmp_path), range(8), 2, 1, print))
     assert found == {piece: None if piece == 5 else piece for piece in range(8)}
 
 
 def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:
-    work = crew.run(partial(linger, tmp_path), [1, 2], 2, 1, lambda _: None)
+    work = worker_pool.run(partial(linger, tmp_path), [1, 2], 2, 1, lambda _: None)
 
     class Enough(Exception):  # noqa: N818
         pass
