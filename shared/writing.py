@@ -1,4 +1,4 @@
-"""Bytes to disk: whole or not at all, also through a power cut."""
+"""Writing files atomically and durably: a power cut leaves the old file or the new one, never a part."""
 
 import errno
 import fcntl
@@ -14,35 +14,39 @@ from typing import BinaryIO
 
 from .errors import OutputError
 
-Sealed = Callable[[Path], Callable[[], object]]
+OnComplete = Callable[[Path], Callable[[], object]]
+"""Called with the complete temporary file. The function it returns is called when the file is on the disk, before the rename."""
 
 _PART = re.compile(r"\..*\.[0-9a-f]{8}\.panchroma\.(part|lock)", re.DOTALL)
 _LINK_SECONDS = 60.0
-_LONGEST_PART = 100  # bytes: with what is added, a name that every file system takes
+_LONGEST_PART = 100  # bytes; with the suffix a name that every file system accepts
 
 
 def write_durably(
     path: Path | str,
     *parts: bytes | bytearray | memoryview,
     overwrite: bool = False,
-    sealed: Sealed | None = None,
+    on_complete: OnComplete | None = None,
 ) -> None:
-    """Write `parts` one after the other as the new content of `path`, as `durable_file` does."""
-    with durable_file(path, overwrite=overwrite, sealed=sealed) as file:
+    """Write `parts` one after the other as the content of `path`, atomically and durably; see `durable_file`."""
+    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
         for piece in parts:
             file.write(piece)
 
 
 @contextmanager
-def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Sealed | None = None) -> Iterator[BinaryIO]:
-    """A file to write the new content of `path` to, in a `with` block; it becomes `path` when the block ends well.
+def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnComplete | None = None) -> Iterator[BinaryIO]:
+    """A temporary file for the new content of `path`, in a `with` block; it becomes `path` when the block ends without an error.
 
-    A temporary file beside it (see `part_path`) is written, fsynced and moved into place, then the folder is fsynced: at any moment
-    `path` is absent, old or new, never a part. Raises OutputError, with the temporary file removed, when the file exists (and
-    `overwrite` is not set), when the folder is missing or read-only, or when the disk is full; the temporary file is removed too
-    when anything else is raised in the block. What a killed process leaves behind, `sweep` removes.
-    sealed: called with the temporary file when all of it is written; what it returns is called when it is on the disk too and about
-    to become `path`. What they raise stops it.
+    The temporary file (see `part_path`) is written beside `path`, fsynced and renamed, then the folder is fsynced: at any moment
+    `path` is absent, old or new, never a part. An error in the block removes the temporary file; `sweep` removes those of killed
+    processes.
+
+    path: the file to write.
+    overwrite: replace an existing file.
+    on_complete: see `OnComplete`; an error raised there cancels the rename.
+    Raises OutputError when the file exists and `overwrite` is False, when the folder is missing or read-only, and when the disk is
+    full.
     """
     path = Path(path)
     part = part_path(path)
@@ -50,11 +54,11 @@ def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Sealed | 
         if not overwrite and path.exists():
             raise FileExistsError
         try:
-            # It stays open, and so locked, until it has its name: `sweep` must not take it for a dead process's.
+            # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a leftover.
             with _locked(part) as file:
                 yield file
                 file.flush()
-                settled = sealed(part) if sealed is not None else None
+                settled = on_complete(part) if on_complete is not None else None
                 os.fsync(file.fileno())
                 if settled is not None:
                     settled()
@@ -72,16 +76,16 @@ def durable_file(path: Path | str, *, overwrite: bool = False, sealed: Sealed | 
 
 
 def part_path(path: Path) -> Path:
-    """A temporary name beside `path` that no other file has: `.NAME.XXXXXXXX.panchroma.part`, of a long name its beginning."""
+    """A unique temporary name beside `path`: `.NAME.XXXXXXXX.panchroma.part`; a long NAME is shortened."""
     name = os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore")
     return path.with_name(f".{name}.{secrets.token_hex(4)}.panchroma.part")
 
 
 def sweep(folder: Path | str) -> int:
-    """Remove the temporary files and locks that killed processes have left in a folder, and say how many.
+    """Remove the temporary files and locks that killed processes left in a folder. Returns how many were removed.
 
-    Those that a living process has in use are locked, and stay; so does what cannot be locked or removed, and another user's. Links
-    cannot be locked: one is taken for left behind when it is a minute old.
+    Files in use are locked by their process and stay, as do files of other users and those that cannot be locked or removed.
+    Symbolic links cannot be locked; they are removed when they are more than a minute old.
     """
     removed = 0
     with suppress(OSError):
@@ -102,22 +106,22 @@ def sweep(folder: Path | str) -> int:
 
 
 def _locked(part: Path) -> BinaryIO:
-    """The temporary file, new, open and locked as long as it is open."""
+    """Create and open the temporary file; it is locked while it is open."""
     while True:
         file = part.open("xb")
         try:
-            with suppress(OSError):  # some network shares have no locks: nothing is swept there either
+            with suppress(OSError):  # some network shares have no locks; `sweep` removes nothing there either
                 fcntl.flock(file, fcntl.LOCK_EX)
             if os.fstat(file.fileno()).st_nlink:
                 return file
         except BaseException:
             file.close()
             raise
-        file.close()  # another process swept it before it was locked
+        file.close()  # another process removed it before it was locked
 
 
 def _move(part: Path, path: Path, overwrite: bool) -> None:
-    """Rename; without `overwrite` in the one way that cannot replace a file that has appeared meanwhile."""
+    """Rename `part` to `path`; without `overwrite` by a hard link, which cannot replace a file that has appeared meanwhile."""
     if overwrite:
         part.replace(path)
         return

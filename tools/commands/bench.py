@@ -31,12 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=[_MEGAPIXELS],
         metavar="N",
-        help="size of the frame; several: the table of growth instead",
+        help="size of the frame; with several: how time and memory grow",
     )
-    parser.add_argument("--rounds", type=int, default=_ROUNDS, metavar="N", help="in which everything has its turn")
-    parser.add_argument("--frames", type=int, default=_FRAMES, metavar="N", help=f"previews of {_PREVIEW_MEGAPIXELS:g} MP each")
-    parser.add_argument("-j", "--threads", type=int, metavar="N", help="for us and for peers (default, and most: one per core)")
-    parser.add_argument("--json", action="store_true", help="one object with every figure on stdout")
+    parser.add_argument("--rounds", type=int, default=_ROUNDS, metavar="N", help="rounds; each measures everything once")
+    parser.add_argument(
+        "--frames", type=int, default=_FRAMES, metavar="N", help=f"number of previews of {_PREVIEW_MEGAPIXELS:g} MP"
+    )
+    parser.add_argument("-j", "--threads", type=int, metavar="N", help="threads, for rivals too (default, and most: one per core)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object with every figure to stdout")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -77,13 +79,13 @@ def _speeds(material: "Material", rounds: int, threads: int, console: Console) -
     from tools.evaluation.speed.presets import presets
     from tools.evaluation.speed.rounds import StageClock, Timing, alternate
     from tools.evaluation.speed.tables import speed_lines
-    from tools.host.compilation import telling_compilation
+    from tools.host.compilation import announced_compilation
     from tools.pictures.previews import Previews
 
     limit_threads(threads)
     clocks: dict[str, StageClock] = {}
     works: dict[str, Callable[[], object]] = {}
-    with console.progress("bench") as progress, telling_compilation(console.note, progress):
+    with console.progress("bench") as progress, announced_compilation(console.note, progress):
         progress.stage("scene", 1)
         mosaic, shot = material.mosaic, material.shot
         for name, settings in presets().items():

@@ -1,80 +1,104 @@
-"""Long-lived processes that share a list of work; one that dies is replaced, and what it was at is done again."""
+"""Long-lived worker processes that share a list of work. A worker that dies is replaced, and its piece is tried once more."""
 
 import multiprocessing
 import signal
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from types import FrameType
-from typing import Any, Generic, NoReturn, TypeVar
+from typing import Any, Generic, NoReturn, ParamSpec, TypeVar
 
+from shared.errors import InputError, PanchromaError
+
+from .console import WorkerFault, fault
 from .processors import limited_threads
+from .signals import end_with_parent
 
+A = ParamSpec("A")
 P = TypeVar("P")
 R = TypeVar("R")
 Note = Callable[[str], None]
 
-_DEATHS = 2  # so often may a piece of work end its process before it is given up
-_PATIENCE = 10.0  # seconds that a process gets to leave in order
+_DEATHS = 2  # a piece of work that has killed this many workers is given up
+_PATIENCE = 10.0  # seconds that workers get to leave in order before they are killed
 
 
-def run(work: Callable[[P, Note], R], pieces: Sequence[P], count: int, threads: int, note: Note) -> Iterator[tuple[P, R | None]]:
-    """Do `work(piece, note)` on each piece in `count` processes of `threads` threads; (piece, result), in the order they end.
+def run(
+    work: Callable[[P, Note], R], pieces: Sequence[P], count: int, *, note: Note, remedy: str, threads: int = 1
+) -> Iterator[tuple[P, R | PanchromaError | MemoryError]]:
+    """Call `work(piece, note)` for each piece and yield (piece, result), in the order in which pieces end.
 
-    Pieces are begun in their order. The result is None when a piece has ended its process twice. `work` raises nothing; it, the
-    pieces and the results are pickled. When the iteration is left early, by an interrupt too, the processes are told to stop, and
-    remove what is half done.
+    A PanchromaError or MemoryError that `work` raises is the result of its piece, and so is the InputError for a piece that
+    killed its worker twice. Raises WorkerFault for any other exception in a worker. When the iteration is left early, by an
+    interrupt too, all workers are told to stop: they remove what is half written, and are killed if that takes too long.
+
+    work: a function of a module, or a `partial` of one. It, the pieces and the results are pickled.
+    count: number of processes; with one, or for one piece, the work is done in this process.
+    note: called in this process with each text that `work` passes to its own `note`.
+    remedy: ends the message about a piece that kills its workers.
+    threads: number of threads of the numerical libraries in each worker.
     """
+    count = min(count, len(pieces))
+    if count <= 1:
+        for piece in pieces:
+            yield piece, result_or_error(work, piece, note)
+        return
     queue = deque(enumerate(pieces))
     deaths: Counter[int] = Counter()
-    crew: dict[Any, _Member[P, R]] = {}
+    workers: dict[Any, _Worker[P, R]] = {}
     try:
         with limited_threads(threads):
-            for _ in range(min(count, len(queue))):
-                member = _Member(work)
-                crew[member.connection] = member
-                member.give(*queue.popleft())
-            while crew:
-                for connection in wait(list(crew)):
-                    member = crew[connection]
+            while queue or workers:
+                while queue and len(workers) < count:
+                    worker = _Worker(work)
+                    workers[worker.connection] = worker
+                    worker.give(*queue.popleft())
+                for connection in wait(list(workers)):
+                    worker = workers[connection]
+                    piece = worker.piece
                     try:
-                        said, content = member.connection.recv()
-                    except (EOFError, OSError):  # it is gone
-                        del crew[connection]
-                        member.leave()
-                        deaths[member.number] += 1
-                        if deaths[member.number] < _DEATHS:
-                            queue.appendleft((member.number, member.piece))
+                        kind, content = worker.connection.recv()
+                    except (EOFError, OSError):  # it has died: the loop begins again with another one
+                        workers.pop(connection).leave()
+                        deaths[worker.number] += 1
+                        if deaths[worker.number] < _DEATHS:
+                            queue.appendleft((worker.number, piece))
                         else:
-                            yield member.piece, None
-                        if queue:
-                            member = _Member(work)
-                            crew[member.connection] = member
-                            member.give(*queue.popleft())
+                            yield piece, InputError(f"its process was killed, most likely for want of memory; {remedy}")
                         continue
-                    if said == _NOTE:
+                    if kind == _NOTE:
                         note(content)
                         continue
-                    done = member.piece
-                    if queue:  # before the result is looked at: it shall not wait for that
-                        member.give(*queue.popleft())
+                    if kind == _FAULT:
+                        raise WorkerFault(content)
+                    if queue:  # first the next piece, so that the worker need not wait until the result is used
+                        worker.give(*queue.popleft())
                     else:
-                        del crew[connection]
-                        member.leave()
-                    yield done, content
+                        workers.pop(connection).leave()
+                    yield piece, content
     finally:
-        for member in crew.values():
-            member.process.terminate()
-        for member in crew.values():
-            member.leave()
+        for worker in workers.values():
+            worker.process.terminate()
+        deadline = time.monotonic() + _PATIENCE
+        for worker in workers.values():
+            worker.leave(deadline)
 
 
-_NOTE, _RESULT = range(2)
+def result_or_error(work: Callable[A, R], *arguments: A.args, **named: A.kwargs) -> R | PanchromaError | MemoryError:
+    """What `work` returns, or the error of ours that it raises: what is wrong with one piece must not stop the others."""
+    try:
+        return work(*arguments, **named)
+    except (PanchromaError, MemoryError) as error:
+        return error
 
 
-class _Member(Generic[P, R]):
-    """One process, and the piece of work that it is at."""
+_NOTE, _RESULT, _FAULT = range(3)
+
+
+class _Worker(Generic[P, R]):
+    """One process, and the piece of work that it has."""
 
     piece: P
     number: int
@@ -84,37 +108,41 @@ class _Member(Generic[P, R]):
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
         self.process.start()
-        theirs.close()  # or the end of the process would not be the end of the pipe
+        theirs.close()  # otherwise the pipe would stay open after the process has ended
 
     def give(self, number: int, piece: P) -> None:
-        """Its next piece of work."""
+        """Send the next piece of work."""
         self.number, self.piece = number, piece
-        with suppress(OSError):  # it is gone: the next look at it tells
+        with suppress(OSError):  # it has died: receiving from it will show that
             self.connection.send(piece)
 
-    def leave(self) -> None:
-        """See it off: it ends with the pipe, or as soon as what it is at can be left."""
+    def leave(self, deadline: float | None = None) -> None:
+        """Close the pipe, wait until the process ends, kill it at the deadline."""
         self.connection.close()
-        self.process.join(_PATIENCE)
+        self.process.join(_PATIENCE if deadline is None else max(0.0, deadline - time.monotonic()))
         if self.process.is_alive():
             self.process.kill()
             self.process.join()
 
 
 def _serve(connection: Connection, work: Callable[[P, Note], R]) -> None:
-    """In the process: work till there is no more, or the one who gives it is gone; what is in hand then is finished."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the interrupt is for the one who waits, who stops the others
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # and so is the end of the terminal
+    """In the worker process: do the pieces that come through the pipe until it closes."""
     signal.signal(signal.SIGTERM, _stop)
+    end_with_parent(_PATIENCE)
 
     def note(text: str) -> None:
-        with suppress(OSError):  # nobody is left to tell
+        with suppress(OSError):  # the parent has ended
             connection.send((_NOTE, text))
 
     with suppress(EOFError, OSError):
         while True:
-            connection.send((_RESULT, work(connection.recv(), note)))
+            piece = connection.recv()
+            try:
+                message: tuple[int, Any] = _RESULT, result_or_error(work, piece, note)
+            except Exception as error:
+                message = _FAULT, fault(error)
+            connection.send(message)
 
 
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    raise SystemExit(128 + number)  # passes through every `with`: nothing stays half-written
+    raise SystemExit(128 + number)  # runs every `finally` on its way: nothing stays half-written

@@ -13,7 +13,7 @@ from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform, checked_picture
 from shared.errors import InputError
-from shared.writing import Sealed, durable_file
+from shared.writing import OnComplete, durable_file
 
 from .encoders import write_tiff_picture
 from .exif_writing import picture_directory
@@ -36,20 +36,20 @@ def write_picture_bands(
     metadata: CaptureMetadata,
     exposure: float = 0.0,
     overwrite: bool = False,
-    sealed: Sealed | None = None,
+    on_complete: OnComplete | None = None,
 ) -> None:
     """The same file as of `picture_writer.write_picture` with the picture that the bands (rows, W, C) make up; whole or not at all.
 
     shape: (H, W) of the rendering. A picture whose rows do not stay rows in this order when it is turned upright is put together
-    in a temporary file without a name, in the same folder. sealed: as of `durable_file`. Raises InputError for another format than
-    TIFF, and as `write_picture` does; what is raised while the bands are made passes through, and leaves no file.
+    in a temporary file without a name, in the same folder. on_complete: see `durable_file`. Raises InputError for another format
+    than TIFF, and as `write_picture` does; what is raised while the bands are made passes through, and leaves no file.
     """
     if kind.format != FORMAT:
         raise InputError(f"{kind.format} cannot be written in parts; use {FORMAT}")
     check_output(kind, calibration, shape, exposure)
     channels = calibration.channels
     checked = (checked_picture(band, len(channels)) for band in bands)
-    with durable_file(path, overwrite=overwrite, sealed=sealed) as file:
+    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
         directory = picture_directory(metadata, srgb=kind.space == "srgb")
         if kind.space == CAMERA:
             write_tiff_picture(file, checked, (*shape, len(channels)), np.float32, directory, rgb=channels == "RGB")

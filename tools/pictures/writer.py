@@ -19,7 +19,7 @@ from shared.display import SPACES, ColourTransform, check_exposure, checked_pict
 from shared.dng import encode_picture_dng
 from shared.errors import InputError
 from shared.tiff import encode_tiff
-from shared.writing import Sealed, write_durably
+from shared.writing import OnComplete, write_durably
 
 from .encoders import LONGEST_JPEG_SIDE, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
 from .exif_writing import jpeg_directory, picture_directory, software
@@ -106,11 +106,11 @@ def write_picture(
     metadata: CaptureMetadata,
     exposure: float = 0.0,
     overwrite: bool = False,
-    sealed: Sealed | None = None,
+    on_complete: OnComplete | None = None,
 ) -> None:
     """Encode as `encode_picture` does, and write it whole or not at all; raises also what `write_durably` raises."""
     data = encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure)
-    write_durably(path, data, overwrite=overwrite, sealed=sealed)
+    write_durably(path, data, overwrite=overwrite, on_complete=on_complete)
 
 
 def encode_picture(

@@ -1,7 +1,6 @@
 """`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
 
-import importlib.metadata
-from importlib.metadata import PackageNotFoundError
+import importlib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +11,7 @@ from tests.tools.command import run
 from tests.tools.test_base_install import camera
 from tools.host import installation
 from tools.host.installation import BAD, GOOD, MISSING, Finding
+from tools.host.versions import package_version
 
 
 def findings(name: str) -> list[Finding]:
@@ -47,14 +47,10 @@ def test_a_camera_is_well_with_the_base_alone() -> None:
 
 
 def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = importlib.metadata.version
+    def version(name: str) -> str | None:
+        return {"rawpy": None, "numpy": None, "onnxruntime": "1.21.0"}.get(name, package_version(name))
 
-    def version(name: str) -> str:
-        if name in ("rawpy", "numpy"):
-            raise PackageNotFoundError(name)
-        return {"onnxruntime": "1.21.0"}.get(name) or real(name)
-
-    monkeypatch.setattr(installation, "version", version)
+    monkeypatch.setattr(installation, "package_version", version)
     assert (only("rawpy").state, only("rawpy").found) == (MISSING, "not installed: camera RAWs as scenes")
     assert (only("numpy").state, only("onnxruntime").state) == (BAD, BAD)
     assert "older than 1.22.1" in only("onnxruntime").found
@@ -73,12 +69,7 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
     ],
 )
 def test_there_is_one_opencv(installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def version(name: str) -> str:
-        if name not in installed:
-            raise PackageNotFoundError(name)
-        return "5.0"
-
-    monkeypatch.setattr(installation, "version", version)
+    monkeypatch.setattr(installation, "package_version", lambda name: "5.0" if name in installed else None)
     finding = only("OpenCV")
     assert finding.state == state
     assert words in finding.found

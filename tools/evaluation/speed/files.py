@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from tools.host.isolated import apart, peak_memory
+from tools.host.isolated import peak_memory, run_isolated
 
 if TYPE_CHECKING:
     from shared.arrays import FloatArray
@@ -43,7 +43,7 @@ def measure_files(material: "Material", preset: str, threads: int) -> FileTiming
         with TemporaryDirectory(prefix="panchroma-bench-") as folder:
             shot = Path(folder) / "shot.dng"
             write_dng(shot, material.shot, np.zeros((8, 8, 3), np.uint8))
-            return apart(_measure, str(shot), preset, threads)
+            return run_isolated(_measure, str(shot), preset, threads)
     except OSError as error:
         raise OutputError(f"no room for temporary files ({error.strerror or error}); set TMPDIR to another folder") from error
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from tools.host.isolated import apart, memory_now, peak_memory
+from tools.host.isolated import memory_now, peak_memory, run_isolated
 
 if TYPE_CHECKING:
     from .material import Material
@@ -40,7 +40,7 @@ def measure_preview(material: "Material", scales: tuple[int, ...], frames: int, 
     with TemporaryDirectory(prefix="panchroma-bench-") as folder:
         shot = Path(folder) / "shot.dng"
         write_dng(shot, material.shot, np.zeros((8, 8, 3), np.uint8))
-        return [apart(_measure, str(shot), scale, frames, threads) for scale in scales]
+        return [run_isolated(_measure, str(shot), scale, frames, threads) for scale in scales]
 
 
 def _measure(shot: str, scale: int, frames: int, threads: int) -> PreviewTiming:
