@@ -35,7 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_output_folder(parser, "STEM.dng")
     sensor = options.add_camera(parser)
     sensor.add_argument(
-        "--bits", type=int, metavar="N", help=f"of a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)"
+        "--bits",
+        type=int,
+        metavar="N",
+        help=f"bits of a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)",
     )
     sensor.add_argument(
         "--layout",
