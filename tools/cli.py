@@ -15,43 +15,44 @@ from tools.host.console import Console, StandardOutputError, fault
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
 from tools.host.versions import program_version
 
-# Verb -> what it does. Each is a module of this package (_ for -) with `add_arguments(parser)` and `run(arguments, console) -> exit
-# code`; only the one that is asked for is imported, so that help comes at once.
+# Verb -> what it does. Each is a module of `tools.commands` (with _ for -) that has `add_arguments(parser)` and `run(arguments,
+# console)`, which returns the exit code. Only the one that is asked for is imported, so that --help is fast.
 VERBS = {
-    "demo": "run the whole chain on the built-in scene",
-    "simulate": "photograph a scene (camera RAW or picture) with the sparse-colour camera",
-    "inspect": "say what is in a shot",
+    "demo": "run the whole chain on a built-in scene, and compare it with a Bayer camera",
+    "simulate": "photograph a scene (camera RAW or picture) with a simulated camera",
+    "inspect": "show what is in a shot; check whole archives for damage",
     "capture": "save a camera's frames as shots, each with its preview",
-    "view": "show what a camera sees on a web page, with a button to save it",
-    "preview": "make the camera's own picture of a shot",
-    "render": "make the full-quality picture of a shot",
-    "evaluate": "compare this camera with Bayer cameras on scenes: figures, and a page to look at",
-    "bench": "measure how fast everything is, and how fast others are",
+    "view": "show what a camera sees on a web page, with a button that saves it",
+    "preview": "make the camera's own preview of shots",
+    "render": "make the full-quality pictures of shots",
+    "evaluate": "compare this camera with Bayer cameras: figures, and a page to look at",
+    "bench": "measure the speed of Panchroma and of other programs",
     "export-preview": "write the graph that makes a camera's previews",
-    "doctor": "check the installation, and say how to mend it",
+    "doctor": "check the installation, and say how to repair it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
 
 
 class _Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows a default where there is one to know."""
+    """Shows defaults, except None, False and empty ones, which say nothing."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        return action.help if action.default in (None, False) else super()._get_help_string(action)
+        return action.help if action.default in (None, False, []) else super()._get_help_string(action)
 
 
 FAILED, USAGE = 1, 2
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
-    """Entry point of `panchroma`; leaves with 0 (ok), 1 (some files failed), 2 (usage), 130 (interrupted) or 143 (terminated)."""
+    """Run the command line and exit with 0 (ok), 1 (some files failed), 2 (usage), 130 (interrupted) or 143 (terminated)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
     console = Console()
     try:
         with orderly_end():
-            # Not above: it brings NumPy, and whoever interrupts that is to see no traceback.
+            # Not at the top: this imports NumPy, and an interrupt meanwhile must not show a traceback.
             from shared.errors import PanchromaError
+            from tools.host.jobs import remove_unused_folders
 
             try:
                 parsed = _parser(arguments).parse_args(arguments)
@@ -61,10 +62,11 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             finally:
                 console.close()
     except KeyboardInterrupt as stop:
-        console.error("interrupted; every file that was finished is whole, no other was begun")
+        console.error("interrupted; finished files are complete, and no partial file is left")
         code = stop.code if isinstance(stop, Terminated) else INTERRUPTED
     except PanchromaError as error:
         console.error(str(error))
+        remove_unused_folders()
         code = USAGE
     except StandardOutputError as error:
         code = _without_stdout(error, console)
@@ -75,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def _open_streams() -> None:
-    """Make both streams writable: a caller may have closed one, and a file name need not be text of the locale's encoding."""
+    """Make both streams writable: the caller may have closed one, and file names may not fit the locale's encoding."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -85,7 +87,7 @@ def _open_streams() -> None:
 
 
 def _without_stdout(error: StandardOutputError, console: Console) -> int:
-    """The exit code when standard output takes no more; nothing will be written to it again."""
+    """The exit code after standard output has failed; what is written to it from now on is discarded."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if error.closed:  # the reader (head, a closed pager) has seen enough
         return 128 + signal.SIGPIPE
@@ -94,11 +96,11 @@ def _without_stdout(error: StandardOutputError, console: Console) -> int:
 
 
 def _parser(arguments: list[str]) -> argparse.ArgumentParser:
-    """The whole table, but the options only of the verb in `arguments`."""
+    """The parser with all verbs, but only with the options of the verb in `arguments`."""
     parser = argparse.ArgumentParser(
         prog="panchroma",
-        description="Software of a sparse-colour camera: simulate it, look into its shots, render them.",
-        epilog="panchroma VERB --help tells the options of each.",
+        description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
+        epilog="panchroma VERB --help shows the options of a verb.",
     )
     parser.add_argument("--version", action="version", version=f"panchroma {program_version()}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -113,18 +115,17 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
 
 
 def _set_threads(parsed: argparse.Namespace) -> None:
-    """How many the renderer has (-j, or as many as there are processors), and what they do while they wait."""
-    if parsed.verb != "bench":  # which measures libraries as they are
-        # They sleep: beside other programs at work, spinning ones cost half the speed. OpenMP reads it when it is loaded.
+    """Set the number of threads of the renderer (-j, by default one per processor), and let idle ones sleep."""
+    if parsed.verb != "bench":  # which measures libraries with their own settings
+        # Beside other busy programs, spinning threads cost half the speed. OpenMP reads this when it is loaded.
         os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     count: int | None = getattr(parsed, "threads", None)
     if count is None:
         return
     from offline import available_threads, use_threads
-    from shared.errors import InputError
+    from tools.host.options import check_at_least_one
 
-    if count < 1:
-        raise InputError(f"-j is {count}, expected 1 or more")
+    check_at_least_one(parsed, "threads")
     use_threads(min(count, available_threads()))
 
 

@@ -88,12 +88,52 @@ def test_a_wrong_command_is_usage(arguments: tuple[str, ...], tmp_path: Path, mo
     assert names(tmp_path) == set()
 
 
-@pytest.mark.parametrize("verb", ["simulate", "render"])
-@pytest.mark.parametrize(("folder", "words"), [("missing", "mkdir -p"), ("file", "is not a folder"), ("", "-o is empty")])
+# Every command that writes into a folder, on a folder that is named last.
+INTO = {
+    "simulate": ("simulate", "builtin:24x18", "-o"),
+    "preview": ("preview", SHOT, "-o"),
+    "render": ("render", SHOT, "-o"),
+    "capture": ("capture", "builtin:24x18@50", "--frames", "1", "-o"),
+    "view": ("view", "builtin:24x18@50", "--port", "0", "-o"),
+    "evaluate": ("evaluate", "builtin:48x48", "--sigma", "0", "--methods", "bilinear", "-j", "1", "-o"),
+    "export-preview": ("export-preview", "--all", "-o"),
+    "demo": ("demo", "-o"),
+    "calibrate": ("calibrate", "chart-300x200.dng", "-o", "camera.json", "--report"),
+}
+
+
+@pytest.mark.parametrize("verb", [verb for verb in INTO if verb not in ("view", "demo")])  # one does not end, one has its own tests
+def test_the_output_folder_is_made(verb: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(shots)
+    monkeypatch.setattr("tools.commands.export_preview.shipped", lambda: iter(()))
+    if verb == "calibrate":
+        assert run("simulate", "chart:300x200", "-o", ".", "--protocol", "sensor").code == 0
+    outcome = run(*INTO[verb], tmp_path / "new")
+    assert outcome.code == 0, outcome.err
+    assert names(tmp_path / "new") or verb == "export-preview"
+
+
+@pytest.mark.parametrize("verb", ["render", "evaluate"])
+def test_a_dry_run_makes_no_folder(verb: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(shots)
+    outcome = run(*INTO[verb], tmp_path / "new", "--dry-run")
+    assert outcome.code == 0, outcome.err
+    assert names(tmp_path) == {"shots"}
+
+
+def test_a_command_that_fails_at_once_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("evaluate", "missing.npy", "-o", "new").code == 2
+    assert run("capture", "builtin:24x18@50", "-o", "new", "--graph", "missing.onnx").code == 2
+    assert names(tmp_path) == set()
+
+
+@pytest.mark.parametrize("verb", INTO)
+@pytest.mark.parametrize(("folder", "words"), [("missing/below", "mkdir -p"), ("file", "is not a folder"), ("", "-o is empty")])
 def test_a_wrong_output_folder_is_usage(verb: str, folder: str, words: str, tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("old")
-    outcome = run(verb, "builtin:9x9", "-o", folder)
+    outcome = run(*INTO[verb], folder)
     assert outcome.code == 2
     (line,) = outcome.err.splitlines()
     assert line.startswith(f"panchroma: {folder}")
@@ -160,7 +200,7 @@ def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, tmp_path
     outcome = run("render", shots / SHOT, "-o", out, "--json")
     assert outcome.code == 130
     assert outcome.out == ""
-    assert outcome.errors == ["panchroma: interrupted; every file that was finished is whole, no other was begun"]
+    assert outcome.errors == ["panchroma: interrupted; finished files are complete, and no partial file is left"]
     assert names(out) == set()
 
 

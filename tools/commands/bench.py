@@ -23,12 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=[_MEGAPIXELS],
         metavar="N",
-        help="size of the frame; several: measure how time and memory grow instead",
+        help="size of the frame; with several: how time and memory grow",
     )
     parser.add_argument("--rounds", type=int, default=_ROUNDS, metavar="N", help="rounds; each measures everything once")
-    parser.add_argument("--frames", type=int, default=_FRAMES, metavar="N", help=f"previews of {_PREVIEW_MEGAPIXELS:g} megapixels")
-    parser.add_argument("-j", "--threads", type=int, metavar="N", help="of us and of the rivals (default, and most: one per core)")
-    parser.add_argument("--json", action="store_true", help="print one object with every figure on stdout")
+    parser.add_argument(
+        "--frames", type=int, default=_FRAMES, metavar="N", help=f"number of previews of {_PREVIEW_MEGAPIXELS:g} MP"
+    )
+    parser.add_argument("-j", "--threads", type=int, metavar="N", help="threads, for rivals too (default, and most: one per core)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object with every figure to stdout")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:

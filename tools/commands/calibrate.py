@@ -19,28 +19,28 @@ from tools.host.versions import program_version
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma calibrate`."""
-    parser.add_argument("shots", nargs="*", metavar="SHOT", help="DNG of Panchroma with a ColorChecker, or a folder of DNGs")
+    """Add the options of `panchroma calibrate`."""
+    parser.add_argument("shots", nargs="*", metavar="SHOT", help="a DNG with a ColorChecker in it, or a folder of DNGs")
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="camera.json to write")
     parser.add_argument(
         "--dark", nargs="+", default=[], metavar="F", help="frames with the lens covered: black level, read noise, defects"
     )
     parser.add_argument(
-        "--flat", nargs="+", default=[], metavar="F", help="evenly lit frames, two of each exposure: gain, read noise"
+        "--flat", nargs="+", default=[], metavar="F", help="evenly lit frames, two at each exposure: gain, read noise"
     )
-    parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: gamma alone")
+    parser.add_argument("--no-chart", action="store_true", help="the shots show ordinary scenes: measure gamma only")
     parser.add_argument(
         "--corners",
         nargs=4,
         metavar="X,Y",
-        help="of the chart in the one shot, in pixels: outer corners at dark skin, bluish green, black, white",
+        help="outer corners of the chart in a single shot, pixels: at dark skin, bluish green, black, white",
     )
     parser.add_argument("--reference", metavar="FILE", help="the chart's own colours: CGATS (.ti3, .cie) with XYZ or L*a*b* (D50)")
-    parser.add_argument("--sensor", help="name of the sensor to write (default: the shots')")
-    parser.add_argument("--report", metavar="DIR", help="existing folder for report.html, and chart.ti3 for Argyll CMS")
-    parser.add_argument("--update", action="store_true", help="put what is measured into FILE, keep its other parts, and FILE.bak")
-    parser.add_argument("--overwrite", action="store_true", help="replace FILE and the report; FILE.bak keeps the old one")
-    parser.add_argument("--json", action="store_true", help="one object per shot, then one for the result, on stdout")
+    parser.add_argument("--sensor", help="name of the sensor in FILE (default: the one in the shots)")
+    parser.add_argument("--report", metavar="DIR", help="folder for report.html and chart.ti3 (Argyll CMS), created if missing")
+    parser.add_argument("--update", action="store_true", help="replace only what is measured in FILE; FILE.bak keeps the old file")
+    parser.add_argument("--overwrite", action="store_true", help="replace FILE and the report; FILE.bak keeps the old file")
+    parser.add_argument("--json", action="store_true", help="print one JSON object per shot, then one for the result, to stdout")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     shots, darks, flats = _sources(arguments)
     corners = _corners(arguments, shots)
     _check_output(output, arguments, (*shots, *darks, *flats))
-    folder = output_folder(arguments.report) if arguments.report else None
+    folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None:
         _check_report(folder, overwrite=arguments.overwrite or arguments.update)
     reference = read_reference(Path(arguments.reference)) if arguments.reference else color_checker_xyz()

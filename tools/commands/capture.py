@@ -1,11 +1,11 @@
-"""Save a camera's frames as shots: each becomes a DNG with its preview inside, TIME-COUNTER.dng.
+"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside.
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, or builtin:WIDTHxHEIGHT@FPS, a
-simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 --mode 4056:3040:12:P -o - |
-panchroma capture - -o shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112
+simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 --mode 4056:3040:12:P -o - | panchroma capture - -o
+shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112.
 
-When frames come faster than they can be written, whole ones are dropped and counted; those of a folder, and of a recording, wait.
-SIGINT and SIGTERM end it after the file in hand (exit codes 130 and 0).
+If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
+SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
 """
 
 import argparse
@@ -15,37 +15,36 @@ from device.capture import Refused, Saved, capture
 from device.frame_queue import FrameQueue
 from device.shots import ShotFolder
 from shared.errors import InputError, OutputError
+from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.source import add_source_options, open_source
-from tools.pictures.previews import add_graph_option, preview_maker
+from tools.pictures.previews import preview_maker
 
-_DEPTH = 2  # frames that may wait: one hides a slow write, a second a hiccup of the disk; more would only be older
+_DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma capture`."""
+    """Add the options of `panchroma capture`."""
     add_source_options(parser)
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for the shots")
-    parser.add_argument("--frames", type=int, metavar="N", help="end after N shots (default: with the stream, or when told to)")
-    parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a recording that comes by pipe")
-    parser.add_argument("--latest", metavar="LINK", help="keep a symbolic link to the latest shot there")
-    add_graph_option(parser)
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
-    parser.add_argument("--json", action="store_true", help="one object per frame on stdout")
+    options.add_output_folder(parser, "the shots")
+    parser.add_argument("--frames", type=int, metavar="N", help="stop after N shots (default: when the stream ends)")
+    parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a piped recording")
+    parser.add_argument("--latest", type=Path, metavar="LINK", help="keep a symbolic link with this name to the latest shot")
+    options.add_graph(parser)
+    options.add_preview_threads(parser)
+    options.add_json(parser, "frame")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code."""
-    for option in ("frames", "jobs"):
-        if (number := getattr(arguments, option)) is not None and number < 1:
-            raise InputError(f"--{option} is {number}, expected 1 or more")
+    """Save frames until the source ends or the user does; returns the exit code."""
+    options.check_at_least_one(arguments, "frames", "jobs")
     if arguments.wait and arguments.source.startswith("builtin:"):
-        raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
-    folder = output_folder(arguments.output)
+        raise InputError(f"--wait cannot be used with {arguments.source}: a sensor does not wait")
     source = open_source(arguments)
-    shots = ShotFolder(folder, Path(arguments.latest) if arguments.latest else None)
+    folder = output_folder(arguments.output)
+    shots = ShotFolder(folder, arguments.latest)
     preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.jobs)
     for note in source.notes:
         console.note(note)
@@ -72,9 +71,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             else:
                 if arguments.frames and not stopping():
                     refused(f"{arguments.source}: ended after {saved} of {arguments.frames} shots")
-        except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: what was saved stays good
+        except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
             refused(str(error))
-        # What waits when it ends is as lost as what found no place; but nobody wanted more than --frames.
+        # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = queue.dropped + (len(queue) if stopping() else 0)
     console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)

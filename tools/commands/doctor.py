@@ -1,19 +1,20 @@
-"""Check the installation: versions, what is missing for which command, kernels, threads, memory, durable writing; with remedies."""
+"""Check the installation (versions, missing packages, kernels, threads, memory, writing) and say how to repair what is wrong."""
 
 import argparse
 
+from tools.host import options
 from tools.host.console import Console
 from tools.host.installation import BAD, CHECKS, MISSING, Finding
 from tools.host.jobs import FAILED
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma doctor`."""
-    parser.add_argument("--json", action="store_true", help="one object per check on stdout")
+    """Add the options of `panchroma doctor`."""
+    options.add_json(parser, "check")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code: 1 when something is wrong, not when something optional is missing."""
+    """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when something optional is missing."""
     findings = [finding for check in CHECKS for finding in check()]
     width = max(len(finding.name) for finding in findings)
     for finding in findings:

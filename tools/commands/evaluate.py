@@ -17,6 +17,7 @@ from tools.host.console import Console
 from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
+from tools.host.options import add_json, add_max_memory, add_output_folder, add_scheduler, check_at_least_one, uses_scheduler
 from tools.host.processors import processors
 from tools.host.versions import program_version
 
@@ -30,7 +31,7 @@ _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma evaluate`."""
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder of them")
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for the results")
+    add_output_folder(parser, "the results")
     light = parser.add_argument_group("light and noise")
     light.add_argument(
         "--protocol",
@@ -42,27 +43,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sigma", type=float, nargs="+", metavar="S", help="noise of --protocol paper, scene units (default: 0 0.01 0.02 0.03)"
     )
     light.add_argument(
-        "--exposure", type=float, nargs="+", metavar="FACTOR", help="light with --protocol sensor (default: 1, 1/4, 1/16)"
+        "--exposure", type=float, nargs="+", metavar="FACTOR", help="amounts of light of --protocol sensor (default: 1, 1/4, 1/16)"
     )
-    light.add_argument("--seed", type=int, default=0, help="of the noise; the same for every scene")
-    light.add_argument("--linear", action="store_true", help="the numbers in the pictures are light, whatever the files say")
+    light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
+    light.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
     what = parser.add_argument_group("what is compared")
     what.add_argument(
-        "--period", type=int, nargs="+", default=[6], metavar="K", help="of the sparse-colour sensor; several make a study of K"
+        "--period",
+        type=int,
+        nargs="+",
+        default=[6],
+        metavar="K",
+        help="of the sparse-colour sensor; several values make a study of K",
     )
-    what.add_argument(
-        "--methods", nargs="+", metavar="NAME", help="default: all whose packages are installed; an unknown name lists them"
-    )
-    what.add_argument("--crop", type=int, metavar="PIXELS", help="only the middle of each scene, for a quick look")
+    what.add_argument("--methods", nargs="+", metavar="NAME", help="default: all that are installed; an unknown name lists them")
+    what.add_argument("--crop", type=int, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
-    run_.add_argument("-j", "--jobs", type=int, metavar="N", help="processes (default: one per core, as memory allows)")
-    run_.add_argument("--scheduler", metavar="ADDRESS", help="measure on the workers of this dask scheduler, tcp://HOST:PORT")
-    run_.add_argument("--scheduler-file", metavar="FILE", help="the same, by the file that the scheduler wrote")
-    run_.add_argument("--max-memory", metavar="SIZE", help="for all processes, for example 4G (default: most of what is free)")
-    run_.add_argument("--report", action=argparse.BooleanOptionalAction, default=True, help="make the page, or only the figures")
+    run_.add_argument("-j", "--jobs", type=int, metavar="N", help="number of processes (default: one per core, as memory allows)")
+    add_scheduler(run_)
+    add_max_memory(run_)
+    run_.add_argument("--report", action=argparse.BooleanOptionalAction, default=True, help="write the page, or only the figures")
     run_.add_argument("--overwrite", action="store_true", help="replace the page and the tables of an earlier run")
-    run_.add_argument("--dry-run", action="store_true", help="only list the work")
-    run_.add_argument("--json", action="store_true", help="one object per scene on stdout")
+    run_.add_argument("--dry-run", action="store_true", help="write nothing, only list the work")
+    add_json(run_, "scene")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -73,13 +76,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
 
-    folder = output_folder(arguments.output)
+    folder = output_folder(arguments.output, dry_run=arguments.dry_run)
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.report or name != _PAGE]
     if not (arguments.overwrite or arguments.dry_run):
         refuse_existing(outputs)
     team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
-    todo, there = tasks(study, folder.absolute() if _elsewhere(arguments) else folder)
+    todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if there:
@@ -126,7 +129,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
         raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
     reading = Reading(arguments.linear, arguments.crop)
     sources = expand(arguments.scenes)
-    if _elsewhere(arguments):
+    if uses_scheduler(arguments):
         from tools.host.cluster import everywhere
 
         sources = [everywhere(source) for source in sources]
@@ -139,16 +142,8 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     return Study(tuple(scenes), tuple(each.name for each in methods), levels, tuple(periods), protocol, reading), failures
 
 
-def _elsewhere(arguments: argparse.Namespace) -> bool:
-    """Whether dask workers measure, which need absolute file names."""
-    if arguments.scheduler and arguments.scheduler_file:
-        raise InputError("--scheduler or --scheduler-file: one of them")
-    return bool(arguments.scheduler or arguments.scheduler_file)
-
-
 def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
-    """Measure here or on dask workers; a line for each result that could not be made."""
-    if not (_elsewhere(arguments) and todo):
+    if not (uses_scheduler(arguments) and todo):
         return team.measure(todo)
     from tools.host.cluster import connected
 
@@ -169,7 +164,6 @@ def _list(todo: "list[Task]", there: int, failures: list[str], console: Console)
 
 
 def _jobs(arguments: argparse.Namespace) -> int:
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise InputError(f"-j is {arguments.jobs}, expected 1 or more")
+    check_at_least_one(arguments, "jobs")
     given: int | None = arguments.jobs
     return given or processors()

@@ -1,6 +1,6 @@
-"""Say what is in shots (pattern, levels, calibration, capture data) and in camera files.
+"""Show what is in shots (pattern, levels, calibration, capture data) and in camera files.
 
-Reading checks a shot's samples against their digest, and a camera file field by field; --verify does that for whole archives.
+Reading compares a shot's samples with their digest, and checks every field of a camera file. --verify does this for whole archives.
 """
 
 import argparse
@@ -12,30 +12,29 @@ import numpy as np
 
 from shared import Mosaic, read_camera, read_dng
 from shared.dng import read_preview
-from shared.errors import InputError
+from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console, one_line
-from tools.host.jobs import FAILED, Job, add_limit, run_jobs
+from tools.host.jobs import FAILED, Job, run_jobs
 from tools.host.processors import processors
 
-_COLUMN = 14  # characters of a name on the page
+_COLUMN = 14  # characters for the name of a row
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma inspect`."""
+    """Add the options of `panchroma inspect`."""
     parser.add_argument(
-        "shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma, or a camera.json; with --verify a folder of DNGs too"
+        "shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a camera.json; with --verify also a folder of DNGs"
     )
-    parser.add_argument("--verify", action="store_true", help="only count the whole ones and name the damaged")
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="of --verify, files at a time (default: one per core)")
-    add_limit(parser)
-    parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
+    parser.add_argument("--verify", action="store_true", help="only count the undamaged files and name the damaged ones")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="--verify: files at the same time (default: one per core)")
+    options.add_max_pixels(parser)
+    options.add_json(parser, "file")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code."""
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise InputError(f"--jobs is {arguments.jobs}, expected 1 or more")
+    """Show or verify the files; returns the exit code."""
+    options.check_at_least_one(arguments, "jobs")
     if arguments.verify:
         jobs = arguments.jobs or processors()
         return FAILED if verify(arguments.shots, console, jobs=jobs, max_pixels=arguments.max_pixels) else 0
@@ -52,27 +51,24 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _camera(source: str, console: Console) -> dict[str, Any]:
-    """Facts about a camera file, said to people too."""
+    """Show a camera file; returns facts about it for machines."""
     camera = read_camera(source)
     calibration, pattern = camera.calibration, camera.pattern
     document = calibration.to_json()
     rows = {
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
         "pattern": f"{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}" if pattern else "unknown",
-        "levels": f"black {_row(calibration.black_level)}, white {calibration.white_level} ({calibration.bits} bits)",
-        "gamma": f"{_row(calibration.gamma)}  ({calibration.channels})",
-        "noise": _noise(document["noise"]),
-        "colour": "calibrated" if calibration.camera_to_xyz else "no matrix",
-        "neutral": _row(calibration.neutral) if calibration.neutral else "unknown",
+        **_calibration(document),
         "defects": f"{len(calibration.defects)} pixels",
     }
+    rows["levels"] += f" ({calibration.bits} bits)"
     for part, how in camera.measured.items():
-        rows[f"{part}:"] = ", ".join(f"{name} {_told(value)}" for name, value in how.items())
+        rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items())
     console.say(f"{source}\n" + "\n".join(f"  {name:<13}{value}" for name, value in rows.items()))
     return {"camera": camera.to_json(), "calibration_id": calibration.id}
 
 
-def _told(value: Any) -> str:
+def _text(value: Any) -> str:
     return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
@@ -101,18 +97,14 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
 
 
 def _page(source: str, facts: dict[str, Any]) -> str:
-    """The facts for people."""
+    """The facts as a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
     rows = {
         "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
         "pattern": f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
         "": "\n".join(f"  {'':{_COLUMN}}{' '.join(row)}" for row in pattern["letters"]).lstrip(),
         "luminance": f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated",
-        "levels": f"black {_row(calibration['black_level'])}, white {calibration['white_level']}",
-        "gamma": _row(calibration["gamma"]) + f"  ({calibration['channels']})",
-        "noise": _noise(calibration["noise"]),
-        "colour": "calibrated" if calibration["camera_to_xyz"] else "no matrix",
-        "neutral": _row(calibration["neutral"]) if calibration["neutral"] else "unknown",
+        **_calibration(calibration),
         "sensor": f"{one_line(calibration['sensor']) or 'unnamed'}, calibration {facts['calibration_id']}"
         + (f", from camera file {calibration['camera']}" if calibration["camera"] else ""),
         "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
@@ -121,8 +113,19 @@ def _page(source: str, facts: dict[str, Any]) -> str:
     return f"{one_line(source)}\n" + "\n".join(f"  {name:<{_COLUMN}}{value}" for name, value in rows.items())
 
 
+def _calibration(document: dict[str, Any]) -> dict[str, str]:
+    """Rows that shots and camera files share."""
+    return {
+        "levels": f"black {_row(document['black_level'])}, white {document['white_level']}",
+        "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
+        "noise": _noise(document["noise"]),
+        "colour": "calibrated" if document["camera_to_xyz"] else "no matrix",
+        "neutral": _row(document["neutral"]) if document["neutral"] else "unknown",
+    }
+
+
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:
-    """The capture data that are known, with their units."""
+    """Rows for the capture data that are known, with units."""
     seconds = metadata["exposure_time"]
     exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
     rows = {
@@ -145,6 +148,6 @@ def _noise(noise: dict[str, Any] | None) -> str:
 
 
 def _row(values: tuple[float, ...]) -> str:
-    """Figures, or one where all are equal."""
+    """The values; a single one where all are equal."""
     shown = values[:1] if len(set(values)) == 1 else values
     return " ".join(f"{value:.6g}" for value in shown)

@@ -1,6 +1,6 @@
-"""Make the camera's own picture of shots, as a JPEG: at once, and with no more than a camera has installed.
+"""Make the camera's own preview of shots, as JPEG: fast, and with no package that a camera does not have.
 
-It lies as the samples do; the Exif orientation says which way is up.
+The picture is not rotated; its Exif orientation says which way is up.
 """
 
 import argparse
@@ -11,36 +11,31 @@ from typing import Any
 from shared import read_camera, read_dng
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
+from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import Job, add_limit, output_folder, plan, run_jobs
+from tools.host.jobs import Job, output_folder, plan, run_jobs
 from tools.pictures.encoders import encode_jpeg
 from tools.pictures.exif_writing import jpeg_directory
-from tools.pictures.previews import Previews, add_graph_option
+from tools.pictures.previews import Previews
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma preview`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG of Panchroma")
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for STEM.jpg")
-    parser.add_argument(
-        "--scale",
-        type=int,
-        default=1,
-        metavar="N",
-        help="sensor pixels per pixel of the picture, each way; a divisor of the period",
-    )
-    add_graph_option(parser)
-    parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
-    add_limit(parser)
-    parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
-    parser.add_argument("--json", action="store_true", help="one object per shot on stdout")
+    """Add the options of `panchroma preview`."""
+    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma")
+    options.add_output_folder(parser, "STEM.jpg")
+    options.add_scale(parser)
+    options.add_graph(parser)
+    options.add_calibration(parser)
+    options.add_max_pixels(parser)
+    options.add_overwrite(parser)
+    options.add_json(parser, "shot")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code."""
-    folder = output_folder(arguments.output)
+    """Write a preview of each shot; returns the exit code."""
     previews = Previews(arguments.scale, arguments.graph)
     camera = read_camera(arguments.camera) if arguments.camera else None
+    folder = output_folder(arguments.output)
 
     def work(job: Job) -> dict[str, Any]:
         (output,) = job.outputs

@@ -1,7 +1,7 @@
-"""Photograph scenes with the sparse-colour camera: each becomes a DNG mosaic, and with --truth the scene itself beside it.
+"""Photograph scenes with a simulated sparse-colour camera: each becomes a shot, a DNG; --truth saves the scene beside it.
 
-A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one trichromatic pixel), a 16- or 32-bit linear picture (TIFF, PNG, EXR,
-NPY), an 8-bit picture (sRGB, made linear), builtin:WIDTHxHEIGHT, or chart:WIDTHxHEIGHT: a ColorChecker to calibrate with.
+A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a 16- or 32-bit linear picture (TIFF, PNG,
+EXR, NPY), an 8-bit picture (sRGB, made linear), builtin:WIDTHxHEIGHT, or chart:WIDTHxHEIGHT, a ColorChecker to calibrate with.
 """
 
 import argparse
@@ -15,9 +15,9 @@ from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, w
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
+from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import Job, add_limit, output_folder, plan, run_jobs
-from tools.host.options import add_pattern_options, pattern_of
+from tools.host.jobs import Job, output_folder, plan, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.load import is_drawn, load_scene
@@ -28,54 +28,59 @@ _TRUTH = PictureKind("tif", 32, "camera")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma simulate`."""
+    """Add the options of `panchroma simulate`."""
     parser.add_argument(
         "scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT or chart:WIDTHxHEIGHT"
     )
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="existing folder for STEM.dng")
-    sensor = parser.add_argument_group("the camera")
-    add_pattern_options(sensor)
-    sensor.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
+    options.add_output_folder(parser, "STEM.dng")
+    sensor = options.add_camera(parser)
     sensor.add_argument(
-        "--bits", type=int, metavar="N", help=f"of a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)"
+        "--bits",
+        type=int,
+        metavar="N",
+        help=f"bits of a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)",
     )
     sensor.add_argument(
         "--layout",
         choices=("auto", "cfa", "linear"),
         default="auto",
-        help="linear: for raw developers that take any pattern for Bayer",
+        help="how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer",
     )
     light = parser.add_argument_group("light and noise")
     light.add_argument(
         "--protocol",
         choices=("paper", "sensor"),
         default="paper",
-        help="paper: additive Gaussian noise, not clipped; sensor: shot and read noise, clipped at full scale",
+        help="paper: additive Gaussian noise, no clipping; sensor: shot and read noise, clipped at full scale",
     )
-    light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the paper's noise, scene units")
+    light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
     light.add_argument(
-        "--exposure", type=float, default=1.0, metavar="FACTOR", help="light reaching the sensor, with --protocol sensor"
+        "--exposure",
+        type=float,
+        default=1.0,
+        metavar="FACTOR",
+        help="with --protocol sensor: the amount of light, 2 is one stop more",
     )
-    light.add_argument("--seed", type=int, default=0, help="of the noise; the same for every scene")
-    parser.add_argument("--linear", action="store_true", help="the pictures' numbers are light, whatever the files say")
-    parser.add_argument("--truth", action="store_true", help="write STEM.truth.tif too: float32, scene units")
-    add_limit(parser)
-    parser.add_argument("--overwrite", action="store_true", help="replace results that exist")
-    parser.add_argument("--json", action="store_true", help="one object per scene on stdout")
+    light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
+    parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
+    parser.add_argument("--truth", action="store_true", help="also write the scene as STEM.truth.tif: float32, scene units")
+    options.add_max_pixels(parser)
+    options.add_overwrite(parser)
+    options.add_json(parser, "scene")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code."""
+    """Write a shot of each scene; returns the exit code."""
     if arguments.protocol == "sensor" and arguments.sigma:
-        raise InputError("--sigma is the paper's noise; with --protocol sensor the noise is that of --camera, or a typical one")
+        raise InputError("--sigma is the noise of --protocol paper; --protocol sensor has the noise of --camera, or a typical one")
     if arguments.protocol == "paper" and arguments.exposure != 1:
-        raise InputError("--exposure needs --protocol sensor: the paper's protocol has no exposure")
+        raise InputError("--exposure needs --protocol sensor: --protocol paper has no exposure")
     if arguments.seed < 0:
         raise InputError(f"--seed is {arguments.seed}, expected 0 or more")
     if not 0 <= arguments.sigma < np.inf:
         raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
     known = read_camera(arguments.camera) if arguments.camera else None
-    pattern = pattern_of(arguments, known.pattern if known else None)
+    pattern = options.pattern_of(arguments, known.pattern if known else None)
     camera = _calibration(arguments, known, pattern)
     folder = output_folder(arguments.output)
     previews = Previews()
@@ -95,12 +100,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
             for path in truth:
                 write_picture(
-                    path,
-                    scene.rgb,
-                    _TRUTH,
-                    calibration=mosaic.calibration,
-                    metadata=scene.metadata,
-                    overwrite=arguments.overwrite,
+                    path, scene.rgb, _TRUTH, calibration=mosaic.calibration, metadata=scene.metadata, overwrite=arguments.overwrite
                 )
         for note in scene.notes:
             console.note(f"{job.source}: {note}")
@@ -112,12 +112,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace) -> Mosaic:
-    """The scene as this camera records it; colours are the scene's where the camera's are unknown."""
-    camera = replace(
-        camera,
-        camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz,
-        neutral=camera.neutral or scene.neutral,
-    )
+    """The scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
+    camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz, neutral=camera.neutral or scene.neutral)
     rng = np.random.default_rng(arguments.seed)
     if arguments.protocol == "sensor":
         return simulate_sensor(scene.rgb, pattern, camera, arguments.exposure, rng, scene.metadata)
@@ -125,7 +121,7 @@ def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arg
 
 
 def _calibration(arguments: argparse.Namespace, known: Camera | None, pattern: CfaPattern) -> SensorCalibration:
-    """The calibration in --camera, or the paper's: gamma = 1, levels from --bits."""
+    """The calibration in --camera, or else the paper's: gamma = 1. --bits sets the levels."""
     camera = SensorCalibration(sensor="simulated")
     if known:
         camera = known.calibration

@@ -1,7 +1,7 @@
 """Show what a camera sees on a web page, with frame rate, latency and dropped frames, and a button that saves the frame.
 
-SOURCE is that of `panchroma capture`. The page is for this machine alone; --bind 0.0.0.0 shows it to the network, where everybody
-can look and (with -o) save. SIGINT and SIGTERM end it after the shot in hand (exit codes 130 and 0).
+SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind 0.0.0.0 everybody on the network
+can, and with -o save shots too. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
 """
 
 import argparse
@@ -13,43 +13,43 @@ from device.geometry import Geometry
 from device.shots import ShotFolder
 from shared import CfaPattern
 from shared.errors import InputError
+from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.server import ViewfinderServer
 from tools.live.source import add_source_options, open_source
 from tools.live.viewfinder import Viewfinder
-from tools.pictures.previews import add_graph_option, preview_maker
+from tools.pictures.previews import preview_maker
 
-_WIDEST = 1440  # pixels: more do not fit a phone or a page, and cost the camera time
+_WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Of `panchroma view`."""
+    """Add the options of `panchroma view`."""
     add_source_options(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", help="existing folder for shots; without it there is no button")
-    parser.add_argument("--latest", metavar="LINK", help="keep a symbolic link to the latest shot there")
-    parser.add_argument("--bind", default="127.0.0.1", metavar="ADDRESS", help="network interface to serve")
-    parser.add_argument("--port", type=int, default=8000, help="0 takes any that is free")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder for shots, created if missing; without it there is no button")
+    parser.add_argument("--latest", type=Path, metavar="LINK", help="keep a symbolic link with this name to the latest shot")
+    parser.add_argument("--bind", default="127.0.0.1", metavar="ADDRESS", help="network interface that serves the page")
+    parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one")
     parser.add_argument(
-        "--scale", type=int, metavar="S", help=f"one pixel for S x S of the sensor (default: 1 up to {_WIDEST} pixels of width)"
+        "--scale", type=int, metavar="S", help=f"one pixel for S x S of the sensor (default: so that it is at most {_WIDEST} wide)"
     )
-    add_graph_option(parser)
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
+    options.add_graph(parser)
+    options.add_preview_threads(parser)
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
-    """Returns the exit code."""
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise InputError(f"--jobs is {arguments.jobs}, expected 1 or more")
-    if arguments.latest and not arguments.output:
+    """Serve the page until the source ends or the user does; returns the exit code."""
+    options.check_at_least_one(arguments, "jobs")
+    if arguments.latest and arguments.output is None:
         raise InputError("--latest needs -o DIR: without a folder there are no shots")
     source = open_source(arguments)
     sensor = source.sensor
     shots = None
-    if arguments.output:
-        folder = ShotFolder(output_folder(arguments.output), Path(arguments.latest) if arguments.latest else None)
-        # One thread: a shot must not hold up the picture on other cores.
+    if arguments.output is not None:
+        folder = ShotFolder(output_folder(arguments.output), arguments.latest)
+        # One thread, so that saving a shot leaves the other cores to the viewfinder.
         shots = folder, preview_maker(sensor, graph=arguments.graph, threads=1)
     scale = arguments.scale
     if scale is None:
@@ -85,6 +85,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _scale(width: int, pattern: CfaPattern) -> int:
-    """The smallest scale that makes the picture no wider than the page, or the largest that the pattern has."""
+    """The smallest scale of the pattern at which the picture is no wider than _WIDEST, or its largest scale."""
     scales = Geometry.scales(pattern)
     return next((scale for scale in scales if width <= _WIDEST * scale), scales[-1])

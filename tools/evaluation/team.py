@@ -1,4 +1,4 @@
-"""Workers and the person who waits for them: progress, failures, the limit of memory."""
+"""The processes that do an evaluation's work, and what the user sees of it: progress, failures, the memory limit."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -6,9 +6,12 @@ from functools import partial
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
+from tools.host import worker_pool
 from tools.host.console import Console
 from tools.host.countdown import Countdown
-from tools.host.workers import need, processes, run
+from tools.host.jobs import reason
+from tools.host.memory import format_bytes
+from tools.host.worker_pool import Note
 
 from .scene_sets import Reading, SceneInfo
 from .study import Task, work
@@ -16,29 +19,47 @@ from .study import Task, work
 T = TypeVar("T")
 R = TypeVar("R")
 
-_TENTHS = 10  # steps of a bar per unit of work
+_PROCESS_BYTES = 250 * 2**20  # with the libraries
+_PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
+_USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
+_TENTHS = 10  # steps of a progress bar per unit of work
+_REMEDY = "run again with a smaller -j or --max-memory; what was finished is kept"
+
+
+def needed_memory(pixels: int) -> int:
+    """Bytes that one process needs for a scene of `pixels` pixels, roughly."""
+    return _PROCESS_BYTES + _PIXEL_BYTES * pixels
 
 
 @dataclass(frozen=True)
 class Team:
-    """At most `jobs` processes, which together use `memory` bytes; the workers of a dask `client`, if given, measure."""
+    """Does the work of an evaluation in several processes.
+
+    console: shows progress, notes and failures.
+    jobs: largest number of processes.
+    memory: bytes for all of them together; it reduces their number.
+    client: of a dask scheduler, whose workers then do the work instead.
+    """
 
     console: Console
     jobs: int
     memory: int
     client: Any = None
 
+    def processes(self, pixels: int) -> int:
+        """How many processes fit into the memory when the largest scene has `pixels` pixels; at least 1."""
+        return max(1, min(self.jobs, self.memory // needed_memory(pixels)))
+
     def read(self, sources: Sequence[str], reading: Reading) -> tuple[list[SceneInfo], list[str]]:
-        """The scenes that can be read, in the order given; and a line for each that cannot, which the person has seen."""
+        """The scenes that can be read, in the order given, and a line for each other source, which is shown to the user."""
         found: dict[str, SceneInfo] = {}
         failures = []
-        # Sizes are not known yet: as many at a time as there is memory for what a camera makes.
-        count = max(1, processes(self.jobs, self.memory, _USUAL_PIXELS))
-        for source, info in self._follow("reading scenes", partial(_read, reading), sources, lambda _: 1.0, count):
+        for source, info in self._follow("reading scenes", reading.info, sources, _USUAL_PIXELS):
             if not isinstance(info, SceneInfo):
                 failures.append(self._fail(source, info))
-            elif (needed := need(info.rows * info.columns)) > self.memory:
-                failures.append(self._fail(source, _too_large(needed)))
+            elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
+                error = InputError(f"needs about {format_bytes(needed)} of memory; allow it with --max-memory, or use --crop")
+                failures.append(self._fail(source, error))
             else:
                 found[source] = info
         scenes = [found[source] for source in sources if source in found]
@@ -46,16 +67,10 @@ class Team:
         return scenes, failures
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
-        """Do the work, results into the cache; a line for each result that could not be made, which the person has seen."""
+        """Do the tasks, with results into the cache; a line for each result that failed, which is shown to the user."""
         failures = []
         pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
-        count = max(1, processes(self.jobs, self.memory, pixels))
-        by: Callable[..., Any] = run
-        if self.client is not None:
-            from tools.host.cluster import run_quietly
-
-            by = partial(run_quietly, self.client)
-        for task, outcome in self._follow("measuring", work, todo, lambda task: task.seconds, count, by):
+        for task, outcome in self._follow("measuring", work, todo, pixels, lambda task: task.seconds):
             if isinstance(outcome, BaseException):
                 raise InputError(f"{task.title}: {outcome}") from outcome
             for _, line in outcome.failures:
@@ -64,40 +79,47 @@ class Team:
         return failures
 
     def together(self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int) -> list[R]:
-        """Results of `each`, in the order of the pieces, on scenes of at most so many pixels. Raises the first error."""
+        """Results of `each`, in the order of `pieces`. Raises InputError for the first that fails.
+
+        title: names the work for the user.
+        each: a function of a module, or a `partial` of one.
+        pixels: of the largest scene that a piece needs.
+        """
         results: dict[int, R] = {}
-        numbered = list(enumerate(pieces))
-        count = max(1, processes(self.jobs, self.memory, pixels))
-        for (index, _), result in self._follow(title, partial(_second, each), numbered, lambda _: 1.0, count):
-            if isinstance(result, PanchromaError | MemoryError):
+        for (index, _), result in self._follow(title, partial(_second, each), list(enumerate(pieces)), pixels):
+            if isinstance(result, BaseException):
                 raise InputError(f"{title}: {result}") from result
             results[index] = result
         return [results[index] for index in range(len(pieces))]
 
     def _follow(
-        self,
-        title: str,
-        each: Callable[[T], R],
-        pieces: Sequence[T],
-        length: Callable[[T], float],
-        count: int,
-        by: Callable[[Callable[[T], R], Sequence[T], int], Iterable[tuple[T, R | PanchromaError | MemoryError]]] = run,
+        self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int, length: Callable[[T], float] = lambda _: 1.0
     ) -> "list[tuple[T, R | PanchromaError | MemoryError]]":
+        """(piece, result or error) of each piece; `length` is its share of the work."""
         if not pieces:
             return []
         ended = []
-        countdown = Countdown(sum(map(length, pieces)), len(pieces))
+        total = sum(map(length, pieces))
+        countdown = Countdown(total, len(pieces))
         with self.console.progress("evaluate") as progress:
-            progress.stage(title, round(_TENTHS * sum(map(length, pieces))))
-            for piece, result in by(each, pieces, count):
+            progress.stage(title, round(_TENTHS * total))
+            for piece, result in self._run(each, pieces, pixels):
                 countdown.finished(length(piece))
                 progress.advance(round(_TENTHS * length(piece)))
                 progress.remark(str(countdown))
                 ended.append((piece, result))
         return ended
 
+    def _run(self, each: Callable[[T], R], pieces: Sequence[T], pixels: int) -> "Iterable[tuple[T, Any]]":
+        if self.client is not None:
+            from tools.host import cluster
+
+            return cluster.run(self.client, each, pieces)
+        silent, count = partial(_without_note, each), self.processes(pixels)
+        return worker_pool.run(silent, pieces, count, note=self.console.note, remedy=_REMEDY)
+
     def _notes(self, scenes: Sequence[SceneInfo]) -> None:
-        """What is to be known of the scenes, each note once."""
+        """Show what the user should know about the scenes, each note once."""
         noted: dict[str, list[str]] = {}
         for scene in scenes:
             for note in scene.notes:
@@ -105,24 +127,16 @@ class Team:
         for note, (first, *more) in noted.items():
             self.console.note(f"{first}{f' and {len(more)} more' if more else ''}: {note}")
 
-    def _fail(self, source: str, error: object) -> str:
-        said = "not enough memory for a picture of this size" if isinstance(error, MemoryError) else str(error)
-        line = " ".join(f"{source}: {said}".split())
+    def _fail(self, source: str, error: PanchromaError | MemoryError) -> str:
+        line = " ".join(f"{source}: {reason(error)}".split())
         self.console.error(line)
         self.console.record(source=source, ok=False, error=line)
         return line
 
 
-_USUAL_PIXELS = 6_000_000
-
-
-def _too_large(needed: int) -> InputError:
-    return InputError(f"needs about {needed / 2**30:.1f} GB of memory; allow them with --max-memory, or use --crop")
-
-
-def _read(reading: Reading, source: str) -> SceneInfo:
-    return reading.info(source)
-
-
 def _second(each: Callable[[T], R], numbered: tuple[int, T]) -> R:
     return each(numbered[1])
+
+
+def _without_note(each: Callable[[T], R], piece: T, note: Note) -> R:
+    return each(piece)

@@ -9,9 +9,10 @@ from typing import Any
 
 from shared import read_camera
 from shared.dng import verify_dng
-from shared.errors import InputError, PanchromaError
+from shared.errors import InputError
 
-from .console import Console, fault
+from .console import Console
+from .jobs import fail, reason
 
 _SUFFIX = ".dng"
 
@@ -27,14 +28,12 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
         try:
             with console.progress("verifying") as progress:
                 progress.begin(len(files))
-                for file, (facts, reason) in zip(files, pool.map(partial(_checked, max_pixels=max_pixels), files), strict=True):
+                for file, (facts, wrong) in zip(files, pool.map(partial(_checked, max_pixels=max_pixels), files), strict=True):
                     progress.advance()
                     progress.remark(f"{len(damaged)} damaged")
-                    if reason:
+                    if wrong:
                         damaged.append(file)
-                        message = reason if reason.startswith(f"{file}:") else f"{file}: {reason}"
-                        console.error(message)
-                        console.record(source=file, ok=False, error=message)
+                        fail(file, (), wrong, console)
                     else:
                         console.record(source=file, ok=True, **facts)
         finally:
@@ -44,13 +43,13 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
 
 
 def _files(source: str) -> Iterator[str]:
-    """The file itself; of a folder the DNGs in it and below, in order. What cannot be looked into is an error, not left out."""
+    """The file itself, or the DNGs in a folder and below, in order. A folder that cannot be read is an error, not left out."""
     if not Path(source).is_dir():
         yield source
         return
 
     def stop(error: OSError) -> None:
-        raise InputError(f"{error.filename}: cannot be looked into ({error.strerror})")
+        raise InputError(f"{error.filename}: cannot be read ({error.strerror})")
 
     found = False
     for folder, below, names in os.walk(source, onerror=stop):
@@ -58,21 +57,17 @@ def _files(source: str) -> Iterator[str]:
         for name in sorted(names):
             if name.lower().endswith(_SUFFIX) and not name.startswith("."):
                 found = True
-                yield os.path.join(folder, name)  # noqa: PTH118  as the user has written the folder: pathlib drops "./"
+                yield os.path.join(folder, name)  # noqa: PTH118  keeps the folder as the user wrote it: pathlib drops "./"
     if not found:
         raise InputError(f"{source}: no DNG in this folder or below")
 
 
 def _checked(file: str, max_pixels: int) -> tuple[dict[str, Any], str]:
-    """Facts about a whole file, and what is wrong with it, or ""."""
+    """Facts about an undamaged file, and what is wrong with a damaged one ("" = nothing)."""
     try:
         if file.lower().endswith(".json"):
             return {"calibration_id": read_camera(file).calibration.id}, ""
         rows, columns = verify_dng(file, max_pixels=max_pixels)
         return {"width": columns, "height": rows}, ""
-    except PanchromaError as error:
-        return {}, str(error)
-    except MemoryError:
-        return {}, "not enough memory for a picture of this size"
-    except Exception as error:  # one odd file must not cost the others theirs; `fault` says that it is ours to mend
-        return {}, fault(error)
+    except Exception as error:  # one odd file must not end the check of the others
+        return {}, reason(error)

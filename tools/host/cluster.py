@@ -1,33 +1,32 @@
-"""The same unit of work on the workers of a dask scheduler, on any number of machines that see the same folders.
+"""Work on the workers of a dask scheduler, on any number of machines that see the same folders.
 
-A worker that is lost costs nothing but time: the scheduler gives what it had to another, whose lock and journal tell it what is
-made already. Workers render one shot at a time, with their threads: start one process per core, `dask worker --nthreads 1`.
+When a worker is lost the scheduler gives its pieces to another one. A worker does one piece at a time: start one process per core,
+`dask worker --nthreads 1`.
 """
 
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
 
-from . import workers
+from .worker_pool import result_or_error
 
 P = TypeVar("P")
 R = TypeVar("R")
 
-_SECONDS = 20  # to answer, for a scheduler
-_AHEAD = 1000  # shots that the scheduler knows of: it may be given a million
-ALONE = threading.Lock()  # in a worker: the kernels share out their own threads, and its memory is for one shot
+_SECONDS = 20  # that a scheduler has to answer
+_AHEAD = 1000  # pieces submitted at a time: there may be a million
+_ONE_AT_A_TIME = threading.Lock()  # in a worker: a piece uses several threads itself, and the memory is for one
 
 
 @contextmanager
 def connected(address: str | None, file: str | None) -> Iterator[Any]:
-    """The client of a scheduler, by its address or by the file that it wrote. Raises InputError when none answers."""
+    """The client of the scheduler at `address`, or of the one that wrote `file`. Raises InputError when none answers."""
     try:
         from distributed import Client
     except ModuleNotFoundError:
@@ -49,9 +48,9 @@ def _existing(file: str | None) -> str:
 
 
 def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tuple[P, R | BaseException]]:
-    """Do `work` on each piece, wherever there is a worker; (piece, result or what was raised), in the order in which they end.
+    """Call `work` for each piece on the workers and yield (piece, result or exception), in the order in which they end.
 
-    InputError stands for a piece that ended as many workers as the scheduler grants it, and for a scheduler that is gone.
+    The result is an InputError for a piece that killed too many workers (dask's `allowed-failures`), or when the scheduler is gone.
     """
     from distributed import KilledWorker, as_completed
 
@@ -59,7 +58,7 @@ def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tu
     at_work: dict[Any, P] = {}
 
     def submit(count: int) -> list[Any]:
-        begun = {client.submit(work, piece, pure=False): piece for piece in islice(waiting, count)}
+        begun = {client.submit(_locked, work, piece, pure=False): piece for piece in islice(waiting, count)}
         at_work.update(begun)
         return list(begun)
 
@@ -74,25 +73,22 @@ def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tu
                 continue
             error = future.exception() if future.status == "error" else None
             if error is None:
-                error = InputError("the scheduler is gone; start it again, and run the command again: what is finished is kept")
+                error = InputError("the scheduler is gone; start it and this command again, what is finished is kept")
             elif isinstance(error, KilledWorker):
-                error = InputError("the workers that had it died, most likely for want of memory: give them more, or fewer threads")
+                error = InputError(
+                    "its workers were killed, most likely for want of memory; give them more memory, or fewer threads"
+                )
             yield piece, error
     finally:
         if at_work:
             client.cancel(list(at_work))
 
 
-def run_quietly(client: Any, work: Callable[[P], R], pieces: Sequence[P], count: int) -> Iterator[tuple[P, R | BaseException]]:
-    """`run` as `evaluation.workers.run` does it; one piece at a time in each worker, however many there are (not `count`)."""
-    return run(client, partial(_alone, work), pieces)
-
-
-def _alone(work: Callable[[P], R], piece: P) -> "R | PanchromaError | MemoryError":
-    with ALONE:
-        return workers.attempt(work, piece)
+def _locked(work: Callable[[P], R], piece: P) -> R | PanchromaError | MemoryError:
+    with _ONE_AT_A_TIME:
+        return result_or_error(work, piece)  # dask would log what is raised
 
 
 def everywhere(source: str) -> str:
-    """The name of a file wherever a process runs; what is no file, such as a built-in scene, as it is."""
+    """The absolute path of a file, for other machines; what is not a file, such as a built-in scene, unchanged."""
     return os.path.abspath(source) if os.path.exists(source) else source  # noqa: PTH100, PTH110 (Path takes no impossible names)

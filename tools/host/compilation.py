@@ -1,4 +1,4 @@
-"""Tell the user when the renderer is being compiled: on the first run on a machine it takes most of the time."""
+"""Tell the user when the renderer is compiled: on the first run on a machine that takes most of the time."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,16 +7,16 @@ from .console import StageProgress
 
 
 @contextmanager
-def telling_compilation(note: Callable[[str], None], progress: StageProgress) -> Iterator[None]:
-    """Say once that the renderer is being compiled, and show which part of it, where it is: on the first run on a machine."""
+def announced_compilation(note: Callable[[str], None], progress: StageProgress) -> Iterator[None]:
+    """In the `with` block, say once that the renderer is being compiled, and show which kernel, if it has to be."""
     from offline import compilation
 
-    told_once: list[str] = []
+    announced: list[str] = []
 
     def begins(kernel: str) -> None:
-        if not told_once:
+        if not announced:
             note("compiling the renderer for this processor; it takes some seconds, once")
-        told_once.append(kernel)
+        announced.append(kernel)
         progress.remark(f"compiling {kernel}")
 
     with compilation(begins):

@@ -1,4 +1,4 @@
-"""What a person or a machine sees of a running command: results on stdout, everything else on stderr."""
+"""What a command shows to people and machines: results on stdout, everything else on stderr."""
 
 import json as json_format
 import re
@@ -14,47 +14,51 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
-_BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
+_BETWEEN_REMARKS = 10.0  # seconds, where each remark is a line of its own
 _PACKAGES = ("shared", "device", "offline", "tools")
 
 
 class StandardOutputError(Exception):
-    """Standard output takes no more: its reader has left (`closed`), or the disk is full. No fault of the file at work."""
+    """Standard output cannot be written: its reader has left (`closed`), or the disk is full. The current file is not to blame."""
 
     def __init__(self, reason: OSError) -> None:
         super().__init__(f"standard output: cannot be written ({reason.strerror or reason})")
         self.closed = isinstance(reason, BrokenPipeError)
 
 
+class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was foreseen)
+    """An exception that nobody foresaw in a worker process. Its text is the message of `fault` there."""
+
+
 class Console:
-    """Lines for people, one object per line for machines (`json`); a progress display where a terminal can show one."""
+    """Lines for people, with `json` also one object per line for machines, and a progress bar where a terminal can show one."""
 
     def __init__(self, *, json: bool = False) -> None:
         self._json = json
         self._display: RichProgress | None = None
 
     def say(self, text: str) -> None:
-        """A result: to stdout, unless stdout is for machines. Raises StandardOutputError."""
+        """Print a result, to stdout unless that is for machines. Raises StandardOutputError."""
         if self._json:
             _to_stderr(text)
         else:
             _to_stdout(text)
 
     def note(self, text: str) -> None:
-        """Something one should know beside the result, to stderr."""
+        """Print a remark to stderr."""
         _to_stderr(one_line(text))
 
     def error(self, text: str) -> None:
-        """One line that says what failed, to stderr, whatever line breaks its parts have."""
+        """Print one line that says what failed to stderr; line breaks in `text` are removed."""
         _to_stderr(f"panchroma: {one_line(text)}")
 
     def record(self, **facts: Any) -> None:
-        """One object for machines, to stdout; nothing unless asked for. Raises StandardOutputError."""
+        """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
         if self._json:
             _to_stdout(json_format.dumps(facts))
 
     def progress(self, title: str) -> "StageProgress":
-        """A listener for the stages of one file's work, to be used in a `with` block."""
+        """A listener for the stages of the work on one file; use it in a `with` block."""
         title = one_line(title)
         if not sys.stderr.isatty():
             return LineProgress(title)
@@ -63,7 +67,7 @@ class Console:
         return BarProgress(title, self._display)
 
     def close(self) -> None:
-        """Leave the terminal as it was, and nothing unwritten. Raises StandardOutputError."""
+        """Restore the terminal and flush stdout. Raises StandardOutputError."""
         if self._display is not None:
             self._display.stop()
             self._display = None
@@ -71,9 +75,11 @@ class Console:
 
 
 def fault(error: BaseException) -> str:
-    """What to say of an exception that nobody foresaw, with the place it came from; a missing library is what it is."""
+    """The message for an exception that nobody foresaw, with the place where it was raised, or for a package that is missing."""
     if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] not in _PACKAGES:
         return f"the package {error.name} is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
+    if isinstance(error, WorkerFault):
+        return str(error)
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]
     ours = [frame for frame in frames if any(Path(frame.filename).is_relative_to(root / package) for package in _PACKAGES)]
@@ -92,55 +98,58 @@ def _to_stdout(*lines: str) -> None:
 
 
 def _to_stderr(text: str) -> None:
-    with suppress(OSError):  # nobody is left to tell
+    with suppress(OSError):  # nobody is left who could read it
         print(text, file=sys.stderr, flush=True)
 
 
 def one_line(text: str) -> str:
-    """Without line breaks and other control characters: file names may have any."""
+    """`text` without line breaks and other control characters, which file names may contain."""
     return re.sub(r"[\x00-\x1f\x7f-\x9f]+", " ", text)
 
 
 class StageProgress:
-    """`shared.progress.Progress` for one file, ended by leaving the `with` block."""
+    """A `shared.progress.Progress` that shows nothing. Leaving its `with` block ends the display."""
+
+    _title = _name = ""  # of the work, and of its current stage
+
+    def _label(self) -> str:
+        return f"{self._title}: {self._name}" if self._name else self._title
 
     def begin(self, steps: int) -> None:
-        """Work that has no stages begins."""
+        """Begin work of `steps` steps that has no stages."""
 
     def stage(self, name: str, steps: int) -> None:
-        """A stage begins."""
+        """Begin a stage of `steps` steps."""
 
     def advance(self, steps: int = 1) -> None:
-        """So many more steps of it are done."""
+        """Count `steps` more steps as done."""
 
     def remark(self, text: str) -> None:
-        """How far it is, in words: of work that lasts."""
+        """Say in words how far it is."""
 
     def __enter__(self) -> "StageProgress":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Nobody needs the display any more."""
+        """End the display."""
 
 
 class LineProgress(StageProgress):
-    """One plain line per stage that has ended, with the seconds it took: for logs and pipes."""
+    """One plain line per finished stage with the seconds it took, for logs and pipes."""
 
     def __init__(self, title: str) -> None:
         self._title = title
-        self._name = ""
         self._since = 0.0
         self._remarked = time.monotonic()
 
     def remark(self, text: str) -> None:
-        """A line, now and then."""
+        """Print the remark, if the last one is some seconds old."""
         if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
             self._remarked = time.monotonic()
-            name = f"{self._title}: {self._name}" if self._name else self._title
-            _to_stderr(f"{name}, {text}")
+            _to_stderr(f"{self._label()}, {text}")
 
     def stage(self, name: str, steps: int) -> None:
-        """The stage before it has ended: say so."""
+        """Print the time that the stage before took."""
         self._end()
         self._name, self._since = name, time.monotonic()
 
@@ -154,12 +163,11 @@ class LineProgress(StageProgress):
 
 
 class BarProgress(StageProgress):
-    """A bar per file that shows the stage at work."""
+    """A bar per file that shows the current stage."""
 
     def __init__(self, title: str, display: "RichProgress") -> None:
         self._title = title
         self._display = display
-        self._name = ""
         self._task: TaskID = display.add_task(title, total=None)
 
     def __enter__(self) -> "BarProgress":
@@ -167,21 +175,20 @@ class BarProgress(StageProgress):
         return self
 
     def stage(self, name: str, steps: int) -> None:
-        """The bar begins again, under this name."""
+        """Restart the bar under this name."""
         self._name = name
         self._display.reset(self._task, total=steps, description=f"{self._title}: {name}")
 
     def begin(self, steps: int) -> None:
-        """The bar begins, under the title alone."""
+        """Start the bar under the title alone."""
         self._display.reset(self._task, total=steps, description=self._title)
 
     def remark(self, text: str) -> None:
-        """It stands beside the bar."""
-        name = f"{self._title}: {self._name}" if self._name else self._title
-        self._display.update(self._task, description=f"{name}, {text}")
+        """Show the remark beside the bar."""
+        self._display.update(self._task, description=f"{self._label()}, {text}")
 
     def advance(self, steps: int = 1) -> None:
-        """The bar grows."""
+        """Let the bar grow."""
         self._display.advance(self._task, steps)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -198,7 +205,7 @@ def _rich_progress() -> "RichProgress":
         rich.progress.BarColumn(),
         rich.progress.TimeElapsedColumn(),
     )
-    # rich prints above the bar what goes to stdout meanwhile, to stderr: only where both are one terminal is that right.
+    # rich would print to stderr, above the bar, what goes to stdout: right only where both are the same terminal.
     return rich.progress.Progress(
         *columns, console=rich.console.Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
     )

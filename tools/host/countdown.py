@@ -1,10 +1,14 @@
-"""How far long work is, and the time it still needs."""
+"""How much of a long piece of work is done, and how long the rest will take."""
 
 import time
 
 
 class Countdown:
-    """Of work whose pieces have known relative lengths. total: the sum of them, in any unit; count: how many there are."""
+    """Counts finished pieces of work whose relative lengths are known.
+
+    total: sum of the lengths, in any unit.
+    count: number of pieces.
+    """
 
     def __init__(self, total: float, count: int) -> None:
         self._total, self._count = total, count
@@ -12,13 +16,13 @@ class Countdown:
         self._start = time.monotonic()
 
     def finished(self, length: float) -> None:
-        """A piece of that length is done."""
+        """Count a piece of this length as done."""
         self._done += length
         self._finished += 1
 
     @property
     def fraction(self) -> float:
-        """Of the work that is done, 0 to 1."""
+        """The part of the work that is done, 0 to 1."""
         return min(self._done / self._total, 1.0) if self._total else 1.0
 
     def __str__(self) -> str:
@@ -31,7 +35,7 @@ class Countdown:
 
 
 def duration(seconds: float) -> str:
-    """For people: "40 s", "12 min", "3 h 20 min"."""
+    """A time for people: "40 s", "12 min", "3 h 20 min"."""
     if seconds < 90:
         return f"{max(1, round(seconds))} s"
     minutes = round(seconds / 60)

@@ -1,4 +1,4 @@
-"""What `panchroma doctor` looks at. Each check says what it found, and what to do where that is not right."""
+"""The checks of `panchroma doctor`. Each reports what it finds, and how to repair what is wrong."""
 
 import importlib
 import os
@@ -8,6 +8,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,13 @@ _ALL = "pip install -e '.[all]'"
 
 @dataclass(frozen=True)
 class Finding:
-    """What one look has shown. state: GOOD, MISSING (a command that is not needed lacks something) or BAD; remedy: "" = none."""
+    """What one check found.
+
+    name: what was checked.
+    state: GOOD, MISSING (something optional is not installed) or BAD.
+    found: for people.
+    remedy: what to do about it, "" = nothing.
+    """
 
     name: str
     state: str
@@ -32,14 +39,17 @@ class Finding:
     remedy: str = ""
 
 
+def _finding(name: str, right: bool, found: str, remedy: str) -> Finding:
+    return Finding(name, GOOD if right else BAD, found, "" if right else remedy)
+
+
 def _program() -> Iterator[Finding]:
     python = platform.python_version()
     yield Finding("Panchroma", GOOD, f"{program_version()} in {Path(__file__).parents[2]}")
-    old = sys.version_info < (3, 11)
-    yield Finding("Python", BAD if old else GOOD, f"{python} ({sys.executable})", "use Python 3.11 or newer" if old else "")
+    yield _finding("Python", sys.version_info >= (3, 11), f"{python} ({sys.executable})", "use Python 3.11 or newer")
 
 
-# Distribution, module, oldest version that will do, what misses it ("" = everything).
+# Distribution, module, oldest version that works, what needs it ("" = everything).
 _PACKAGES = (
     ("numpy", "numpy", (2, 0), ""),
     ("tifffile", "tifffile", (2025, 1, 10), ""),
@@ -71,7 +81,7 @@ def _packages() -> Iterator[Finding]:
             continue
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of packages about packages
+                warnings.simplefilter("ignore")  # packages warn about each other
                 importlib.import_module(module)
         except Exception as error:  # a broken package may raise anything
             yield Finding(name, BAD, f"{found} cannot be imported: {error}", f"pip install --force-reinstall {name}")
@@ -81,19 +91,14 @@ def _packages() -> Iterator[Finding]:
 
 def _numbers(text: str) -> tuple[int, ...]:
     """The leading whole numbers of a version."""
-    numbers: list[int] = []
-    for part in text.split("."):
-        if not part.isdecimal():
-            break
-        numbers.append(int(part))
-    return tuple(numbers)
+    return tuple(map(int, takewhile(str.isdecimal, text.split("."))))
 
 
 _OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "opencv-contrib-python-headless")
 
 
 def _opencv() -> Iterator[Finding]:
-    """They all install the same module, cv2, one over the other."""
+    """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
     installed = [f"{name} {found}" for name in _OPENCV if (found := package_version(name))]
     wanted = _OPENCV[-1]
     if not installed:
@@ -109,7 +114,7 @@ def _opencv() -> Iterator[Finding]:
 
 
 def _preview() -> Iterator[Finding]:
-    """A graph that came with the package, over a grey wall: the picture has to be one too."""
+    """Run a built-in graph on a grey wall: the picture must be grey too."""
     try:
         import numpy as np
 
@@ -120,21 +125,20 @@ def _preview() -> Iterator[Finding]:
         wall = np.full((24, 24, 3), 0.3, np.float32)
         mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
         picture = Preview.for_mosaic(mosaic, threads=1).run(mosaic)
-    except Exception as error:  # whatever it is, it is what the doctor was asked for
-        yield Finding("preview", BAD, f"does not run: {error}", "pip install --force-reinstall onnxruntime, then Panchroma")
-    else:
         right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
-        remedy = "" if right else "pip install --force-reinstall onnxruntime, then Panchroma"
-        yield Finding("preview", GOOD if right else BAD, "runs" if right else "makes a wrong picture", remedy)
+        found = "runs" if right else "makes a wrong picture"
+    except Exception as error:  # whatever it is, this check exists to find it
+        right, found = False, f"does not run: {error}"
+    yield _finding("preview", right, found, "pip install --force-reinstall onnxruntime, then Panchroma")
 
 
 def _kernels() -> Iterator[Finding]:
-    """Numba keeps compiled kernels beside the sources, or where NUMBA_CACHE_DIR says, or in the user's cache."""
+    """Numba keeps compiled kernels beside the sources, in NUMBA_CACHE_DIR, or in the user's cache folder."""
     remedy = "set NUMBA_CACHE_DIR to a folder that you may write to: without it every run compiles again, for a minute"
     try:
         kernels: Any = importlib.import_module("offline.kernels.medians")
         folder = Path(kernels.oriented_median._cache.cache_path)
-    except ModuleNotFoundError:  # said among the packages
+    except ModuleNotFoundError:  # reported with the packages
         return
     except Exception as error:  # Numba finds no place for its cache
         yield Finding("kernel cache", BAD, f"{error}", remedy)
@@ -154,26 +158,22 @@ def _threads() -> Iterator[Finding]:
     usable, cores = processors(), os.cpu_count() or 1
     yield Finding("processors", GOOD, f"{usable} of {cores} may be used")
     for name in THREAD_VARIABLES:
-        if name not in os.environ:
-            continue
-        given = os.environ[name]
-        count = int(given) if given.isdecimal() and given.isascii() else 0
-        state = GOOD if 1 <= count <= usable else BAD
-        yield Finding(name, state, given, "" if state == GOOD else f"unset it, or set 1 to {usable}")
+        if (given := os.environ.get(name)) is not None:
+            count = int(given) if given.isdecimal() and given.isascii() else 0
+            yield _finding(name, 1 <= count <= usable, given, f"unset it, or set 1 to {usable}")
 
 
 def _memory() -> Iterator[Finding]:
     free = available_memory()
-    small = free < _LEAST_MEMORY
-    remedy = "close other programs: a render of 12 megapixels needs about 0.6 GB" if small else ""
-    yield Finding("memory", BAD if small else GOOD, f"{free / 2**30:.1f} GB free", remedy)
+    remedy = "close other programs: a render of 12 megapixels needs about 0.6 GB"
+    yield _finding("memory", free >= _LEAST_MEMORY, f"{free / 2**30:.1f} GB free", remedy)
 
 
 _LEAST_MEMORY = 2**30
 
 
 def _writing() -> Iterator[Finding]:
-    """As every result is written: a temporary file, fsync, and a new name."""
+    """Write a file as every result is written: a temporary file, fsync, rename."""
     place = tempfile.gettempdir()
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -184,8 +184,8 @@ def _writing() -> Iterator[Finding]:
     except (OSError, PanchromaError) as error:
         yield Finding("writing", BAD, f"{place}: {error}", "free some space there, or set TMPDIR to another folder")
     else:
-        remedy = "" if kept else "the file system does not keep what is written; use another"
-        yield Finding("writing", GOOD if kept else BAD, f"durable in {place}", remedy)
+        remedy = "the file system does not keep what is written; use another"
+        yield _finding("writing", kept, f"durable in {place}", remedy)
 
 
 CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (

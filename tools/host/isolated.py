@@ -1,26 +1,25 @@
-"""Work in a process of its own: what it takes to start, and how much memory it needs, is then its own too.
+"""One function call in a process of its own, so that the time to start it and the memory it needs can be measured.
 
-Nothing is imported here but what Python brings, for a new process comes by here before its clock starts.
+Imports the standard library alone: a new process loads this module before anything is measured.
 """
 
 import multiprocessing
-import os
-import signal
 import sys
-import threading
 from collections.abc import Callable
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import ParamSpec, TypeVar
+
+from .signals import end_with_parent
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def apart(function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
-    """What `function`, one of a module, returns in a new process, which ends before this returns, by an interrupt too.
+def run_isolated(function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
+    """What `function`, one of a module, returns in a new process. The process ends before this returns, also by an interrupt.
 
-    Raises what it raises, and InputError when its process is killed.
+    Raises what `function` raises, and InputError when its process is killed.
     """
     context = multiprocessing.get_context("spawn")
     receiving, sending = context.Pipe(duplex=False)
@@ -42,34 +41,25 @@ def apart(function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
 
 
 def _work(sending: Connection, function: Callable[..., R], arguments: tuple[object, ...], named: dict[str, object]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is for the process that waits
-    threading.Thread(target=_outlive, daemon=True).start()
+    end_with_parent()
     try:
         sending.send((True, function(*arguments, **named)))
     except Exception as error:
         sending.send((False, error))
 
 
-def _outlive() -> None:
-    """Without the process that waits there is nothing to go on for."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
-
-
 def peak_memory() -> int:
-    """Bytes that this process has had in memory at most."""
+    """Peak resident memory of this process, bytes."""
     return _status("VmHWM") or _usage()
 
 
 def memory_now() -> int:
-    """Bytes that it has in memory; where nobody tells, the most it has had."""
+    """Resident memory of this process now, bytes; its peak where the system does not say."""
     return _status("VmRSS") or _usage()
 
 
 def _status(name: str) -> int:
-    # Not what getrusage says, where this is to be had: a new process inherits the figure of the one that started it.
+    # Preferred to getrusage, where a new process inherits the peak of the one that started it.
     try:
         with Path("/proc/self/status").open(encoding="ascii") as file:
             return next((int(line.split()[1]) * 1024 for line in file if line.startswith(f"{name}:")), 0)

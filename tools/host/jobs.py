@@ -1,15 +1,14 @@
-"""Many files, one after the other: where each result goes, and what happens when one fails."""
+"""Jobs: one source each, done one after the other. Where the results go, what must not be replaced, what a failure means."""
 
-import argparse
 import os
 import shlex
 from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError, OutputError, PanchromaError
-from shared.reading import MAX_PIXELS
 from shared.writing import sweep
 
 from .console import Console, StandardOutputError, fault
@@ -19,29 +18,36 @@ FAILED = 1
 
 @dataclass(frozen=True)
 class Job:
-    """One source and the files to be made of it."""
+    """One source and the files to be made from it."""
 
     source: str
     outputs: tuple[Path, ...]
 
 
-def add_limit(parser: argparse.ArgumentParser) -> None:
-    """--max-pixels, of commands that read files from anywhere."""
-    parser.add_argument(
-        "--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="of a file that is read; what claims more is refused"
-    )
+_created: list[Path] = []  # output folders of this command
 
 
-def output_folder(folder: str) -> Path:
-    """The folder of `-o`, without what killed processes have left there half written.
+def output_folder(folder: str, *, dry_run: bool = False) -> Path:
+    """The folder that `-o` names, created if its parent exists, and free of what killed processes have left half written.
 
-    Raises OutputError when it is none, or nothing can be written there.
+    dry_run: do not create it.
+
+    Raises OutputError when it is not a folder, cannot be created, or cannot be written to.
     """
     path = Path(folder)
     if not folder:
         raise OutputError("-o is empty: name the folder for the results")
     if identity(path) is None:
-        raise OutputError(f"{folder}: the output folder does not exist; create it first: mkdir -p {shlex.quote(folder)}")
+        if not path.parent.is_dir():
+            advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
+            raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}")
+        if dry_run:
+            return path
+        try:
+            path.mkdir(exist_ok=True)  # several commands may begin at the same time
+        except OSError as error:
+            raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
+        _created.append(path)
     if not path.is_dir():
         raise OutputError(f"{folder}: is not a folder; -o names the folder for the results")
     if not os.access(path, os.W_OK | os.X_OK):
@@ -50,15 +56,25 @@ def output_folder(folder: str) -> Path:
     return path
 
 
+def remove_unused_folders() -> None:
+    """Remove the output folders that were created for this command and are still empty."""
+    while _created:
+        with suppress(OSError):  # not empty, or gone
+            _created.pop().rmdir()
+
+
 def plan(sources: Sequence[str], names: Callable[[str], Sequence[str]], folder: Path) -> list[Job]:
-    """A job per source, outputs in `folder` under the names that `names(source)` gives."""
+    """One job per source, with outputs in `folder` under the names that `names(source)` returns."""
     return [Job(source, tuple(folder / name for name in names(source))) for source in sources]
 
 
 def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console: Console, *, overwrite: bool = False) -> int:
-    """Do each job that may be done; one line for each that fails, the rest go on. Returns the exit code, 0 or 1.
+    """Do each job that would replace nothing that must stay. A job that fails costs one line, and the others go on.
 
-    work: does one job, returns facts about it for machines.
+    work: does one job and returns facts about it for machines.
+    overwrite: results that exist may be replaced.
+
+    Returns the exit code, 0 or 1.
     """
     failed = False
     planned: dict[str, str] = {}
@@ -70,25 +86,25 @@ def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console
             if not overwrite:
                 refuse_existing(job.outputs)
             facts = work(job)
-        except PanchromaError as error:
-            failed = True
-            fail(job.source, job.outputs, str(error), console)
-        except MemoryError:
-            failed = True
-            fail(job.source, job.outputs, "not enough memory for a picture of this size", console)
         except StandardOutputError:
             raise
-        except Exception as error:
-            # So that one odd file does not cost a night's batch; `fault` says that it is ours to mend.
+        except Exception as error:  # one odd file must not end a night's batch
             failed = True
-            fail(job.source, job.outputs, fault(error), console)
+            fail(job.source, job.outputs, reason(error), console)
         else:
             console.record(source=job.source, ok=True, **facts)
     return FAILED if failed else 0
 
 
+def reason(error: BaseException) -> str:
+    """Why a source has failed. An exception that nobody foresaw is a fault of Panchroma, which the user is asked to report."""
+    if isinstance(error, MemoryError):
+        return "not enough memory for a picture of this size"
+    return str(error) if isinstance(error, PanchromaError) else fault(error)
+
+
 def fail(source: str, outputs: Iterable[Path], message: str, console: Console) -> None:
-    """Say that a source came to nothing: a line that names it or an output, unless it does so already, and a record."""
+    """Report a failed source: a record, and a line that begins with the name of the source, or of an output if `message` does."""
     if not any(message.startswith(f"{name}:") for name in (source, *outputs)):
         message = f"{source}: {message}"
     console.error(message)
@@ -98,12 +114,13 @@ def fail(source: str, outputs: Iterable[Path], message: str, console: Console) -
 def refuse_loss(
     source: str, outputs: Iterable[Path], inputs: Container[tuple[int, int] | None], planned: MutableMapping[str, str]
 ) -> None:
-    """Raise unless these outputs replace no input and no result of the same run.
+    """Raise InputError or OutputError if these outputs would replace an input, a folder, or another result of the same run.
 
-    inputs: `identity` of each; planned: output -> source of what has been planned so far, which this adds to.
+    inputs: `identity` of every input.
+    planned: output -> source of everything planned so far; these outputs are added.
     """
     for output in outputs:
-        # Names that differ in case alone are one file on many disks.
+        # On many disks names that differ only in case are one file.
         name = os.path.normcase(output).casefold()
         if name in planned:
             if planned[name] == source:
@@ -120,16 +137,21 @@ def refuse_loss(
 
 
 def refuse_existing(outputs: Iterable[Path]) -> None:
-    """Raise OutputError when one of them exists."""
+    """Raise OutputError when one of the outputs exists."""
     for output in outputs:
         if identity(output) is not None:
             raise OutputError(f"{output}: exists already; use --overwrite to replace it")
 
 
 def identity(path: str | Path) -> tuple[int, int] | None:
-    """What tells a file from all others, whatever links lead to it; None when there is none of this name."""
+    """Device and inode number, which are the same for all links to a file; None when there is no such file."""
+    status = file_status(path)
+    return (status.st_dev, status.st_ino) if status else None
+
+
+def file_status(path: str | Path) -> os.stat_result | None:
+    """`os.stat` of a file; None when there is no such file."""
     try:
-        status = Path(path).stat()
+        return os.stat(path)  # noqa: PTH116 (Path takes no impossible names)
     except (OSError, ValueError):
         return None
-    return status.st_dev, status.st_ino

@@ -1,4 +1,4 @@
-"""How much memory there is, and how much a user allows."""
+"""How much memory is free, and how much of it a command may use."""
 
 import os
 import re
@@ -7,14 +7,14 @@ from pathlib import Path
 from shared.errors import InputError
 
 _POWERS = " KMGT"
-_SHARE = 0.8  # of the free memory, where nothing else is allowed
+_SHARE = 0.8  # of the free memory, without --max-memory
 _UNKNOWN = 4 * 2**30
-# What is there and what is taken of what a container may have, in control groups of version 2.
+# Holds the memory limit of a container and what it uses now (control groups, version 2).
 _CGROUP = Path("/sys/fs/cgroup")
 
 
 def allowed_memory(option: str | None) -> int:
-    """Bytes that `--max-memory` allows, "800M" or "4G"; most of what is free for None. Raises InputError for other texts."""
+    """Bytes that `--max-memory` allows ("800M", "4G"); for None, most of the free memory. Raises InputError for other texts."""
     if option is None:
         return round(_SHARE * available_memory())
     size = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)(?:i?B)?", option, re.IGNORECASE)
@@ -24,7 +24,7 @@ def allowed_memory(option: str | None) -> int:
 
 
 def available_memory() -> int:
-    """Bytes of memory that are free now, or could be at once."""
+    """Bytes of memory that are free, or can be freed at once."""
     free = _machine()
     try:
         most = int((_CGROUP / "memory.max").read_text(encoding="ascii"))  # "max" where there is no limit
@@ -47,7 +47,7 @@ def _machine() -> int:
         return _UNKNOWN
 
 
-def told(size: int) -> str:
-    """Bytes for people, rounded up: "350 MB", "1.6 GB", of 1024 x 1024 and 1024 x 1024 x 1024 bytes as in --max-memory."""
+def format_bytes(size: int) -> str:
+    """A number of bytes for people, rounded up: "350 MB", "1.6 GB"; powers of 1024, as in --max-memory."""
     megabytes = -(-size // 2**20)
     return f"{megabytes} MB" if megabytes < 1000 else f"{-(-size * 10 // 2**30) / 10:.1f} GB"

@@ -1,27 +1,108 @@
-"""The options that say which filter pattern a sensor has, for every command that meets a sensor."""
+"""Options that several commands have, and the checks that belong to them."""
 
 import argparse
 
 from shared import CfaPattern
+from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS, PERIODS
+from shared.reading import MAX_PIXELS
 
 _PERIOD, _ORDER, _ORIGIN = 6, "RGGB", (0, 0)
 
 
-def add_pattern_options(group: argparse._ActionsContainer) -> None:
-    """--period, --order and --origin; `pattern_of` makes the pattern of them."""
+def add_camera(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """--camera, --period, --order and --origin of a sensor without shots, in a group that is returned; see `pattern_of`."""
+    group = parser.add_argument_group("the camera")
+    group.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
+    add_pattern(group)
+    group.add_argument("--origin", type=int, nargs=2, metavar=("ROW", "COLUMN"), help="position of the first block (default: 0 0)")
+    return group
+
+
+def add_pattern(group: argparse._ActionsContainer) -> None:
+    """--period and --order."""
     periods = f"{PERIODS[0]} to {PERIODS[-1]}"
     group.add_argument("--period", type=int, metavar="K", help=f"pixels from block to block, {periods} (default: {_PERIOD})")
-    group.add_argument("--order", choices=BAYER_ORDERS, help=f"filters of a block (default: {_ORDER})")
-    group.add_argument("--origin", type=int, nargs=2, metavar=("ROW", "COLUMN"), help="where the first block is (default: 0 0)")
+    group.add_argument("--order", choices=BAYER_ORDERS, help=f"colour filters of a block, row by row (default: {_ORDER})")
 
 
 def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> CfaPattern:
-    """The pattern that was asked for; where nothing was, the one that is `known` of the camera.
+    """The pattern that the options describe; without any of them `known`, the camera's own, if there is one.
 
-    Raises InputError for a period that no pattern has.
+    Raises InputError for a period outside the supported range.
     """
-    if known is not None and arguments.period is arguments.order is arguments.origin is None:
+    origin = getattr(arguments, "origin", None)
+    if known is not None and arguments.period is arguments.order is origin is None:
         return known
     period = _PERIOD if arguments.period is None else arguments.period
-    return CfaPattern.bayer(period, arguments.order or _ORDER, tuple(arguments.origin or _ORIGIN))
+    return CfaPattern.bayer(period, arguments.order or _ORDER, tuple(origin or _ORIGIN))
+
+
+def add_output_folder(parser: argparse.ArgumentParser, files: str) -> None:
+    """-o of commands that write `files` into a folder; `tools.host.jobs.output_folder` creates it."""
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help=f"folder for {files}, created if missing")
+
+
+def add_calibration(parser: argparse.ArgumentParser) -> None:
+    """--camera of commands that read shots."""
+    parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
+
+
+def add_graph(group: argparse._ActionsContainer) -> None:
+    """--graph; `tools.pictures.previews.load_graph` loads it."""
+    group.add_argument("--graph", metavar="FILE", help="preview graph from export-preview, for a pattern without a built-in graph")
+
+
+def add_scale(parser: argparse.ArgumentParser) -> None:
+    """--scale of a preview."""
+    text = "sensor pixels per picture pixel, in each direction; must divide the period"
+    parser.add_argument("--scale", type=int, default=1, metavar="N", help=text)
+
+
+def add_max_pixels(parser: argparse.ArgumentParser) -> None:
+    """--max-pixels of commands that read files from anywhere."""
+    parser.add_argument("--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="refuse a file with more pixels than this")
+
+
+def add_overwrite(group: argparse._ActionsContainer) -> None:
+    """--overwrite."""
+    group.add_argument("--overwrite", action="store_true", help="replace results that exist already")
+
+
+def add_json(group: argparse._ActionsContainer, each: str) -> None:
+    """--json, with one object per `each`."""
+    group.add_argument("--json", action="store_true", help=f"print one JSON object per {each} to stdout")
+
+
+def add_max_memory(group: argparse._ActionsContainer) -> None:
+    """--max-memory; `tools.host.memory.allowed_memory` understands it."""
+    group.add_argument(
+        "--max-memory", metavar="SIZE", help="memory for all processes together, for example 4G (default: most of the free memory)"
+    )
+
+
+def add_preview_threads(parser: argparse.ArgumentParser) -> None:
+    """-j of commands that make previews of a stream."""
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
+
+
+def add_scheduler(group: argparse._ActionsContainer) -> None:
+    """--scheduler and --scheduler-file; see `uses_scheduler`."""
+    group.add_argument("--scheduler", metavar="ADDRESS", help="do the work on the workers of this dask scheduler, tcp://HOST:PORT")
+    group.add_argument("--scheduler-file", metavar="FILE", help="the same with the scheduler that wrote this file")
+
+
+def uses_scheduler(arguments: argparse.Namespace) -> bool:
+    """Whether a dask scheduler is to share out the work. Raises InputError when both options are given."""
+    if arguments.scheduler and arguments.scheduler_file:
+        raise InputError("--scheduler and --scheduler-file name the same thing; give one of them")
+    return bool(arguments.scheduler or arguments.scheduler_file)
+
+
+def check_at_least_one(arguments: argparse.Namespace, *names: str) -> None:
+    """Raise InputError when one of these whole-number options is given and below 1."""
+    for name in names:
+        number = getattr(arguments, name)
+        if number is not None and number < 1:
+            option = "-j" if name in ("jobs", "threads") else f"--{name}"
+            raise InputError(f"{option} is {number}, expected 1 or more")

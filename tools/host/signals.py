@@ -1,9 +1,13 @@
-"""What the signals that end a program do: an orderly exit, and for commands that run until they are told to stop, a good end."""
+"""What the signals that end a program do: commands clean up, services finish what they are at, workers end with their parent."""
 
+import multiprocessing
+import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing.connection import wait
 from types import FrameType, TracebackType
 
 INTERRUPTED = 130
@@ -11,7 +15,7 @@ _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM or SIGHUP has come: all that an interruption leaves in order, this does too."""
+    """SIGTERM or SIGHUP was received. A KeyboardInterrupt, so that all that cleans up after an interrupt does so here too."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -22,7 +26,7 @@ class Terminated(KeyboardInterrupt):
 def orderly_end() -> Iterator[None]:
     """In the `with` block SIGTERM and SIGHUP raise Terminated; by default they would leave temporary files behind.
 
-    Where somebody has decided otherwise (nohup), and in another thread than the first, nothing is changed.
+    A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the main thread.
     """
     free = [number for number in _ENDING if signal.getsignal(number) == signal.SIG_DFL]
     if threading.current_thread() is not threading.main_thread():
@@ -40,8 +44,27 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated(number)
 
 
+def end_with_parent(patience: float = 0.0) -> None:
+    """In a worker process: end when the parent process does, and leave SIGINT and SIGHUP to it, for it stops the workers.
+
+    patience: seconds between the SIGTERM that a worker without a parent gets, and its end in any case.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    threading.Thread(target=_watch_parent, args=(patience,), daemon=True).start()
+
+
+def _watch_parent(patience: float) -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(patience)
+        os._exit(1)
+
+
 class Stopping:
-    """Calling it says whether one of the two signals has come since the `with` block began. A second one acts as ever."""
+    """Says, when called, whether SIGINT or SIGTERM was received in the `with` block. A second signal has its usual effect."""
 
     def __init__(self) -> None:
         self._signal = 0
@@ -53,7 +76,7 @@ class Stopping:
 
     @property
     def code(self) -> int:
-        """Exit code: 130 when interrupted; 0 otherwise, because SIGTERM is how a service is told that it has done its work."""
+        """Exit code: 130 when interrupted, otherwise 0, because SIGTERM is the normal way to stop a service."""
         return INTERRUPTED if self._signal == signal.SIGINT else 0
 
     def __enter__(self) -> "Stopping":
@@ -65,7 +88,7 @@ class Stopping:
         self._restore()
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
-        # Nothing but this: a lock could be held by the very code that the signal interrupts.
+        # Do no more than this here: the code that the signal interrupts may hold a lock.
         self._signal = number
         self._restore()
 

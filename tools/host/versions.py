@@ -14,5 +14,5 @@ def package_version(name: str) -> str | None:
 
 
 def program_version() -> str:
-    """Version of the installed Panchroma; a checkout that is not installed has none."""
+    """Version of the installed Panchroma, "unknown version" for a checkout that is not installed."""
     return package_version("panchroma") or "unknown version"

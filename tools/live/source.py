@@ -17,7 +17,7 @@ from shared.calibration import BITS
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from shared.sensor import typical_noise
-from tools.host.options import add_pattern_options, pattern_of
+from tools.host.options import add_camera, pattern_of
 
 _STREAM, _BUILTIN = "-", "builtin:"
 _BUILTIN_BITS = 12
@@ -46,21 +46,24 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
         "source", metavar="SOURCE", help="- (standard input), a folder that is watched for frames, or builtin:WIDTHxHEIGHT@FPS"
     )
     frames = parser.add_argument_group("the frames of a stream or folder (rpicam-raw prints all this when it starts)")
-    frames.add_argument("--width", type=int, metavar="PIXELS", help="of a frame")
-    frames.add_argument("--height", type=int, metavar="PIXELS", help="of a frame")
+    frames.add_argument("--width", type=int, metavar="PIXELS", help="width of a frame")
+    frames.add_argument("--height", type=int, metavar="PIXELS", help="height of a frame")
     frames.add_argument(
         "--format",
         metavar="NAME",
-        help=f"{', '.join(FORMATS)}, or what V4L2 and libcamera call it: SRGGB10_CSI2P, pRCC, RG16, Y12P",
+        help=f"pixel format: {', '.join(FORMATS)}, or its name in V4L2 or libcamera, such as SRGGB10_CSI2P, pRCC, RG16 or Y12P",
     )
-    frames.add_argument("--stride", type=int, default=0, metavar="BYTES", help="from line to line (default: no padding)")
     frames.add_argument(
-        "--bits", type=int, metavar="N", help=f"that u16 uses, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)"
+        "--stride", type=int, default=0, metavar="BYTES", help="bytes from one line to the next (default: no padding)"
     )
-    frames.add_argument("--new", action="store_true", help="leave out what is in the folder already")
-    sensor = parser.add_argument_group("the camera")
-    sensor.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
-    add_pattern_options(sensor)
+    frames.add_argument(
+        "--bits",
+        type=int,
+        metavar="N",
+        help=f"bits that a u16 sample uses, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)",
+    )
+    frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
+    add_camera(parser)
 
 
 def open_source(arguments: argparse.Namespace) -> FrameSource:

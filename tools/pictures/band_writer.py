@@ -41,7 +41,7 @@ def write_picture_bands(
     """The same file as of `picture_writer.write_picture` with the picture that the bands (rows, W, C) make up; whole or not at all.
 
     shape: (H, W) of the rendering. A picture whose rows do not stay rows in this order when it is turned upright is put together
-    in a temporary file without a name, in the same folder. on_complete: as of `durable_file`. Raises InputError for another format
+    in a temporary file without a name, in the same folder. on_complete: see `durable_file`. Raises InputError for another format
     than TIFF, and as `write_picture` does; what is raised while the bands are made passes through, and leaves no file.
     """
     if kind.format != FORMAT:

@@ -1,4 +1,4 @@
-"""Pictures that explain: what the camera is, and how its render compares."""
+"""Pictures that explain: how the camera works, and how its render compares."""
 
 from typing import TYPE_CHECKING
 
@@ -24,9 +24,11 @@ Crop = tuple[int, int]
 
 
 def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
-    """How the camera works, in six panels: two filter patterns, and one small part of a frame on its way to a picture.
+    """How the camera works, in six panels: two filter patterns, and a small part of a frame on its way to a picture.
 
-    corner: (row, column) of that part.
+    mosaic: the shot.
+    rendering: its render, denoised.
+    corner: (row, column) of the first pixel of that part.
     """
     rows, columns = (slice(start, start + _SHOWN) for start in corner)
     shown = ColourTransform.to_space(mosaic.calibration)
@@ -48,10 +50,10 @@ def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
         ),
         ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(grey, 0, 1)))),
         ("... and colour", f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels", _enlarged(colours)),
-        ("Luminance, holes filled", "wavelet total variation (Eqs. 1-5)", _enlarged(np.sqrt(np.clip(luminance, 0, 1)))),
+        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", _enlarged(np.sqrt(np.clip(luminance, 0, 1)))),
         (
             "Colour, propagated",
-            "along the edges of luminance (Eqs. 6-17)",
+            "along the edges of luminance (Eqs. 6-14)",
             _enlarged(shown.apply(rendering.rgb[rows, columns] * np.float32(gain))),
         ),
     ]
@@ -61,7 +63,9 @@ def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
 def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: int = 66) -> "Image":
     """Crops of the same places side by side: a row per crop, a column per picture.
 
-    pictures: name -> display RGB, (H, W, 3) in 0..1; crops: name -> (row, column) of the first pixel.
+    pictures: name -> display RGB, (H, W, 3), 0 to 1.
+    crops: name -> (row, column) of the first pixel.
+    size: rows and columns of a crop, pixels.
     """
     panels = []
     for place, (row, column) in crops.items():
@@ -76,7 +80,7 @@ def _letters(pattern: CfaPattern) -> tuple[str, ...]:
 
 
 def _pattern(letters: tuple[str, ...]) -> ByteArray:
-    """A drawing of filters, one cell a pixel."""
+    """A drawing of filters, one cell per pixel."""
     cell = _PANEL // len(letters)
     picture = np.full((_PANEL, _PANEL, 3), _PAPER, np.uint8)
     margin = (_PANEL - cell * len(letters)) // 2
@@ -88,13 +92,13 @@ def _pattern(letters: tuple[str, ...]) -> ByteArray:
 
 
 def _enlarged(display: FloatArray) -> ByteArray:
-    """Pixels as squares, as large as a panel holds."""
+    """Pixels as squares, as large as fits a panel."""
     factor = max(1, _PANEL // max(display.shape[:2]))
     return np.kron(quantise(display.astype(np.float32), 8), np.ones((factor, factor, 1), np.uint8)).astype(np.uint8)
 
 
 def _sheet(panels: list[tuple[str, str, ByteArray]], across: int) -> "Image":
-    """Panels with a title and a line below, on white."""
+    """Panels on white, each with a title and a line of text below."""
     from PIL import Image, ImageDraw, ImageFont
 
     down = -(-len(panels) // across)

@@ -1,6 +1,5 @@
 """The graph that makes a command's previews: what came with the program, or a file that export-preview wrote."""
 
-import argparse
 from typing import TYPE_CHECKING, cast
 
 from shared import Mosaic
@@ -10,11 +9,6 @@ from shared.errors import InputError
 if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
     from device import Preview
     from device.capture import PreviewMaker, Sensor
-
-
-def add_graph_option(group: argparse._ActionsContainer) -> None:
-    """--graph; `load_graph` loads it."""
-    group.add_argument("--graph", metavar="FILE", help="what export-preview wrote, for patterns that none came along for")
 
 
 def load_graph(graph: str, scale: int = 1, threads: int | None = None) -> "Preview":

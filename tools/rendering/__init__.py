@@ -1,1 +1,1 @@
-"""Any number of shots to pictures: what is done already, who makes what, in how many processes, on how many machines."""
+"""Shots to pictures: one, or a million. What is made already, what is still to do, by how many processes, on how many machines."""

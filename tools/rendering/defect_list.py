@@ -1,4 +1,4 @@
-"""A list of a sensor's defective pixels in a file: text, a place per line, or JSON."""
+"""Files that list a sensor's defective pixels: text with one place per line, or JSON."""
 
 import json
 from dataclasses import replace
@@ -12,21 +12,21 @@ _EXPECTED = 'lines of "row, column", or JSON: a list of [row, column], or an obj
 
 
 def read_defects(path: Path | str) -> Places:
-    """Sensor (row, column) of each pixel that the file lists, counted from 0; "#" begins a remark in a text.
+    """Sensor (row, column) of each pixel in the list, counted from 0. In a text, "#" begins a comment.
 
-    Raises InputError that names the file, and the line or what else is wrong.
+    Raises InputError that names the file, and the line that is wrong.
     """
     try:
         text = Path(path).read_text("utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: is no text; expected {_EXPECTED}") from None
+        raise InputError(f"{path}: is not a text; expected {_EXPECTED}") from None
     return _from_json(path, text) if text.lstrip().startswith(("[", "{")) else _from_lines(path, text)
 
 
 def with_defects(mosaic: Mosaic, places: Places) -> Mosaic:
-    """The mosaic with these places added to its calibration's defects; raises InputError for a place that it does not have."""
+    """The mosaic with `places` added to its calibration's defects. Raises InputError for a place outside of it."""
     rows, columns = mosaic.shape
     for row, column in places:
         if row >= rows or column >= columns:
@@ -48,7 +48,7 @@ def _from_json(path: Path | str, text: str) -> Places:
         raise InputError(f"{path}: expected {_EXPECTED}")
     for entry in listed:
         if not (isinstance(entry, list) and len(entry) == 2 and all(type(value) is int and value >= 0 for value in entry)):
-            raise InputError(f"{path}: {json.dumps(entry)[:40]} is no [row, column], whole numbers from 0 on")
+            raise InputError(f"{path}: {json.dumps(entry)[:40]} is not [row, column], whole numbers from 0")
     return tuple((row, column) for row, column in listed)
 
 

@@ -1,7 +1,7 @@
-"""What renders have made in a folder: one line per file, appended and fsynced before the file takes its place.
+"""The record of what renders have made in a folder: one line per file, on the disk before the file gets its name.
 
-So a file that this journal does not know is not ours, whatever moment a run was cut off at; and a line may be there for a file
-that never took its place, which the file's digest tells.
+So a file that is not in the journal was not made by a render, whenever a run was cut off. A line whose file never got its name is
+recognised by the digest.
 """
 
 import fcntl
@@ -21,8 +21,11 @@ _FORMAT = 1
 class Entry:
     """One file that was made.
 
-    output: its path below the journal's folder, "/" between names; digest: SHA-256 of its bytes; key: of everything it depends on
-    (`key`); run: which run made it; source: the shot's absolute path.
+    output: its path below the journal's folder, "/" between names.
+    digest: SHA-256 of its bytes.
+    key: digest of everything that it depends on, see `key`.
+    run: name of the run that made it.
+    source: absolute path of the shot.
     """
 
     output: str
@@ -33,7 +36,7 @@ class Entry:
 
 
 class Journal:
-    """The journal of one folder; several processes may hold it at the same time, on several machines too."""
+    """The journal of one folder. Several processes, on several machines, may use it at the same time."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / NAME
@@ -41,19 +44,19 @@ class Journal:
         self._read = 0
 
     def of(self, output: str) -> list[Entry]:
-        """What was ever made under this path, the latest last, whoever made it. Raises OSError when the journal cannot be read."""
+        """Entries of this output from all runs, the latest last. Raises OSError when the journal cannot be read."""
         self._catch_up()
         return self._entries.get(output, [])
 
     def append(self, entry: Entry) -> None:
-        """Note a file, durably. Raises OSError; what it may leave then is a torn line, which is no entry."""
+        """Add an entry, and wait until it is on the disk. Raises OSError; the torn line that may be left then is ignored."""
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
         descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
             exclusive(descriptor)
             size = os.fstat(descriptor).st_size
             if size and os.pread(descriptor, 1, size - 1) != b"\n":
-                line = b"\n" + line  # the last writer was cut off: what it left shall not spoil this line too
+                line = b"\n" + line  # the last writer was cut off: keep its torn line apart from this one
             while line:
                 line = line[os.write(descriptor, line) :]
             os.fsync(descriptor)
@@ -70,12 +73,12 @@ class Journal:
         """Read what has been appended since."""
         try:
             with self._path.open("rb") as file:
-                if file.seek(0, os.SEEK_END) < self._read:  # another journal is in its place
+                if file.seek(0, os.SEEK_END) < self._read:  # it was replaced by another journal
                     self._entries, self._read = {}, 0
                 file.seek(self._read)
                 for line in file:
                     if not line.endswith(b"\n"):
-                        break  # torn, or being written
+                        break  # torn, or still being written
                     self._read += len(line)
                     entry = _entry(line)
                     if entry is not None:
@@ -85,7 +88,7 @@ class Journal:
 
 
 def _entry(line: bytes) -> Entry | None:
-    """None for a torn line, and for what another version has written."""
+    """The entry in a line; None for a torn line, and for a line of another version."""
     try:
         document = json.loads(line)
         if not isinstance(document, dict) or document.pop("format", None) != _FORMAT:
@@ -97,12 +100,12 @@ def _entry(line: bytes) -> Entry | None:
 
 
 def key(**parts: Any) -> str:
-    """Digest of everything that an output depends on (JSON values): equal keys, equal pictures."""
+    """Digest of everything that an output depends on (JSON values). Equal keys mean equal pictures."""
     return hashlib.sha256(json.dumps({"format": _FORMAT, **parts}, sort_keys=True).encode()).hexdigest()
 
 
 def digest(path: Path | str) -> str | None:
-    """SHA-256 of a file; None for what is no file that can be read."""
+    """SHA-256 of a file; None when it is not a file or cannot be read."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116 (a pipe would never end; Path takes no impossible names)
             return None
@@ -113,9 +116,9 @@ def digest(path: Path | str) -> str | None:
 
 
 def exclusive(descriptor: int, *, wait: bool = True) -> bool:
-    """Lock an open file, till it is closed or its process is gone; False where the file system knows no locks.
+    """Lock an open file until it is closed or this process ends; False on a file system without locks.
 
-    Raises BlockingIOError when another holds it and `wait` is not set.
+    Raises BlockingIOError when another process holds the lock and `wait` is not set.
     """
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

@@ -1,4 +1,4 @@
-"""One maker per output: a lock that dies with its process, so that any number of processes share a folder."""
+"""A lock per output file that is released when its process dies, so that any number of processes can share a folder."""
 
 import hashlib
 import os
@@ -8,16 +8,16 @@ from pathlib import Path
 
 from .journal import exclusive
 
-_LONGEST = 100  # bytes of the output's name in the lock's: with what is added, a name that every file system takes
+_LONGEST = 100  # bytes of the output's name in the lock's name: together short enough for every file system
 
 
 @contextmanager
-def making(output: Path, *, wait: bool) -> Iterator[bool]:
-    """Whether this process may make `output`, for the time of a `with` block; if `wait` is set, as soon as no other does.
+def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
+    """Hold the lock on `output` in a `with` block; yields False when another process holds it and `wait` is not set.
 
-    The lock is a file beside the output, removed at the end; one that a killed process has left is taken over, or swept. Where the
-    file system knows no locks everybody may: two processes then may make the same file, each whole. Raises OSError when the lock
-    cannot be made.
+    The lock is a file beside the output, removed at the end. One that a killed process left behind is taken over, or swept. On a
+    file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
+    the lock file cannot be created.
     """
     name = os.fsencode(output.name)
     shown = name[:_LONGEST].decode(errors="ignore")
@@ -35,7 +35,7 @@ def making(output: Path, *, wait: bool) -> Iterator[bool]:
             raise
         if _is(path, descriptor):
             break
-        os.close(descriptor)  # the one before has removed it: this is a lock on nothing
+        os.close(descriptor)  # its last owner has removed it meanwhile: this locks nothing
     try:
         yield True
     finally:

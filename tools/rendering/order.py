@@ -1,4 +1,4 @@
-"""What is asked for and what came of it: the order of a run, a share of the machine, the outcome of one shot."""
+"""What a run is asked for, what one shot may use of the machine, and what came of it."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -18,10 +18,19 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Order:
-    """What all pictures of a run have in common. folder: of the journal; camera: in place of the shots' own calibration; run: names
-    this run in the journal; defects: besides those of the calibration; max_pixels: of a shot. resume: pictures that are current
-    stay, those that were made here and are not are made anew. overwrite: files that are in the way are replaced, whosever they are.
-    dry_run: nothing is made, only found out.
+    """Settings that all pictures of a run share.
+
+    folder: the output folder, home of the journal.
+    kind: format, bits and colour space of the pictures.
+    preset: "best" or "paper".
+    exposure: gain of a display picture, stops.
+    camera: replaces the calibration in the shots.
+    run: name of this run in the journal.
+    defects: sensor (row, column) of defective pixels, in addition to the calibration's.
+    max_pixels: largest shot that is read.
+    resume: keep pictures that are up to date, replace those of an earlier render that are not.
+    overwrite: replace any existing file.
+    dry_run: write nothing, only report what would be done.
     """
 
     folder: Path
@@ -44,7 +53,7 @@ class Order:
         return PAPER if self.preset == "paper" else BEST
 
     def read(self, source: str) -> Mosaic:
-        """A shot, calibrated, that can become such a picture. Raises InputError."""
+        """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
         mosaic = read_dng(source, max_pixels=self.max_pixels)
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)
@@ -55,11 +64,11 @@ class Order:
         return mosaic
 
     def name(self, output: Path) -> str:
-        """The picture's path below the folder, as the journal has it."""
+        """The picture's path below the folder, as it stands in the journal."""
         return output.relative_to(self.folder).as_posix()
 
     def key(self, output: Path, source_digest: str) -> str:
-        """Digest of everything the picture depends on."""
+        """Digest of everything that the picture depends on."""
         from offline.version import ALGORITHM
 
         return key(
@@ -78,10 +87,12 @@ State = Literal["made", "planned", "current", "foreign", "postponed", "failed"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one shot. line: for people; facts: for machines.
+    """What came of one shot.
 
-    planned: it would be made; current: it was there already; foreign: the file is no shot, and nobody had called it one;
-    postponed: another process is at it, or it needs more memory than its share.
+    state: made; planned (--dry-run would make it); current (up to date already); foreign (found in a folder, and not a shot);
+        postponed (another process makes it, or it needs more memory than its share); failed.
+    line: for people.
+    facts: for machines.
     """
 
     state: State
@@ -91,7 +102,11 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Share:
-    """What one piece of work may use: bytes of memory. last: nothing is postponed any more; it waits for others, and fails."""
+    """What one shot may use of the machine.
+
+    memory: bytes.
+    last: this is the last pass: do not postpone, but wait for other processes, and fail if the memory is not enough.
+    """
 
     memory: int
     last: bool = False

@@ -11,7 +11,7 @@ from shared.arrays import FloatArray, strips
 from shared.errors import InputError
 from shared.writing import OnComplete
 from tools.host.console import StageProgress
-from tools.host.memory import told
+from tools.host.memory import format_bytes
 from tools.pictures.band_writer import FORMAT, write_picture_bands
 from tools.pictures.writer import PictureKind, write_picture
 
@@ -47,10 +47,12 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
         return
     rows, columns = mosaic.shape
     least = needed_memory(mosaic, PictureKind.of(FORMAT), settings)
-    remedy = f"use -f {FORMAT}, which needs {told(least)}, or" if kind.format != FORMAT and least <= limit else ""
+    remedy = f"use -f {FORMAT}, which needs {format_bytes(least)}, or" if kind.format != FORMAT and least <= limit else ""
     raise InputError(
-        f"{columns} x {rows} pixels as {kind.format} need {told(need)} of memory, {told(limit)} are allowed; "
-        f"{remedy} set --max-memory {told(need).replace(' ', '').removesuffix('B')} if the machine has as much".replace("  ", " ")
+        f"{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
+        f"{remedy} set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much".replace(
+            "  ", " "
+        )
     )
 
 
@@ -65,7 +67,7 @@ def render_to(
     overwrite: bool,
     on_complete: OnComplete | None = None,
 ) -> None:
-    """Render a mosaic and write the picture, whole or not at all. on_complete: as of `durable_file`."""
+    """Render a mosaic and write the picture, whole or not at all. on_complete: see `durable_file`."""
     from offline import render_bands
 
     bands = render_bands(mosaic, settings, progress)

@@ -1,43 +1,49 @@
-"""A list of shots and the processes that render them: what each may use, what is put off, what people and machines are told."""
+"""A run over a list of shots: how many processes render them, what each may use, what is postponed, what the user is told."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from shared.errors import PanchromaError
-from tools.host import crew
+from tools.host import worker_pool
 from tools.host.console import Console, StageProgress
 from tools.host.countdown import Countdown
-from tools.host.jobs import fail
+from tools.host.jobs import fail, file_status, identity, refuse_existing, refuse_loss
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 
 from .attempt import attempt
-from .order import Order, Outcome, Share
+from .order import Note, Order, Outcome, Share
 from .picture_file import needed_memory
-from .shots import Shot
+from .shots import Shard, Shot
 
-Pass = Callable[[Sequence[Shot]], Iterator[tuple[Shot, Outcome | None]]]
-"""Attempts all shots; (shot, outcome) in the order they end, None when the shot has ended the process that had it."""
+Pass = Callable[[Sequence[Shot]], Iterator[tuple[Shot, Outcome]]]
+"""Attempts all shots and yields (shot, outcome) in the order in which they end."""
 
-_MANY = 2  # shots per processor, from which on a process for each processor pays
-_LARGEST = 3  # files that are looked into to know how much memory the largest shot needs
+_MANY = 2  # shots per processor from which on one process per processor pays
+_LARGEST = 3  # files that are read to learn how much memory the largest shot needs
+_REMEDY = "render it with --workers 1, or allow more with --max-memory"
+_WORDS = {"made": "made", "planned": "to be made", "current": "up to date", "foreign": "left alone", "failed": "failed"}
 
 
 @dataclass(frozen=True)
-class Hands:
-    """Who works: processes, threads of each, and bytes of memory for all of them together."""
+class Resources:
+    """What a run may use of this machine.
+
+    workers: number of processes.
+    threads: of each process.
+    memory: bytes for all processes together.
+    """
 
     workers: int
     threads: int
     memory: int
 
     @classmethod
-    def of(cls, order: Order, shots: Sequence[Shot], workers: int | None, threads: int | None, memory: str | None) -> "Hands":
-        """What is asked for; what is left open (None) as processors and memory bear it: one process for a few shots."""
+    def of(cls, order: Order, shots: Sequence[Shot], workers: int | None, threads: int | None, memory: str | None) -> "Resources":
+        """What the user asks for. What is left open (None) is chosen by processors and memory: one process for a few shots."""
         cores, allowed = processors(), allowed_memory(memory)
         if workers is None:
             workers = 1
@@ -48,7 +54,7 @@ class Hands:
 
 
 def _largest_need(order: Order, shots: Sequence[Shot]) -> int:
-    """Bytes that the largest shot needs, roughly: of two files of one camera the larger has more pixels, or not much fewer."""
+    """Bytes that the largest shot needs, roughly. The largest files are read: they have the most pixels, or nearly."""
     for _, source in sorted(((_size(shot.source), shot.source) for shot in shots), reverse=True)[:_LARGEST]:
         try:
             return needed_memory(order.read(source), order.kind, order.settings)
@@ -58,39 +64,39 @@ def _largest_need(order: Order, shots: Sequence[Shot]) -> int:
 
 
 def _size(source: str) -> int:
-    try:
-        return Path(source).stat().st_size
-    except (OSError, ValueError):
-        return 0
+    status = file_status(source)
+    return status.st_size if status else 0
 
 
-def passes(order: Order, hands: Hands, console: Console, count: int) -> list[Pass]:
-    """How this machine goes through a list of so many: all at once, then one by one what was put off, with all the memory.
+def passes(order: Order, resources: Resources, console: Console, count: int) -> list[Pass]:
+    """The passes of this machine over `count` shots: all of them, then one by one, with all the memory, those postponed.
 
-    The stages of a single one are shown.
+    With a single shot the console shows its stages.
     """
 
-    def alone(last: bool, shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:
+    def one_by_one(last: bool, shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:
         for shot in shots:
             with console.progress(shot.source) if count == 1 else StageProgress() as progress:
-                outcome = attempt(order, Share(hands.memory, last), shot, console.note, progress)
+                outcome = attempt(order, Share(resources.memory, last), shot, console.note, progress)
             yield shot, outcome
 
-    def together(shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome | None]]:
-        work = partial(_attempt_unseen, order, Share(hands.memory // hands.workers))
-        return crew.run(work, shots, hands.workers, hands.threads, said_once(console.note))
+    def by_workers(shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:
+        work = partial(_attempt_silently, order, Share(resources.memory // resources.workers))
+        note, threads = each_once(console.note), resources.threads
+        for shot, result in worker_pool.run(work, shots, resources.workers, note=note, remedy=_REMEDY, threads=threads):
+            yield shot, result if isinstance(result, Outcome) else Outcome("failed", str(result))
 
-    if hands.workers > 1:
-        return [together, partial(alone, True)]
-    return [partial(alone, True)] if count == 1 else [partial(alone, False), partial(alone, True)]
+    if resources.workers > 1:
+        return [by_workers, partial(one_by_one, True)]
+    return [partial(one_by_one, True)] if count == 1 else [partial(one_by_one, False), partial(one_by_one, True)]
 
 
-def _attempt_unseen(order: Order, share: Share, shot: Shot, note: Callable[[str], None]) -> Outcome:
+def _attempt_silently(order: Order, share: Share, shot: Shot, note: Note) -> Outcome:
     return attempt(order, share, shot, note, StageProgress())
 
 
-def said_once(note: Callable[[str], None]) -> Callable[[str], None]:
-    """Of what several processes say, each sentence once."""
+def each_once(note: Note) -> Note:
+    """`note`, but called only once with each text, for several processes have the same to say."""
     said: set[str] = set()
 
     def once(text: str) -> None:
@@ -101,10 +107,33 @@ def said_once(note: Callable[[str], None]) -> Callable[[str], None]:
     return once
 
 
-def render_shots(shots: Sequence[Shot], through: Sequence[Pass], console: Console) -> bool:
-    """Render them; a line and a record for each. Returns whether all went well.
+def possible_shots(found: Sequence[Shot], shard: Shard, order: Order, console: Console) -> tuple[list[Shot], bool]:
+    """The shots of the shard whose pictures would replace nothing that must stay, and whether that is all of them.
 
-    through: passes; each gets what the one before it has put off.
+    Each other one is reported as failed. Of two shots with the same output the first gets it, whichever shards they belong to.
+    """
+    inputs = {identity(shot.source) for shot in found} - {None}
+    planned: dict[str, str] = {}
+    possible, all_well = [], True
+    for shot in found:
+        try:
+            refuse_loss(shot.source, (shot.output,), inputs, planned)
+            if not shard.has(order.name(shot.output)):
+                continue
+            if not (order.overwrite or order.resume):
+                refuse_existing((shot.output,))
+        except PanchromaError as error:
+            all_well = False
+            fail(shot.source, (shot.output,), str(error), console)
+        else:
+            possible.append(shot)
+    return possible, all_well
+
+
+def render_shots(shots: Sequence[Shot], through: Sequence[Pass], console: Console) -> bool:
+    """Render shots, with a line and a record for each. Returns whether none has failed.
+
+    through: the passes; each gets what the one before it postponed.
     """
     states: Counter[str] = Counter()
     countdown = Countdown(len(shots), len(shots))
@@ -115,32 +144,23 @@ def render_shots(shots: Sequence[Shot], through: Sequence[Pass], console: Consol
             progress = stack.enter_context(console.progress("render"))
             progress.stage("shots", len(shots))
         for attempt_all in through:
-            put_off = []
+            postponed = []
             for shot, outcome in attempt_all(waiting):
-                if outcome is not None and outcome.state == "postponed":
-                    put_off.append(shot)
+                if outcome.state == "postponed":
+                    postponed.append(shot)
                     continue
                 countdown.finished(1)
                 progress.advance()
                 progress.remark(str(countdown))
-                states[_tell(shot, outcome, console)] += 1
-            waiting = put_off
+                states[outcome.state] += 1
+                _report(shot, outcome, console)
+            waiting = postponed
     if len(shots) > 1:
         console.note(", ".join(f"{states[state]} {_WORDS[state]}" for state in _WORDS if states[state]))
     return not states["failed"]
 
 
-_WORDS = {"made": "made", "planned": "to be made", "current": "current", "foreign": "left alone", "failed": "failed"}
-_LOST = (
-    "the processes that rendered it were killed, most likely for want of memory: "
-    "render it with --workers 1, or allow more with --max-memory"
-)
-
-
-def _tell(shot: Shot, outcome: Outcome | None, console: Console) -> str:
-    """Say what has become of a shot; returns the state."""
-    if outcome is None:
-        outcome = Outcome("failed", _LOST)
+def _report(shot: Shot, outcome: Outcome, console: Console) -> None:
     if outcome.state == "failed":
         fail(shot.source, (shot.output,), outcome.line, console)
     elif outcome.state == "foreign":
@@ -149,4 +169,3 @@ def _tell(shot: Shot, outcome: Outcome | None, console: Console) -> str:
     else:
         console.say(outcome.line)
         console.record(source=shot.source, ok=True, **outcome.facts)
-    return outcome.state

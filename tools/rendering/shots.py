@@ -1,4 +1,4 @@
-"""What is to be rendered, and where each picture goes: shots as they are given, folders with everything below them."""
+"""Which shots to render, and where each picture goes: files that are named, and all DNGs in and below folders."""
 
 import hashlib
 import os
@@ -13,7 +13,12 @@ _SUFFIX = ".dng"
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture to make. found: in a folder, among files that may be anything; given by name it has to be a shot."""
+    """One picture to make.
+
+    source: name of the file.
+    output: where its picture goes.
+    found: found in a folder, where it may be any DNG; otherwise the user named it, and it has to be a shot.
+    """
 
     source: str
     output: Path
@@ -21,10 +26,13 @@ class Shot:
 
 
 def expand(given: Sequence[str], folder: Path, suffix: str) -> tuple[list[Shot], list[tuple[str, str]]]:
-    """The shots, in the order given, of a folder in the order of their names; and (source, what is wrong) of what yields none.
+    """The shots of files and folders, and (source, what is wrong) for each source that has none.
 
-    A shot's picture goes to `folder`, that of a shot in a folder below it as the shot lay: subfolders are mirrored. Hidden files
-    and folders are left out, links to folders not followed, and `folder` itself, where it lies in one that is given, not entered.
+    given: files and folders; shots come in this order, those of a folder ordered by name.
+    folder: the output folder. A named shot's picture goes there; subfolders of a given folder are mirrored.
+    suffix: of a picture's file name.
+
+    Hidden files and folders are left out. Links to folders are not followed, and `folder` itself is not searched.
     """
     shots: list[Shot] = []
     failures = []
@@ -44,7 +52,7 @@ def expand(given: Sequence[str], folder: Path, suffix: str) -> tuple[list[Shot],
 def _is_folder(source: str) -> bool:
     try:
         return Path(source).is_dir()
-    except (OSError, ValueError):  # an impossible name: whoever reads it says so
+    except (OSError, ValueError):  # an impossible name: reading it will say so
         return False
 
 
@@ -65,9 +73,9 @@ def _same(one: Path, other: Path) -> bool:
 
 @dataclass(frozen=True)
 class Shard:
-    """Part `index` of `count`, 1 to count. Which part a picture is in depends on its path below the output folder alone.
+    """Part `index` of `count`, 1 to count. A picture's path below the output folder alone decides which part it belongs to.
 
-    So machines agree without talking, and files that are added meanwhile move no other.
+    So machines agree without communication, and a new file does not change the part of any other.
     """
 
     index: int
@@ -75,7 +83,7 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str) -> "Shard":
-        """Of "3/8". Raises InputError."""
+        """The part that a text such as "3/8" names. Raises InputError."""
         index, _, count = text.partition("/")
         if index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count):
             return cls(int(index), int(count))

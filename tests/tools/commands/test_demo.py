@@ -49,10 +49,10 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
     truth, rendered = tifffile.imread(folder / "truth.tif"), tifffile.imread(folder / "render.tif")
     assert truth.shape == rendered.shape == (HEIGHT, WIDTH, 3)
     found = table(outcome)
-    assert found["Panchroma"] == [round(value, 1) for value in quality(rendered, truth).median]
+    assert found["Panchroma, best"] == [round(value, 1) for value in quality(rendered, truth).median]
     assert "at sigma 0.02" in outcome.out
     # What the demo is there to show: full-resolution luminance.
-    assert found["Panchroma"][1] > found["Bayer, bilinear"][1] + 3
+    assert found["Panchroma, paper"][1] > found["Bayer, bilinear"][1] + 3
 
     shot = read_dng(folder / "shot.dng")
     assert shot.calibration.noise is not None
@@ -91,9 +91,6 @@ def test_a_file_that_exists_stops_it_before_the_work(small: Path, monkeypatch: p
     [
         (["--sigma", "-1"], "--sigma is -1.0"),
         (["--sigma", "nan"], "--sigma is nan"),
-        (["-o", "file"], "file: is not a folder"),
-        (["-o", "missing/below"], "missing/below: the folder cannot be made"),
-        (["-o", ""], "-o is empty"),
     ],
 )
 def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str], words: str) -> None:

@@ -206,9 +206,9 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
 
 
 def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
-    words, unknown = "the noise is unknown and ", save(tmp_path / "shot.dng")
+    words, unknown = "the noise level is unknown and ", save(tmp_path / "shot.dng")
     assert words + "estimated from the shot" in run("render", unknown, "-o", out).err
-    assert words + "taken for none" in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
+    assert words + "taken as zero" in run("render", unknown, "-o", out, "--preset", "paper", "--overwrite").err
     assert words not in run("render", shot, "-o", out, "--overwrite").err
 
 

@@ -198,7 +198,7 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
         (["--sigma", "-1"], "--sigma is -1.0"),
         (["--sigma", "nan"], "--sigma is nan"),
         (["--seed", "-1"], "--seed is -1"),
-        (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the paper's noise"),
+        (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the noise of --protocol paper"),
         (["--exposure", "2"], "--exposure needs --protocol sensor"),
         (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],

@@ -319,8 +319,7 @@ def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: 
     ("arguments", "words"),
     [
         (["--latest", "latest"], "--latest needs -o DIR"),
-        (["--jobs", "0"], "--jobs is 0"),
-        (["-o", "missing"], "the output folder does not exist"),
+        (["--jobs", "0"], "-j is 0"),
         (["--bind", "camera"], "'camera' is no address"),
         (["--scale", "5"], "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"),
         (["--scale", "0"], "0 x 0 sensor pixels"),

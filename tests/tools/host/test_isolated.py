@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from shared.errors import InputError
-from tools.host.isolated import apart, memory_now, peak_memory
+from tools.host.isolated import memory_now, peak_memory, run_isolated
 
 
 def about(word: str, times: int = 1) -> tuple[int, str]:
@@ -35,26 +35,26 @@ def takes(size: int) -> tuple[int, int, int]:
 
 
 def test_it_is_done_elsewhere() -> None:
-    number, text = apart(about, "a", times=3)
+    number, text = run_isolated(about, "a", times=3)
     assert text == "aaa"
     assert number != os.getpid()
 
 
 def test_an_error_comes_back() -> None:
     with pytest.raises(InputError, match="no such thing"):
-        apart(refuses)
+        run_isolated(refuses)
 
 
 def test_a_killed_process_is_an_error_that_says_so() -> None:
     with pytest.raises(InputError, match=r"was killed, most likely for want of memory; use fewer --megapixels"):
-        apart(dies)
+        run_isolated(dies)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere a process tells its peak alone")
 def test_memory_is_the_processs_own() -> None:
     """This one is larger than the new one ever gets."""
     large = bytearray(os.urandom(1000)) * 300_000
-    before, full, peak = apart(takes, 100_000_000)
+    before, full, peak = run_isolated(takes, 100_000_000)
     assert before < len(large)
     assert 90e6 < full - before < 130e6
     assert abs(peak - full) < 10e6  # the system counts in lots of pages, not page by page

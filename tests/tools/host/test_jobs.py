@@ -176,20 +176,24 @@ def test_impossible_names_reach_the_work_that_refuses_them(tmp_path: Path, sourc
 # --- the output folder ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_output_folder_must_be_one(tmp_path: Path) -> None:
-    assert output_folder(str(tmp_path)) == tmp_path
-    file = tmp_path / "file"
-    file.touch()
-    missing = f"{tmp_path}/not yet"
-    for folder, words in (
-        (missing, f"{missing}: the output folder does not exist; create it first: mkdir -p '{missing}'"),
+def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> None:
+    folder = tmp_path / "not yet"
+    assert output_folder(str(folder), dry_run=True) == folder
+    assert not folder.exists()
+    assert output_folder(str(folder)) == output_folder(str(folder)) == folder
+    assert folder.is_dir()
+    (file := tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to("nowhere")
+    for name, words in (
+        (f"{folder}/a/b", f"the folder {folder}/a does not exist; create it first: mkdir -p '{folder}/a'"),
         (str(file), f"{file}: is not a folder"),
-        (f"{file}/below", "does not exist"),
-        ("x" * 300, "does not exist"),
+        (f"{file}/below", f"the folder {file} does not exist"),
+        (f"{tmp_path}/link", "cannot be created (File exists)"),
+        (f"{tmp_path}/{'x' * 300}", "cannot be created (File name too long)"),
         ("", "-o is empty"),
     ):
         with pytest.raises(OutputError) as caught:
-            output_folder(folder)
+            output_folder(name)
         assert words in str(caught.value)
 
 

@@ -44,12 +44,12 @@ def test_an_empty_list_is_a_list(tmp_path: Path) -> None:
         ("1.5,2\n", "line 1"),
         ("9999999999,2\n", "line 1"),
         ("[[1, 2]", "is not JSON"),
-        ("[[1, 2.5]]", r"\[1, 2.5\] is no \[row, column\]"),
+        ("[[1, 2.5]]", r"\[1, 2.5\] is not \[row, column\]"),
         ("[[1, -2]]", "no"),
         ("[[true, 2]]", "no"),
         ("[3, 4]", "3 is no"),
         ('{"bad": []}', "expected lines"),
-        (b"\xff\xfe\x00", "is no text"),
+        (b"\xff\xfe\x00", "is not a text"),
     ],
 )
 def test_a_wrong_list_is_refused_by_name(tmp_path: Path, text: str | bytes, said: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tools.rendering.journal import NAME, Entry, Journal, digest, key
-from tools.rendering.lock import making
+from tools.rendering.lock import output_lock
 
 
 def entry(output: str = "a.tif", digest: str = "d", run: str = "r") -> Entry:
@@ -67,19 +67,23 @@ def test_a_key_tells_every_part_and_a_digest_every_byte(tmp_path: Path) -> None:
 
 def test_one_maker_at_a_time(tmp_path: Path) -> None:
     output = tmp_path / ("x" * 250)
-    with making(output, wait=False) as first, making(output, wait=False) as second, making(tmp_path / "b", wait=False) as other:
+    with (
+        output_lock(output, wait=False) as first,
+        output_lock(output, wait=False) as second,
+        output_lock(tmp_path / "b", wait=False) as other,
+    ):
         assert (first, second, other) == (True, False, True)
     assert list(tmp_path.iterdir()) == []
-    with making(output, wait=False) as again:
+    with output_lock(output, wait=False) as again:
         assert again
 
 
 def test_a_lock_that_a_dead_process_left_is_taken_over(tmp_path: Path) -> None:
     output = tmp_path / "a.tif"
-    with making(output, wait=False):
+    with output_lock(output, wait=False):
         (left,) = tmp_path.iterdir()
     left.touch()
-    with making(output, wait=False) as mine:
+    with output_lock(output, wait=False) as mine:
         assert mine
     assert list(tmp_path.iterdir()) == []
 
@@ -91,7 +95,7 @@ def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
     def work() -> None:
         nonlocal inside, most
         for _ in range(100):
-            with making(tmp_path / "a.tif", wait=True) as mine:
+            with output_lock(tmp_path / "a.tif", wait=True) as mine:
                 assert mine
                 inside += 1
                 most = max(most, inside)

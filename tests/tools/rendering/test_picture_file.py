@@ -16,7 +16,7 @@ from tests.data import ROOT
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
 from tools.host.console import LineProgress, StageProgress
-from tools.host.memory import allowed_memory, available_memory, told
+from tools.host.memory import allowed_memory, available_memory, format_bytes
 from tools.pictures.writer import POSSIBLE, PictureKind
 from tools.rendering import picture_file as rendering
 
@@ -77,8 +77,8 @@ def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.parametrize(("size", "words"), [(1, "1 MB"), (900 * 2**20, "900 MB"), (2**30, "1.0 GB"), (2**30 + 1, "1.1 GB")])
-def test_sizes_are_told_rounded_up(size: int, words: str) -> None:
-    assert told(size) == words
+def test_sizes_are_rounded_up(size: int, words: str) -> None:
+    assert format_bytes(size) == words
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it")
@@ -120,7 +120,7 @@ def test_formats_that_are_made_as_a_whole_do_not_fit_where_tiff_does(out: Path, 
     need = {each: rendering.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
     limit = f"{(need['tif'] + need[name]) // 2**21}M"
     outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
-    words = f"use -f tif, which needs {told(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
+    words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
     assert_refused(outcome, words, name=str(shot))
     assert names(out) == set()
     assert run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M").code == 0

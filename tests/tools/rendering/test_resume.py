@@ -46,7 +46,7 @@ def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
     made = contents(out)
     again = render(shots, out, "--resume")
     assert (again.code, current(again)) == (0, {"a.tif", "b.tif", "c.tif"})
-    assert "3 current" in again.err
+    assert "3 up to date" in again.err
     assert contents(out) == made
     assert contents(shots) == before
     assert render(shots, out).code == 1  # without --resume nothing that exists is accepted
@@ -179,7 +179,7 @@ def test_a_dry_run_says_what_is_current(shots: Path, out: Path) -> None:
     before = contents(out)
     outcome = render(shots, out, "--resume", "--dry-run")
     assert current(outcome) == {"a.tif", "c.tif"}
-    assert "1 to be made, 2 current" in outcome.err
+    assert "1 to be made, 2 up to date" in outcome.err
     assert contents(out) == before
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from offline import render_bands, use_threads
 from shared import Mosaic, read_dng
 from shared.arrays import FloatArray
-from tools.host.isolated import apart, peak_memory
+from tools.host.isolated import peak_memory, run_isolated
 from tools.pictures.band_writer import write_picture_bands
 from tools.pictures.writer import PictureKind
 
@@ -43,7 +43,7 @@ class FileTiming:
 def measure_files(material: "Material", preset: str, threads: int) -> FileTiming:
     """Save the shot and render it in a new process. Raises OutputError when there is no room for the files."""
     with material.saved_shot() as shot:
-        return apart(_measure, shot, preset, threads)
+        return run_isolated(_measure, shot, preset, threads)
 
 
 def _measure(shot: Path, preset: str, threads: int) -> FileTiming:

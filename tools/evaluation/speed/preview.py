@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tools.host.isolated import apart, memory_now, peak_memory
+from tools.host.isolated import memory_now, peak_memory, run_isolated
 
 if TYPE_CHECKING:
     from .material import Material
@@ -40,7 +40,7 @@ class PreviewTiming:
 def measure_preview(material: "Material", scales: tuple[int, ...], frames: int, threads: int) -> list[PreviewTiming]:
     """Timings of the same shot at each scale. Raises OutputError when there is no room for its file."""
     with material.saved_shot() as shot:
-        return [apart(_measure, shot, scale, frames, threads) for scale in scales]
+        return [run_isolated(_measure, shot, scale, frames, threads) for scale in scales]
 
 
 def _measure(shot: Path, scale: int, frames: int, threads: int) -> PreviewTiming:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from tools.host.memory import told
+from tools.host.memory import format_bytes
 
 from .files import FileTiming
 from .preview import PreviewTiming
@@ -61,7 +61,7 @@ def preview_lines(timings: Iterable[PreviewTiming]) -> list[str]:
             f"{each.pixels / 1e6:.1f}",
             f"{each.pixels / 1e6 / each.middle:.0f}",
             *(f"{1e3 * seconds:.0f}" for seconds in (each.middle, each.slowest, each.imported, each.first)),
-            f"+{told(each.grown)}",
+            f"+{format_bytes(each.grown)}",
             f"{each.leaked / 2**20:+.1f} MB",
         )
         for each in timings
@@ -78,7 +78,7 @@ def scaling_lines(timings: Mapping[str, Sequence[FileTiming]]) -> list[str]:
             f"{each.pixels / 1e6:.1f}",
             *(f"{seconds / each.pixels * 1e6:.3f}" for seconds in (each.rendering, each.whole)),
             f"{each.whole:.1f}",
-            told(each.peak),
+            format_bytes(each.peak),
         )
         for preset, found in timings.items()
         for each in found

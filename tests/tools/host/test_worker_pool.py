@@ -3,22 +3,37 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from shared.errors import InputError, PanchromaError
+from tests.data import ROOT
 from tests.tools.command import results, run
 from tests.tools.rendering.examples import contents, save_shot, start
-from tools.host import crew
-from tools.host.crew import Note
+from tools.host import worker_pool
+from tools.host.console import WorkerFault, fault
+from tools.host.worker_pool import Note
 from tools.rendering.journal import NAME
 
 
 def double(piece: int, note: Note) -> tuple[int, int]:
     note(f"at {piece}")
+    if piece < 0:
+        raise InputError("is negative")
+    if piece == 0:
+        raise MemoryError
     return 2 * piece, os.getpid()
+
+
+def odd(piece: int, note: Note) -> int:
+    return [0][piece]
 
 
 def die_once(folder: Path, piece: int, note: Note) -> int:
@@ -37,21 +52,40 @@ def linger(folder: Path, piece: int, note: Note) -> None:
         (folder / f"{os.getpid()}.left").touch()
 
 
-def test_pieces_are_shared_by_processes_that_stay() -> None:
+def pool(work: Callable[[Any, Note], Any], pieces: Iterable[Any], count: int = 2, note: Note = print) -> Iterator[tuple[Any, Any]]:
+    return worker_pool.run(work, list(pieces), count, note=note, remedy="use a smaller -j")
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_pieces_are_shared_by_processes_that_stay_and_an_error_stops_no_other(count: int) -> None:
     notes: list[str] = []
-    found = dict(crew.run(double, range(20), 2, 1, notes.append))
-    assert {piece: result[0] for piece, result in found.items() if result} == {piece: 2 * piece for piece in range(20)}
-    assert 1 <= len({result[1] for result in found.values() if result}) <= 2
-    assert sorted(notes) == sorted(f"at {piece}" for piece in range(20))
+    found = dict(pool(double, range(-1, 20), count, notes.append))
+    assert (str(found.pop(-1)), type(found.pop(0))) == ("is negative", MemoryError)
+    assert {piece: result[0] for piece, result in found.items()} == {piece: 2 * piece for piece in range(1, 20)}
+    processes = {result[1] for result in found.values()}
+    assert processes == {os.getpid()} if count == 1 else os.getpid() not in processes
+    assert len(processes) <= count
+    assert sorted(notes) == sorted(f"at {piece}" for piece in range(-1, 20))
 
 
 def test_what_a_dead_process_was_at_is_done_again_once(tmp_path: Path) -> None:
-    found = dict(crew.run(partial(die_once, tmp_path), range(8), 2, 1, print))
-    assert found == {piece: None if piece == 5 else piece for piece in range(8)}
+    found = dict(pool(partial(die_once, tmp_path), range(8)))
+    killed = found.pop(5)
+    assert found == {piece: piece for piece in range(8) if piece != 5}
+    assert isinstance(killed, PanchromaError)
+    assert str(killed) == "its process was killed, most likely for want of memory; use a smaller -j"
+
+
+def test_a_fault_in_a_worker_is_told_with_its_place() -> None:
+    with pytest.raises(WorkerFault) as caught:
+        list(pool(odd, [1, 2]))
+    assert fault(caught.value).startswith("a fault of Panchroma, please report it: IndexError in ")
+    assert "worker_pool.py" in str(caught.value)
 
 
 def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:
-    work = crew.run(partial(linger, tmp_path), [1, 2], 2, 1, lambda _: None)
+    """As an interrupt does."""
+    work = pool(partial(linger, tmp_path), [1, 2])
 
     class Enough(Exception):  # noqa: N818
         pass
@@ -71,6 +105,25 @@ def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("*.left"))) == 2
 
 
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    script = (
+        "import sys, pathlib, functools; from tests.tools.host.test_worker_pool import linger, pool\n"
+        "if __name__ == '__main__': list(pool(functools.partial(linger, pathlib.Path(sys.argv[1])), [1, 2]))"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT)
+    _wait_for(lambda: len(list(tmp_path.glob("*.begun"))) == 2)
+    parent.kill()
+    parent.wait()
+    _wait_for(lambda: len(list(tmp_path.glob("*.left"))) == 2)
+
+
+def _wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
 def test_workers_give_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     """Also of a shot that needs more than the share of one of two processes: it waits for all of the memory."""
     shots = [save_shot(tmp_path / "shots" / f"{seed}.dng", seed) for seed in range(3)]
@@ -78,7 +131,6 @@ def test_workers_give_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     (tmp_path / "shots" / "bad.dng").write_text("no picture")
     before = contents(tmp_path / "shots")
     for count in "12":
-        (tmp_path / count).mkdir()
         limited = ("--workers", count, "--max-memory", "530M", "-f", "npy", "--preset", "paper")
         outcome = run("render", tmp_path / "shots", "-o", tmp_path / count, "--json", *limited)
         assert outcome.code == 1
