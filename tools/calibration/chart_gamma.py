@@ -79,8 +79,7 @@ def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
     variance = mean_variance(places, ~places.clipped)
     disagreement = places.mean[:, -1] - places.mean[:, :-1] @ gamma
     pull = variance[:, :-1] * gamma / (variance[:, -1] + variance[:, :-1] @ gamma**2)[:, None]
-    levels: DoubleArray = places.mean[:, :-1] + pull * disagreement[:, None]
-    return levels
+    return places.mean[:, :-1] + pull * disagreement[:, None]
 
 
 def mean_variance(places: PlaceSamples, exposed: BoolArray) -> DoubleArray:
@@ -103,8 +102,7 @@ def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> D
 
 
 def _score(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
-    score: DoubleArray = (level - colours @ gamma) / np.sqrt(variance[:, -1] + variance[:, :-1] @ gamma**2)
-    return score
+    return (level - colours @ gamma) / np.sqrt(variance[:, -1] + variance[:, :-1] @ gamma**2)
 
 
 def _solve(colours: DoubleArray, level: DoubleArray, variance: DoubleArray, start: DoubleArray) -> DoubleArray:
@@ -112,8 +110,7 @@ def _solve(colours: DoubleArray, level: DoubleArray, variance: DoubleArray, star
     found = least_squares(
         _score, start, args=(colours, level, variance), loss="huber", f_scale=_HUBER * scale, x_scale="jac", xtol=1e-12, ftol=1e-12
     )
-    solution: DoubleArray = found.x
-    return solution
+    return found.x
 
 
 def _covariance(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
@@ -121,8 +118,7 @@ def _covariance(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, va
     total = variance[:, -1] + variance[:, :-1] @ gamma**2
     likely = colours + variance[:, :-1] * gamma * ((level - colours @ gamma) / total)[:, None]
     information = (likely / total[:, None]).T @ likely
-    covariance: DoubleArray = np.linalg.pinv(information).astype(np.float64)
-    return covariance
+    return np.linalg.pinv(information).astype(np.float64)
 
 
 def _offset(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> float:

@@ -43,8 +43,7 @@ class GammaFit:
     @property
     def half_width(self) -> DoubleArray:
         """Of the 95 % intervals, (C,)."""
-        half: DoubleArray = student.ppf((1 + CONFIDENCE) / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
-        return half
+        return student.ppf((1 + CONFIDENCE) / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
 
     @property
     def worst(self) -> float:

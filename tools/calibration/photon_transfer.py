@@ -22,8 +22,7 @@ class PhotonTransfer:
 
     def variance(self, mean: DoubleArray) -> DoubleArray:
         """Of a single sample at these means."""
-        predicted: DoubleArray = self.shot * np.maximum(mean, 0) + self.read**2
-        return predicted
+        return self.shot * np.maximum(mean, 0) + self.read**2
 
 
 def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:

@@ -34,8 +34,7 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     )
     places = np.meshgrid(down, across, indexing="ij")
     chromaticity = np.stack([map_coordinates(plane, places, order=1, mode="nearest") for plane in np.moveaxis(ratios, -1, 0)], -1)
-    picture: FloatArray = (chromaticity * luminance[..., None]).astype(np.float32)
-    return picture
+    return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
 def displayed(picture: FloatArray) -> ByteArray:
@@ -45,8 +44,7 @@ def displayed(picture: FloatArray) -> ByteArray:
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.percentile(chosen[::4, ::4].reshape(-1, 3), _SHOWN, axis=0)
-    shown: ByteArray = (255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8)
-    return shown
+    return (255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8)
 
 
 def _luminance(mosaic: Mosaic, levels: FloatArray) -> FloatArray:
