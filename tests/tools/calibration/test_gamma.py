@@ -153,5 +153,5 @@ def test_fits_add_up_by_their_information() -> None:
     np.testing.assert_allclose(np.diag(both.covariance), 0.1**2 * 0.05**2 / (0.1**2 + 0.05**2))
     quarrel = combined([made([1.0, 2.0], 0.1), made([3.0, 2.0], 0.1)])
     assert quarrel.half_width.max() > 1.0
-    with pytest.raises(InputError, match="no better than"):
+    with pytest.raises(InputError, match="only known to be"):
         check_determined(quarrel)

@@ -40,4 +40,4 @@ def _equations(source: DoubleArray, destination: DoubleArray) -> tuple[DoubleArr
     (x, y), (u, v) = source.T, destination.T
     one, nil = np.ones_like(x), np.zeros_like(x)
     across, down = [x, y, one, nil, nil, nil, -u * x, -u * y], [nil, nil, nil, x, y, one, -v * x, -v * y]
-    return np.array([across, down]).transpose(2, 0, 1).reshape(-1, 8), destination.ravel()
+    return np.concatenate([np.stack(across, axis=1), np.stack(down, axis=1)]), destination.T.ravel()
