@@ -256,7 +256,7 @@ def _gamma_warnings(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> list[s
     warnings = []
     if gamma.worst > _GOOD_GAMMA:
         warnings.append(
-            f"gamma is only known to {100 * gamma.worst:.1f} % (95 %): more light, a larger chart or more shots would help"
+            f"gamma is only known to ±{100 * gamma.worst:.1f} % (95 %): more light, a larger chart or more shots would help"
         )
     if abs(gamma.offset) > _OFFSET:
         warnings.append(
@@ -287,8 +287,8 @@ def _noise_warnings(noise: NoiseResult) -> list[str]:
     part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
     if not part > _GOOD_READ / _SIGMAS:
         return []
-    known = f"to {100 * _SIGMAS * part:.0f} %" if _SIGMAS * part < 1 else "not at all"
-    return [f"read noise is known {known} (95 %), because {noise.source} hardly show it; take dark frames (--dark)"]
+    known = f"only known to ±{100 * _SIGMAS * part:.0f} % (95 %)" if _SIGMAS * part < 1 else "unknown"
+    return [f"read noise is {known}, because {noise.source} hardly show it; take dark frames (--dark)"]
 
 
 def _colour_warnings(colour: ColourFit, shot: str) -> list[str]:

@@ -22,12 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma calibrate`."""
     parser.add_argument("shots", nargs="*", metavar="SHOT", help="DNG of Panchroma with a ColorChecker, or a folder of DNGs")
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="camera.json to write")
-    parser.add_argument(
-        "--dark", nargs="+", default=[], metavar="F", help="frames with the lens covered: black level, read noise, defects"
-    )
-    parser.add_argument(
-        "--flat", nargs="+", default=[], metavar="F", help="evenly lit frames, two of each exposure: gain, read noise"
-    )
+    parser.add_argument("--dark", nargs="+", metavar="F", help="frames with the lens covered: black level, read noise, defects")
+    parser.add_argument("--flat", nargs="+", metavar="F", help="evenly lit frames, two of each exposure: gain, read noise")
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
         "--corners",
@@ -56,7 +52,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.calibration.session import Session, check_output, sort_files
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
-    files = sort_files(arguments.shots, arguments.dark, arguments.flat)
+    files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or ())
     corners = _corners(arguments, len(files.shots))
     check_output(output, files, replace_existing=replace_existing)
     folder = output_folder(arguments.report) if arguments.report else None
