@@ -64,7 +64,6 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
         freedom=freedom,
         level=level,
         predicted=colours @ estimate,
-        score=score,
         used=used,
         condition=condition,
         spread=spread,

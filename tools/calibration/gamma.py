@@ -26,7 +26,6 @@ class GammaFit:
     freedom: degrees of freedom of the covariance.
     level: (N,), measured panchromatic levels, parts of full scale.
     predicted: (N,), levels that gamma predicts.
-    score: (N,), differences of the two, in standard deviations.
     used: (N,), False for places that were left out (clipped, outliers).
     condition: largest over smallest singular value of the colours, each divided by its level: 1 = ideal, 100 = nearly grey.
     spread: sqrt(chi2 / freedom); 1 = noise explains the residuals.
@@ -38,7 +37,6 @@ class GammaFit:
     freedom: int
     level: DoubleArray
     predicted: DoubleArray
-    score: DoubleArray
     used: BoolArray
     condition: float
     spread: float
@@ -62,7 +60,7 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
     information = [np.linalg.inv(fit.covariance) for fit in fits]
     covariance = np.linalg.inv(np.sum(information, axis=0))
     gamma = covariance @ np.sum([weight @ fit.gamma for weight, fit in zip(information, fits, strict=True)], axis=0)
-    joined = {name: np.concatenate([getattr(fit, name) for fit in fits]) for name in ("level", "predicted", "score", "used")}
+    joined = {name: np.concatenate([getattr(fit, name) for fit in fits]) for name in ("level", "predicted", "used")}
     # Fits that contradict each other beyond their intervals widen the common one (Birge's ratio).
     chi2 = sum(float((fit.gamma - gamma) @ weight @ (fit.gamma - gamma)) for weight, fit in zip(information, fits, strict=True))
     excess = chi2 / (len(gamma) * (len(fits) - 1))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,25 +13,20 @@ from shared.colorimetry import SRGB_TO_XYZ, Matrix, as_rows
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
+from .advice import colour_warnings, gamma_warnings, noise_warnings
 from .chart.find import chart_at, find_chart
 from .chart.judge import FoundChart
 from .chart.picture import overlay
-from .chart.place import PATCHES, ChartPlace
+from .chart.place import ChartPlace
 from .chart_gamma import fit_chart_gamma, reconciled
-from .colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
+from .colour_matrix import ColourFit, fit_colour, white_balanced
 from .delta_e import delta_e_2000
 from .gamma import GammaFit, check_determined, combined
 from .noise import DarkResult, NoiseResult, noise_of_places
 from .samples import PlaceSamples, patch_samples
 from .scene_gamma import fit_scene_gamma
 
-# Limits of the warnings.
-_OFFSET = 4.0  # standard errors: a larger offset is not a coincidence
-_SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
-_GOOD_READ = 0.05  # half width over read noise
-_SIGMAS = 1.96  # standard errors in half a 95 % interval
-_GOOD_GAMMA = 0.02  # half width over gamma
-_GOOD_COLOUR, _BAD_COLOUR = 4.0, 6.0  # mean dE2000: an average chart in average light stays below 4; above 6 is useless
+_BAD_COLOUR = 6.0  # mean dE2000: above it the colours are useless
 _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
 
 
@@ -42,10 +37,9 @@ class ShotMeasurement:
     name: of the file.
     calibration: the shot's own.
     fits: independent estimates of gamma; of a chart the first is from its patches.
-    chart: the chart; None for an ordinary scene, as are the next three.
+    chart: the chart; None for an ordinary scene, as are the next two.
     places: statistics of the patches.
     picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
-    mosaic: the shot.
     """
 
     name: str
@@ -54,7 +48,6 @@ class ShotMeasurement:
     chart: FoundChart | None = None
     places: PlaceSamples | None = None
     picture: ByteArray | None = None
-    mosaic: Mosaic | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +111,7 @@ def measure_chart(
     fits = [fit_chart_gamma(places)]
     with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
         fits.append(fit_scene_gamma(mosaic, _covered(chart.place, mosaic.shape)))
-    return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place), mosaic)
+    return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
 
 
 def measure_scene(name: str, mosaic: Mosaic) -> ShotMeasurement:
@@ -159,7 +152,7 @@ def conclude(
         full_scale = float(gamma.gamma.sum())
         changes["gamma"] = tuple(gamma.gamma.tolist())
         measured["gamma"] = {**noted, **_gamma_facts(gamma, shots)}
-        warnings += _gamma_warnings(gamma, shots)
+        warnings += gamma_warnings(gamma, shots)
     if dark:
         changes["black_level"] = tuple(dark.black.tolist())
         measured["black_level"] = {**noted, "frames": dark.frames, "standard_error": _rounded(dark.black_error)}
@@ -184,7 +177,7 @@ def conclude(
             "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
-        warnings += _noise_warnings(noise)
+        warnings += noise_warnings(noise)
     colour, shot, before, camera_rgb = _colour(charts, gamma, reference)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
@@ -198,7 +191,7 @@ def conclude(
             "leave_one_out_dE2000": round(float(colour.left_out.mean()), 3),
             "light_unevenness": round(colour.unevenness, 3),
         }
-        warnings += _colour_warnings(colour, shot)
+        warnings += colour_warnings(colour, shot)
     calibration = replace(base.calibration, **changes)
     camera = None if refusal else Camera(calibration, base.pattern, measured)
     return Outcome(
@@ -250,60 +243,6 @@ def _gamma_facts(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str,
         "condition": round(gamma.condition, 2),
         "residuals_over_noise": round(gamma.spread, 2),
     }
-
-
-def _gamma_warnings(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
-    warnings = []
-    if gamma.worst > _GOOD_GAMMA:
-        warnings.append(
-            f"gamma is only known to ±{100 * gamma.worst:.1f} % (95 %): more light, a larger chart or more shots would help"
-        )
-    if abs(gamma.offset) > _OFFSET:
-        warnings.append(
-            f"the panchromatic samples have an offset of {gamma.offset:+.1f} standard errors relative to the colours: "
-            "the black level is probably wrong; take dark frames (--dark)"
-        )
-    if gamma.spread > _SPREAD:
-        warnings.append(
-            f"the residuals are {gamma.spread:.1f} times as large as noise explains: "
-            "reflections, a dirty chart, or a sensor that is not linear"
-        )
-    for shot in shots:
-        if shot.places is None:
-            continue
-        clipped = int(shot.places.clipped.sum())
-        if clipped:
-            warnings.append(
-                f"{shot.name}: {clipped} of {PATCHES} patches are clipped and were left out; expose less to measure colours"
-            )
-        left_out = int((~shot.fits[0].used).sum()) - clipped
-        if left_out > 0:
-            warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
-    return warnings
-
-
-def _noise_warnings(noise: NoiseResult) -> list[str]:
-    """Warn of an uncertain read noise: in all but the darkest frames shot noise hides it."""
-    part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if not part > _GOOD_READ / _SIGMAS:
-        return []
-    known = f"only known to ±{100 * _SIGMAS * part:.0f} % (95 %)" if _SIGMAS * part < 1 else "unknown"
-    return [f"read noise is {known}, because {noise.source} hardly show it; take dark frames (--dark)"]
-
-
-def _colour_warnings(colour: ColourFit, shot: str) -> list[str]:
-    warnings = []
-    if colour.unevenness > UNEVEN:
-        warnings.append(
-            f"{shot}: the light on the chart is uneven, up to {colour.unevenness:.2f} times brighter in one place than in another; "
-            "the colours are corrected for it, but an evenly lit chart would be better"
-        )
-    mean = float(colour.difference.mean())
-    if mean > _GOOD_COLOUR:
-        warnings.append(
-            f"{shot}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than {_GOOD_COLOUR:.0f}"
-        )
-    return warnings
 
 
 def _rounded(values: DoubleArray) -> list[float]:

@@ -157,10 +157,8 @@ def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, nu
             variance[plane] = difference[good].var(ddof=1) / 2
             count[plane] = good.sum()
             brightest = max(brightest, float(np.quantile(np.maximum(a, b), 0.99)))
-        middle = ((window[0].start + window[0].stop) / 2, (window[1].start + window[1].stop) / 2)
-        rows.append((mean, variance, count, brightest >= CLIPPED, middle))
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
-    points = PlaceSamples(*columns)
+        rows.append((mean, variance, count, brightest >= CLIPPED))
+    points = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
     return points.chosen(~points.clipped)
 
 

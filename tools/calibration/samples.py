@@ -37,23 +37,21 @@ class PlaceSamples:
     variance: (N, C + 1), of a single sample about the place's shading.
     count: (N, C + 1), number of samples.
     clipped: (N,), whether a sample is at the white level.
-    centre: (N, 2), sensor row and column.
     """
 
     mean: DoubleArray
     variance: DoubleArray
     count: DoubleArray
     clipped: BoolArray
-    centre: DoubleArray
 
     def chosen(self, which: BoolArray) -> "PlaceSamples":
         """Return the places where `which` (N,) is true."""
-        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which], self.centre[which])
+        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which])
 
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
         """Return the places of several shots, one after the other."""
-        names = ("mean", "variance", "count", "clipped", "centre")
+        names = ("mean", "variance", "count", "clipped")
         return PlaceSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
@@ -75,29 +73,26 @@ def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
     """
     levels, planes = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape)
     rows = [_statistics(levels, planes, region, len(mosaic.pattern.planes)) for region in regions]
-    mean, variance, count, clipped, centre = (np.array(column) for column in zip(*rows, strict=True))
-    return PlaceSamples(mean, variance, count, clipped, centre)
+    return PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _statistics(
     levels: FloatArray, planes: np.ndarray, region: Region, number: int
-) -> tuple[DoubleArray, DoubleArray, DoubleArray, bool, DoubleArray]:
+) -> tuple[DoubleArray, DoubleArray, DoubleArray, bool]:
+    """Return mean, variance and count per plane, and whether a sample is clipped."""
     window = np.s_[region.top : region.top + region.mask.shape[0], region.left : region.left + region.mask.shape[1]]
     down, right = np.nonzero(region.mask)
     values = levels[window][region.mask].astype(np.float64)
     plane = planes[window][region.mask]
-    centre = np.array([down.mean(), right.mean()])
-    design = np.stack([np.ones(values.size), down - centre[0], right - centre[1]], axis=1)
+    design = np.stack([np.ones(values.size), down - down.mean(), right - right.mean()], axis=1)
     white = plane == number - 1
     fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
-    shading = design @ fitted / fitted[0] if fitted[0] > 0 else np.ones(values.size)
-    shading = np.clip(shading, 0.5, 2.0)
-    clipped = bool((values >= CLIPPED).any())
+    shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
     mean, variance, count = np.zeros(number), np.zeros(number), np.zeros(number)
     for index in range(number):
         of_plane = plane == index
         mean[index], variance[index], count[index] = _robust(values[of_plane], shading[of_plane])
-    return mean, variance, count, clipped, centre + np.array([region.top, region.left])
+    return mean, variance, count, bool((values >= CLIPPED).any())
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:

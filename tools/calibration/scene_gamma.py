@@ -85,7 +85,6 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
         freedom=len(level) - channels,
         level=level,
         predicted=colours @ gamma,
-        score=residual / deviation,
         used=np.abs(residual) <= _HUBER * deviation,
         condition=float(np.linalg.cond(instruments / instruments.sum(axis=1, keepdims=True))),
         spread=1.0,
