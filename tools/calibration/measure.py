@@ -101,7 +101,7 @@ def measure_chart(
     mosaic: the shot.
     reference: (24, 3), XYZ (D50), white = 1.
     corners: of the chart, see `ChartPlace`; None = find it.
-    progress: is told of the search.
+    progress: receives the stages of the search.
 
     Raises InputError with the reason if the shot cannot be used.
     """

@@ -10,6 +10,7 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError, OutputError, PanchromaError
 from tools.host.console import Console
+from tools.host.jobs import identity
 
 from .measure import ShotMeasurement, measure_chart, measure_scene
 from .noise import DarkResult, NoiseResult, measure_dark, measure_flats
@@ -56,8 +57,7 @@ def check_output(output: Path, files: CalibrationFiles, *, replace_existing: boo
         raise OutputError(f"{output}: is a folder; -o names the camera file, for example {output / 'camera.json'}")
     if not output.parent.is_dir():
         raise OutputError(f"{output}: the folder {output.parent} does not exist; create it first")
-    inputs = (*files.shots, *files.dark, *files.flat)
-    if output.exists() and any(Path(each).exists() and output.samefile(each) for each in inputs):
+    if output.exists() and identity(output) in map(identity, (*files.shots, *files.dark, *files.flat)):
         raise OutputError(f"{output}: is an input; choose another name")
     if output.exists() and not replace_existing:
         raise OutputError(f"{output}: exists already; --update puts the new parts into it, --overwrite replaces it")

@@ -101,4 +101,4 @@ def _remark_on_range(rgb: FloatArray) -> tuple[str, ...]:
     highest = float(rgb.max(initial=0))
     if not 1 < highest < np.inf:
         return ()
-    return (f"the brightest value is {highest:.4g}: sensors clip what exceeds 1.0, white; scale it if that is not intended",)
+    return (f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; scale it if that is not intended",)

@@ -32,7 +32,7 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILE
 
     mosaic: the shot.
     reference: (24, 3), XYZ (D50), white = 1.
-    progress: is told of each search.
+    progress: receives the searches.
 
     Candidates come from OpenCV's detector and from `lattice_corners`, at several scales and on parts of the frame. A candidate is
     accepted if its corners lie inside the frame, its grey row is monotone and linear, and a matrix explains its colours. Raises
