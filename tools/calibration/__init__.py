@@ -1,1 +1,1 @@
-"""What a camera is, out of its shots: gamma (Eq. 7), noise, black level, defects, colour; the file that keeps it, the report."""
+"""Calibrate a camera from its shots: gamma (Eq. 7), noise, black level, defects and colour; camera.json and the report."""

@@ -1,4 +1,4 @@
-"""camera.json on disk: parts merged into what is there, the old file kept, the difference told."""
+"""Write camera.json: merge new parts into an existing file, keep the old file, report the difference."""
 
 import json
 from dataclasses import replace
@@ -17,13 +17,13 @@ _FIELDS = {
     "defects": ("defects",),
     "colour": ("camera_to_xyz", "neutral"),
 }
-_LONG = 8  # entries of a list that the difference spells out
+_LONG = 8  # longer lists are not spelt out in the difference
 
 
 def merged(old: Camera, new: Camera) -> Camera:
-    """`old` with the parts that `new` has measured. Noise is kept in scene units, so a new gamma rescales an old noise model.
+    """Return `old` with the parts that `new` has measured. Noise is in scene units, so a new gamma rescales an old noise model.
 
-    Raises InputError, naming both, when the two are different sensors or patterns.
+    Raises InputError, naming both, if the two are different sensors or patterns.
     """
     if new.pattern is not None:
         old.check(new.pattern, new.calibration)
@@ -43,7 +43,7 @@ def merged(old: Camera, new: Camera) -> Camera:
 
 
 def difference(old: Camera, new: Camera) -> list[str]:
-    """One line per field that changed: name, old value, new value."""
+    """Return one line per changed field: name, old value, new value."""
     before, after = _flat(old.to_json()), _flat(new.to_json())
     lines = []
     for name in sorted(set(before) | set(after)):
@@ -54,14 +54,14 @@ def difference(old: Camera, new: Camera) -> list[str]:
 
 
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> None:
-    """Write the file durably; an existing one, replaced only with `overwrite`, is kept as NAME.bak. Raises OutputError."""
+    """Write the file atomically. With `overwrite` it may replace one, which is kept as NAME.bak. Raises OutputError."""
     if overwrite and path.exists():
         write_durably(path.with_name(path.name + ".bak"), path.read_bytes(), overwrite=True)
     write_durably(path, (_text(camera.to_json()) + "\n").encode(), overwrite=overwrite)
 
 
 def updated(path: Path, new: Camera) -> tuple[Camera, list[str]]:
-    """The camera in a file with the newly measured parts, and the difference to what the file says."""
+    """Return the camera in a file with the newly measured parts, and the difference to the file. Raises InputError."""
     old = read_camera(path)
     try:
         result = merged(old, new)
@@ -71,7 +71,7 @@ def updated(path: Path, new: Camera) -> tuple[Camera, list[str]]:
 
 
 def _text(value: Any, indent: str = "") -> str:
-    """JSON with a line per field and per row of a matrix, so that a line of a diff is a figure that changed."""
+    """Return JSON with a line per field and per row of a matrix, so that a diff shows the changed figures."""
     deeper = indent + "  "
     if isinstance(value, dict) and value:
         rows = [f"{deeper}{json.dumps(key)}: {_text(entry, deeper)}" for key, entry in value.items()]
@@ -83,12 +83,10 @@ def _text(value: Any, indent: str = "") -> str:
 
 
 def _flat(document: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return a JSON object with one level: nested keys are joined by dots."""
     flat: dict[str, Any] = {}
     for key, value in document.items():
-        if isinstance(value, dict):
-            flat.update(_flat(value, f"{prefix}{key}."))
-        else:
-            flat[prefix + key] = json.loads(json.dumps(value))
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: json.loads(json.dumps(value))}
     return flat
 
 

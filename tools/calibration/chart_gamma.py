@@ -1,7 +1,7 @@
 """Gamma from the patches of a chart, by regression with errors in all variables.
 
-Both sides of l = sum_i gamma_i c_i (Eq. 7) are measured with noise. Plain least squares takes the c_i for exact and comes out too
-small; the maximum of the likelihood over gamma and the true c_i together is the minimum over gamma alone of
+Both sides of l = sum_i gamma_i c_i (Eq. 7) are measured with noise. Plain least squares treats the c_i as exact, and its gamma is
+too small. The maximum of the likelihood over gamma and the true c_i together is the minimum over gamma alone of
 
     sum_j (l_j - gamma . c_j)^2 / (var l_j + sum_i gamma_i^2 var c_ij)
 
@@ -16,21 +16,19 @@ from shared.errors import InputError
 
 from .gamma import INSTEAD, GammaFit
 from .photon_transfer import fit_photon_transfer
-from .samples import PlaceSamples
+from .samples import PlaceSamples, robust_deviation
 
 WORST_CONDITION = 60.0
-_TRUST = 8.0  # samples that the noise line counts for, against a place's own variance
+_TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
 _ROUNDS = 4
-_MAD = 1.4826
 
 
 def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
-    """Gamma from the patches of one chart, any number C of channels.
+    """Estimate gamma from the patches of one chart, for any number C of channels.
 
-    Raises InputError, saying what to shoot instead, when they cannot determine it: clipped or too few patches, greys only, too few
-    colours.
+    Raises InputError that says what to shoot instead, if the patches cannot determine it: clipped, too few, too similar in colour.
     """
     channels = places.mean.shape[1] - 1
     level, colours = places.mean[:, -1], places.mean[:, :-1]
@@ -46,7 +44,7 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
     for _ in range(_ROUNDS):
         estimate = _solve(colours[used], level[used], variance[used], estimate)
         score = _score(estimate, colours, level, variance)
-        scale = max(1.0, _MAD * float(np.median(np.abs(score[used]))))
+        scale = max(1.0, robust_deviation(score[used]))
         kept = exposed & (np.abs(score) <= _REJECT * scale)
         if kept.sum() < least or (kept == used).all():
             break
@@ -57,7 +55,7 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
     condition = float(np.linalg.cond(colours[used] / level[used, None]))
     if condition > WORST_CONDITION:
         raise InputError(
-            f"gamma: the patches' colours are too much alike (condition {condition:.0f}, at most {WORST_CONDITION:.0f}): "
+            f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most {WORST_CONDITION:.0f}): "
             f"greys, or too few colours; {INSTEAD}"
         )
     return GammaFit(
@@ -66,7 +64,6 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
         freedom=freedom,
         level=level,
         predicted=colours @ estimate,
-        score=score,
         used=used,
         condition=condition,
         spread=spread,
@@ -75,16 +72,15 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
 
 
 def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
-    """The channels' levels (N, C) that agree exactly with the panchromatic ones, the likeliest given both and gamma."""
+    """Return the most likely channel levels (N, C) that fulfil Eq. 7 exactly, given the measured levels and gamma."""
     variance = mean_variance(places, ~places.clipped)
     disagreement = places.mean[:, -1] - places.mean[:, :-1] @ gamma
-    pull = variance[:, :-1] * gamma / (variance[:, -1] + variance[:, :-1] @ gamma**2)[:, None]
-    levels: DoubleArray = places.mean[:, :-1] + pull * disagreement[:, None]
-    return levels
+    pull = variance[:, :-1] * gamma / _total(variance, gamma)[:, None]
+    return places.mean[:, :-1] + pull * disagreement[:, None]
 
 
 def mean_variance(places: PlaceSamples, exposed: BoolArray) -> DoubleArray:
-    """Variance of each mean, (N, C + 1): the place's own, steadied by the noise line of all places of the plane."""
+    """Return the variance of each mean, (N, C + 1): the place's own, averaged with the noise line of its plane."""
     variance = np.zeros_like(places.mean)
     for plane in range(places.mean.shape[1]):
         mean, own, count = places.mean[:, plane], places.variance[:, plane], places.count[:, plane]
@@ -95,6 +91,11 @@ def mean_variance(places: PlaceSamples, exposed: BoolArray) -> DoubleArray:
     return variance
 
 
+def _total(variance: DoubleArray, gamma: DoubleArray) -> DoubleArray:
+    """Return the variance of l - gamma . c per place, (N,)."""
+    return variance[:, -1] + variance[:, :-1] @ gamma**2
+
+
 def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
     weight = 1 / np.sqrt(variance.sum(axis=1))
     start, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
@@ -103,31 +104,28 @@ def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> D
 
 
 def _score(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
-    score: DoubleArray = (level - colours @ gamma) / np.sqrt(variance[:, -1] + variance[:, :-1] @ gamma**2)
-    return score
+    return (level - colours @ gamma) / np.sqrt(_total(variance, gamma))
 
 
 def _solve(colours: DoubleArray, level: DoubleArray, variance: DoubleArray, start: DoubleArray) -> DoubleArray:
-    scale = max(1.0, _MAD * float(np.median(np.abs(_score(start, colours, level, variance)))))
+    scale = max(1.0, robust_deviation(_score(start, colours, level, variance)))
     found = least_squares(
         _score, start, args=(colours, level, variance), loss="huber", f_scale=_HUBER * scale, x_scale="jac", xtol=1e-12, ftol=1e-12
     )
-    solution: DoubleArray = found.x
-    return solution
+    return found.x
 
 
 def _covariance(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
-    """Inverse information, with the likeliest true channels in place of the noisy ones (whose spread would feign information)."""
-    total = variance[:, -1] + variance[:, :-1] @ gamma**2
+    """Return the inverse information, from the most likely true channels: the spread of noisy ones would count as information."""
+    total = _total(variance, gamma)
     likely = colours + variance[:, :-1] * gamma * ((level - colours @ gamma) / total)[:, None]
     information = (likely / total[:, None]).T @ likely
-    covariance: DoubleArray = np.linalg.pinv(information).astype(np.float64)
-    return covariance
+    return np.linalg.pinv(information).astype(np.float64)
 
 
 def _offset(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> float:
-    """An intercept beside gamma, in standard errors."""
-    weight = 1 / np.sqrt(variance[:, -1] + variance[:, :-1] @ gamma**2)
+    """Return the intercept of a fit of gamma with an intercept, in standard errors."""
+    weight = 1 / np.sqrt(_total(variance, gamma))
     design = np.concatenate([colours, np.ones((len(level), 1))], axis=1) * weight[:, None]
     solution, *_ = np.linalg.lstsq(design, level * weight, rcond=None)
     return float(solution[-1] / np.sqrt(np.linalg.pinv(design.T @ design)[-1, -1]))

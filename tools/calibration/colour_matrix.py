@@ -1,4 +1,4 @@
-"""Colour: the matrix from camera to XYZ (D50) that keeps white white, and the light's unevenness over the chart."""
+"""The colour matrix from camera RGB to XYZ (D50), which keeps white neutral, and the uneven light on the chart."""
 
 from dataclasses import dataclass
 
@@ -11,23 +11,27 @@ from shared.errors import InputError
 from .chart.place import COLUMNS, PATCHES, ROWS
 from .delta_e import delta_e_2000, lab_slopes
 
-GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is a little yellow, the darker ones take stray light
-_GREY_ROW = slice(18, 24)
-UNEVEN = 1.25  # brightest over dimmest light on the chart: past it the report warns
-_CROOKED = 0.15  # of log level in the grey row: stray light and reflections stay below, tone curves do not
-_STEEPEST = 0.28  # of log light from patch to patch: fourfold over the row. Half in shade it is 0.19; sRGB's curve makes 0.36
+GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
+UNEVEN = 1.25  # brightest over dimmest light on the chart: above it the report warns
+_CROOKED = 0.15  # log level: stray light and reflections bend the grey row less, tone curves more
+_STEEPEST = 0.28  # log light from patch to patch, fourfold over the row; half in the shade it is 0.19, with sRGB's curve 0.36
 _ROUNDS = 12
-_FIELD_RIDGE = 0.02  # of a patch's weight: keeps corners quiet
-_HUBER = 0.08  # of log light: a patch off by more is reflection or a shadow's edge, not the field
+_FIELD_RIDGE = 0.02  # of a patch's weight: stabilises the corners
+_HUBER = 0.08  # log light: a larger deviation is a reflection or the edge of a shadow
 
 
 @dataclass(frozen=True, eq=False)
 class ColourFit:
     """A camera's colours under one light.
 
-    matrix: (3, C), scene units -> XYZ (D50); takes `neutral` to D50 exactly. neutral: (C,), what white reads, largest 1.
-    light: (24,), relative illumination of each patch, mean 1; lab: (24, 3), the patches after correction, `reference` beside them.
-    difference: (24,) dE2000; plain: without the illumination field; left_out: each patch predicted by the others.
+    matrix: (3, C), scene units to XYZ (D50); it takes `neutral` to D50 exactly.
+    neutral: (C,), what white reads, largest entry 1.
+    light: (24,), relative illumination of each patch, mean 1.
+    lab: (24, 3), L*a*b* of the patches after correction.
+    reference: (24, 3), L*a*b* of the reference.
+    difference: (24,), dE2000 between the two.
+    plain: (24,), dE2000 if the light is treated as even.
+    left_out: (24,), dE2000 of each patch, predicted from the others (leave-one-out).
     """
 
     matrix: DoubleArray
@@ -41,16 +45,19 @@ class ColourFit:
 
     @property
     def unevenness(self) -> float:
-        """Brightest over dimmest light on the chart."""
+        """The brightest over the dimmest light on the chart."""
         return float(self.light.max() / self.light.min())
 
 
 def fit_colour(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, thorough: bool = True) -> ColourFit:
-    """Matrix, neutral and illumination field from the patches of one chart.
+    """Fit matrix, neutral and illumination field to the patches of one chart.
 
-    camera: (24, C), linear; reference: (24, 3), XYZ (D50), white = 1; cells: (24, 2), places on the chart. thorough: with the
-    leave-one-out error, which takes 24 times as long (NaN without).
-    Raises InputError when the chart's greys are black or a channel is blind.
+    camera: (24, C), linear levels.
+    reference: (24, 3), XYZ (D50), white = 1.
+    cells: (24, 2), positions of the patches on the chart.
+    thorough: compute the leave-one-out error, which takes 24 times as long; NaN otherwise.
+
+    Raises InputError if the grey patches have no light in some channel.
     """
     if camera.shape[0] != PATCHES or not (camera[list(GREYS)] > 0).all():
         raise InputError("colour: the grey patches have no light in some channel; expose more")
@@ -71,7 +78,7 @@ def fit_colour(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, 
 
 
 def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleArray) -> DoubleArray:
-    """L*a*b* (24, 3) with a matrix known before, after white balance and exposure on the greys: the state without calibration."""
+    """Return L*a*b* (24, 3) with a given matrix, after white balance and exposure on the greys: the state before calibration."""
     greys = list(GREYS)
     balanced = camera / (camera[greys] / reference[greys, 1:2]).mean(axis=0) @ np.diag(np.linalg.lstsq(matrix, D50, rcond=None)[0])
     return xyz_to_lab(balanced @ matrix.T)
@@ -80,33 +87,30 @@ def white_balanced(camera: DoubleArray, reference: DoubleArray, matrix: DoubleAr
 def _fit(
     camera: DoubleArray, reference: DoubleArray, cells: DoubleArray, *, field: bool, used: DoubleArray | None = None
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
-    """Matrix, neutral (largest 1), and light with its absolute size, patch by patch.
+    """Return matrix, neutral (largest entry 1), and the absolute light on each patch.
 
-    Light and matrix in turn: given the matrix the light is what luminance is too bright by; given the light the matrix is a linear
-    least-squares problem.
+    Light and matrix are fitted in turn: given the matrix, the light is the excess of luminance over the reference; given the
+    light, the matrix is a linear least-squares problem. used: (24,), weights; field: whether the light may be uneven.
     """
     used = np.ones(len(camera)) if used is None else used
     greys = [index for index in GREYS if used[index]]
     light = np.full(len(camera), (camera[greys].sum(axis=1) / reference[greys, 1]).mean())
     matrix = neutral = np.zeros(0)
-    for _ in range(_ROUNDS):
+    for step in range(_ROUNDS + 1):
         even = camera / light[:, None]
         neutral = (even[greys] / reference[greys, 1:2]).mean(axis=0)
         matrix = _white_preserving(even, reference, neutral, used)
-        seen = np.maximum(even @ matrix[1], 1e-6)
-        excess = np.log(seen / reference[:, 1])
-        light = light * np.exp(_surface(excess, cells, used) if field else (excess * used).sum() / used.sum())
-    even = camera / light[:, None]
-    neutral = (even[greys] / reference[greys, 1:2]).mean(axis=0)
-    matrix = _white_preserving(even, reference, neutral, used)
+        if step < _ROUNDS:
+            excess = np.log(np.maximum(even @ matrix[1], 1e-6) / reference[:, 1])
+            light = light * np.exp(_surface(excess, cells, used) if field else (excess * used).sum() / used.sum())
     scale = neutral.max()
     return matrix * scale, neutral / scale, light * scale
 
 
 def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: DoubleArray, used: DoubleArray) -> DoubleArray:
-    """Least squares over matrices M with M neutral = D50, errors counted as L*a*b* would, to first order.
+    """Return the matrix M with M neutral = D50 that has the least squared error in L*a*b*, to first order.
 
-    M = D50 n^T / n.n + Q B^T, B a basis of what is orthogonal to n: white is kept whatever Q is (G. D. Finlayson, M. S. Drew,
+    M = D50 n^T / n.n + Q B^T, where B is a basis of the space orthogonal to n: any Q preserves white (G. D. Finlayson, M. S. Drew,
     "White-point preserving color correction", CIC 1997).
     """
     basis = np.linalg.svd(neutral[None])[2][1:].T
@@ -121,23 +125,23 @@ def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: Doub
 
 
 def _emphasis(reference: DoubleArray) -> DoubleArray:
-    """CIEDE2000 counts differences of saturated colours less, by 1 + 0.045 C (its Eq. 20)."""
+    """Return weights: CIEDE2000 divides differences of saturated colours by 1 + 0.045 C (its Eq. 20)."""
     _, a, b = xyz_to_lab(reference).T
     emphasis: DoubleArray = 1 / (1 + 0.045 * np.hypot(a, b))
     return emphasis
 
 
 def _terms(cells: DoubleArray) -> DoubleArray:
+    """Return the terms of a second-order surface at positions on the chart: (N, 6)."""
     x, y = 2 * cells[:, 0] / COLUMNS - 1, 2 * cells[:, 1] / ROWS - 1
     return np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
 
 
 def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> DoubleArray:
-    """A second-order surface through (24,) logarithms, robust against single patches."""
+    """Fit a second-order surface to logarithms (24,), robust against single patches; return its values (24,)."""
     terms = _terms(cells)
     ridge = np.diag([0.0, *[_FIELD_RIDGE * PATCHES] * (terms.shape[1] - 1)])
-    weight = used
-    values = excess
+    weight, values = used, excess
     for _ in range(5):
         weighted = terms * weight[:, None]
         values = terms @ np.linalg.solve(weighted.T @ terms + ridge, weighted.T @ excess)
@@ -146,7 +150,7 @@ def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> Doub
 
 
 def _left_out(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray) -> DoubleArray:
-    """dE2000 of each patch under the matrix and the field of the 23 others."""
+    """Return the dE2000 of each patch with matrix and illumination field from the 23 others."""
     errors = np.zeros(len(camera))
     for index in range(len(camera)):
         used = np.ones(len(camera))
@@ -157,10 +161,13 @@ def _left_out(camera: DoubleArray, reference: DoubleArray, cells: DoubleArray) -
 
 
 def grey_row_fault(level: DoubleArray, reference: DoubleArray) -> str | None:
-    """Why the grey row (its six levels, white to black, and their reference Y) is none: not monotone or not linear; None if it is.
+    """Return why six levels cannot be a grey row: not monotone, or not linear; None if they can.
 
-    Light that changes along the row by a constant factor per patch is allowed for, up to what a shadow does: the greys are nearly a
-    geometric row, so that a tone curve looks like light falling off very steeply.
+    level: (6,), white to black.
+    reference: (6,), their Y.
+
+    The light may change along the row by a constant factor per patch, up to the effect of a shadow. The greys are nearly a
+    geometric series, so a tone curve looks like a very steep fall-off of the light.
     """
     if not (np.diff(level) < 0).all() or level[-1] <= 0:
         return "the grey row does not get darker from patch to patch"

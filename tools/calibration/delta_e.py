@@ -1,4 +1,4 @@
-"""The colour difference CIEDE2000, and how fast L*a*b* changes."""
+"""The colour difference CIEDE2000, and the derivative of L*a*b*."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from shared.colorimetry import CIE_EPSILON, CIE_KAPPA, D50
 
 
 def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:
-    """Derivative of L*a*b* by XYZ at colours (N, 3): (N, 3, 3)."""
+    """Return the derivative of L*a*b* with respect to XYZ at colours (N, 3): (N, 3, 3)."""
     ratio = np.maximum(np.asarray(xyz_values) / D50, 1e-6)
     slope = np.where(ratio > CIE_EPSILON, np.cbrt(ratio) / (3 * ratio), CIE_KAPPA / 116) / D50
     lightness = np.array([[0, 116, 0], [500, -500, 0], [0, 200, -200]], float)
@@ -16,7 +16,7 @@ def lab_slopes(xyz_values: DoubleArray) -> DoubleArray:
 
 
 def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
-    """CIEDE2000 between L*a*b* colours (..., 3), weights 1.
+    """Return CIEDE2000 between L*a*b* colours (..., 3), with weights 1.
 
     G. Sharma, W. Wu, E. N. Dalal, "The CIEDE2000 color-difference formula: implementation notes, supplementary test data, and
     mathematical observations", Color Research and Application 30(1), 2005; equation numbers are theirs.
@@ -34,8 +34,8 @@ def delta_e_2000(first: DoubleArray, second: DoubleArray) -> DoubleArray:
     d_hue = 2 * np.sqrt(chroma1 * chroma2) * np.sin(np.radians(turn) / 2)  # Eq. 11
     lightness, chroma = (lightness1 + lightness2) / 2, (chroma1 + chroma2) / 2  # Eqs. 12, 13
     total = hue1 + hue2
-    apart = np.abs(hue1 - hue2) > 180
-    hue = np.where(grey, total, np.where(apart, (total + np.where(total < 360, 360, -360)) / 2, total / 2))  # Eq. 14
+    wrapped = np.abs(hue1 - hue2) > 180
+    hue = np.where(grey, total, np.where(wrapped, (total + np.where(total < 360, 360, -360)) / 2, total / 2))  # Eq. 14
     weight = (
         1
         - 0.17 * np.cos(np.radians(hue - 30))

@@ -1,42 +1,46 @@
-"""From shots to a camera: the page of this package."""
+"""From measurements to a camera: measure each shot, combine the results, and decide what to warn of. Start reading here."""
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from shared import Camera, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, ByteArray, DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ, as_rows
+from shared.colorimetry import SRGB_TO_XYZ, Matrix, as_rows
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
-from .chart.find import FoundChart, chart_at, find_chart, overlay
-from .chart.place import PATCHES, ChartPlace
+from .advice import colour_warnings, gamma_warnings, noise_warnings
+from .chart.find import chart_at, find_chart
+from .chart.judge import FoundChart
+from .chart.picture import overlay
+from .chart.place import ChartPlace
 from .chart_gamma import fit_chart_gamma, reconciled
-from .colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
+from .colour_matrix import ColourFit, fit_colour, white_balanced
 from .delta_e import delta_e_2000
 from .gamma import GammaFit, check_determined, combined
 from .noise import DarkResult, NoiseResult, noise_of_places
 from .samples import PlaceSamples, patch_samples
 from .scene_gamma import fit_scene_gamma
 
-Corners = tuple[tuple[float, float], ...]
-
-_OFFSET = 4.0  # standard errors: an offset beyond is no chance
-_SPREAD = 2.5  # residuals over noise: beyond, something other than noise is in them
-_GOOD_READ = 0.05  # half width over read noise
-_SIGMAS = 1.96  # of a 95 % interval
-_GOOD_GAMMA = 0.02  # half width over gamma
-_GOOD_COLOUR, _BAD_COLOUR = 4.0, 6.0  # mean dE2000: a fair chart in fair light, and no use
+_BAD_COLOUR = 6.0  # mean dE2000: above it the colours are useless
 _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
 
 
 @dataclass(frozen=True, eq=False)
 class ShotMeasurement:
-    """What one shot gave. chart and places are None for an ordinary scene; fits: independent gammas of this shot."""
+    """Measurements of one shot.
+
+    name: of the file.
+    calibration: the shot's own.
+    fits: independent estimates of gamma; of a chart the first is from its patches.
+    chart: the chart; None for an ordinary scene, as are the next two.
+    places: statistics of the patches.
+    picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
+    """
 
     name: str
     calibration: SensorCalibration
@@ -44,16 +48,25 @@ class ShotMeasurement:
     chart: FoundChart | None = None
     places: PlaceSamples | None = None
     picture: ByteArray | None = None
-    mosaic: Mosaic | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """All that was measured.
+    """The result of a calibration.
 
-    camera: None when it was refused, with the reason in `refusal`; warnings: sentences for people. colour_shot: name of the shot
-    that gave the colours; before: (24, 3) L*a*b* of its patches with the matrix known before (sRGB's primaries without one);
-    camera_rgb: (24, C) its patches, evenly lit, 1 = what white reads in the largest channel.
+    camera: the camera; None if it was refused.
+    refusal: the reason for that, or "".
+    warnings: sentences for the user.
+    shots: measurements of the shots.
+    gamma: combined estimate of all shots.
+    colour: colours from the chart that fits best.
+    colour_shot: name of its shot.
+    before: (24, 3), L*a*b* of its patches with the matrix in the shot (without one: sRGB primaries).
+    camera_rgb: (24, C), its patches under even light, 1 = what white reads in the largest channel.
+    noise, dark: measurements of the flat (or chart) and dark frames.
+    channels: letters of the channels.
+
+    What was not measured is None.
     """
 
     camera: Camera | None
@@ -71,7 +84,7 @@ class Outcome:
 
     @property
     def verdict(self) -> str:
-        """One of "use it", "use it with care", "do not use it"."""
+        """The verdict: "use it", "use it with care" or "do not use it"."""
         if self.camera is None:
             return "do not use it"
         if self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR:
@@ -80,23 +93,29 @@ class Outcome:
 
 
 def measure_chart(
-    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Corners | None = None, progress: Progress = SILENT
+    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, progress: Progress = SILENT
 ) -> ShotMeasurement:
-    """Find the chart (or take it at `corners`), measure its patches, and gamma from it and from the scene around it.
+    """Find the chart in a shot, measure its patches, and estimate gamma from them and from the scene around the chart.
 
-    Raises InputError with the reason when the shot cannot be used.
+    name: of the file.
+    mosaic: the shot.
+    reference: (24, 3), XYZ (D50), white = 1.
+    corners: of the chart, see `ChartPlace`; None = find it.
+    progress: receives the stages of the search.
+
+    Raises InputError with the reason if the shot cannot be used.
     """
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference, progress)
     progress.stage("measuring", 1)
     places = patch_samples(mosaic, chart.place.regions())
     fits = [fit_chart_gamma(places)]
-    with suppress(InputError):  # The surroundings are a bonus: a wall behind the chart has no colours.
+    with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
         fits.append(fit_scene_gamma(mosaic, _covered(chart.place, mosaic.shape)))
-    return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place), mosaic)
+    return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
 
 
 def measure_scene(name: str, mosaic: Mosaic) -> ShotMeasurement:
-    """Gamma from a shot without a chart. Raises InputError with the reason when the shot cannot be used."""
+    """Estimate gamma from a shot without a chart. Raises InputError with the reason if the shot cannot be used."""
     return ShotMeasurement(name, mosaic.calibration, (fit_scene_gamma(mosaic),))
 
 
@@ -109,9 +128,14 @@ def conclude(
     provenance: dict[str, Any] | None = None,
     extra_defects: Sequence[tuple[int, int]] = (),
 ) -> Outcome:
-    """All measurements as one camera.
+    """Combine all measurements into one camera.
 
-    base: any frame of the camera: pattern, levels, sensor, and whatever is not measured. provenance: facts that every part records.
+    base: any frame of the camera; it gives the pattern, the levels, the sensor, and whatever was not measured.
+    shots: measured shots.
+    reference: (24, 3), XYZ (D50) of the chart, white = 1.
+    dark, noise: measurements of dark and flat frames, if any.
+    provenance: facts that every part of the camera file records.
+    extra_defects: (row, column) of further defective pixels.
     """
     noted = provenance or {}
     changes: dict[str, Any] = {}
@@ -128,7 +152,7 @@ def conclude(
         full_scale = float(gamma.gamma.sum())
         changes["gamma"] = tuple(gamma.gamma.tolist())
         measured["gamma"] = {**noted, **_gamma_facts(gamma, shots)}
-        warnings += _gamma_warnings(gamma, shots)
+        warnings += gamma_warnings(gamma, shots)
     if dark:
         changes["black_level"] = tuple(dark.black.tolist())
         measured["black_level"] = {**noted, "frames": dark.frames, "standard_error": _rounded(dark.black_error)}
@@ -137,13 +161,13 @@ def conclude(
         changes["defects"] = tuple(defects)
         measured["defects"] = {**noted, "part_of_pixels": len(defects) / base.samples.size}
         if len(defects) > 1e-3 * base.samples.size:
-            warnings.append(f"{len(defects)} defective pixels ({100 * len(defects) / base.samples.size:.2f} %) are many")
+            warnings.append(f"there are many defective pixels: {len(defects)} ({100 * len(defects) / base.samples.size:.2f} %)")
     charts = [shot for shot in shots if shot.chart is not None and shot.places is not None]
     if noise is None and charts:
         read = dark.read / (base.calibration.white_level - dark.black) if dark else None
         noise = noise_of_places(PlaceSamples.joined([shot.places for shot in charts if shot.places]), base, read)
         warnings.append(
-            "noise is measured on the chart's patches, whose texture adds to it: pairs of flat frames (--flat) measure noise alone"
+            "noise was measured on the chart's patches, whose texture adds to it; pairs of flat frames (--flat) show only noise"
         )
     if noise:
         changes["noise"] = noise.model(full_scale)
@@ -153,7 +177,7 @@ def conclude(
             "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
-        warnings += _noise_warnings(noise)
+        warnings += noise_warnings(noise)
     colour, shot, before, camera_rgb = _colour(charts, gamma, reference)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
@@ -167,7 +191,7 @@ def conclude(
             "leave_one_out_dE2000": round(float(colour.left_out.mean()), 3),
             "light_unevenness": round(colour.unevenness, 3),
         }
-        warnings += _colour_warnings(colour, shot)
+        warnings += colour_warnings(colour, shot)
     calibration = replace(base.calibration, **changes)
     camera = None if refusal else Camera(calibration, base.pattern, measured)
     return Outcome(
@@ -178,7 +202,7 @@ def conclude(
 def _colour(
     charts: Sequence[ShotMeasurement], gamma: GammaFit | None, reference: DoubleArray
 ) -> tuple[ColourFit | None, str, DoubleArray | None, DoubleArray | None]:
-    """The colours by the chart that fits best; its name; L*a*b* before; evenly lit camera RGB of its patches."""
+    """Return the best chart's colours, its shot's name, L*a*b* before, and camera RGB of its patches under even light."""
     if gamma is None:
         return None, "", None, None
     candidates = []
@@ -200,7 +224,7 @@ def _colour(
 
 
 def _covered(place: ChartPlace, shape: tuple[int, int]) -> BoolArray:
-    """Pixels of the chart, with the card around it."""
+    """Return which pixels show the chart, with the card around it: (H, W)."""
     covered = np.zeros(shape, bool)
     for region in place.regions(1.4):
         top, left = max(region.top, 0), max(region.left, 0)
@@ -219,56 +243,6 @@ def _gamma_facts(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str,
         "condition": round(gamma.condition, 2),
         "residuals_over_noise": round(gamma.spread, 2),
     }
-
-
-def _gamma_warnings(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
-    warnings = []
-    if gamma.worst > _GOOD_GAMMA:
-        warnings.append(
-            f"gamma is known to {100 * gamma.worst:.1f} % only (95 %): more light, a larger chart or more shots narrow it"
-        )
-    if abs(gamma.offset) > _OFFSET:
-        warnings.append(
-            f"the panchromatic samples have an offset of {gamma.offset:+.1f} standard errors against the colours: "
-            "the black level looks wrong; take dark frames (--dark)"
-        )
-    if gamma.spread > _SPREAD:
-        warnings.append(
-            f"residuals are {gamma.spread:.1f} times what noise explains: "
-            "reflections, a dirty chart, or a sensor that is not linear"
-        )
-    for shot in shots:
-        if shot.places is None:
-            continue
-        clipped = int(shot.places.clipped.sum())
-        if clipped:
-            warnings.append(f"{shot.name}: {clipped} of {PATCHES} patches are clipped and were left out; expose less for colours")
-        left_out = int((~shot.fits[0].used).sum()) - clipped
-        if left_out > 0:
-            warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
-    return warnings
-
-
-def _noise_warnings(noise: NoiseResult) -> list[str]:
-    """Of a read noise that is the small rest of a large variance: shot noise hides it in all but the darkest frames."""
-    part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if not part > _GOOD_READ / _SIGMAS:
-        return []
-    known = f"to {100 * _SIGMAS * part:.0f} %" if _SIGMAS * part < 1 else "not at all"
-    return [f"read noise is known {known} (95 %), for {noise.source} hardly show it: take dark frames (--dark)"]
-
-
-def _colour_warnings(colour: ColourFit, shot: str) -> list[str]:
-    warnings = []
-    if colour.unevenness > UNEVEN:
-        warnings.append(
-            f"{shot}: the light on the chart is uneven, {colour.unevenness:.2f} times brighter at one place than at another; "
-            "colours are corrected for it, an evenly lit chart would be better"
-        )
-    mean = float(colour.difference.mean())
-    if mean > _GOOD_COLOUR:
-        warnings.append(f"{shot}: colours fit the reference to a mean dE2000 of {mean:.1f}, worse than {_GOOD_COLOUR:.0f}")
-    return warnings
 
 
 def _rounded(values: DoubleArray) -> list[float]:

@@ -1,4 +1,4 @@
-"""Noise, black level and defects per filter colour, from dark frames and pairs of flat frames (EMVA Standard 1288, release 4)."""
+"""Black level, noise and defects per filter colour, from dark frames and pairs of flat frames (EMVA Standard 1288, release 4)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,18 +14,25 @@ from .photon_transfer import PhotonTransfer, fit_photon_transfer
 from .samples import CLIPPED, PlaceSamples, levels_of
 
 _ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
-_CLIP = 5.0  # standard deviations kept when a spread is measured
-_DEFECT = 5.5  # standard deviations of the averaged dark frame: 4e-8 of good pixels lie beyond
-_DEAD = 0.5  # of the median of its plane nearby, in a flat frame
+_CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
+_DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pixels are beyond
+_DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _NOT_DARK = 0.1  # of full scale above black
-_ALIKE = 0.03  # relative: flats of one exposure
-_TILES = 12  # per side, at most: flats are never quite even, so means and variances are taken in tiles
-_LEAST_SAMPLES = 40  # of the rarest plane in a tile, about
+_SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
+_TILES = 12  # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
+_LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
 
 
 @dataclass(frozen=True, eq=False)
 class DarkResult:
-    """Of N dark frames. black: codes per plane, and black_error; read: standard deviation per plane, codes, rounding taken out."""
+    """Measurements of dark frames, per plane (the C channels, then panchromatic), in codes.
+
+    frames: their number.
+    black: (C + 1,), black level.
+    black_error: (C + 1,), its standard error.
+    read: (C + 1,), read noise as a standard deviation, without the effect of rounding to codes.
+    defects: (row, column) of pixels that are not black.
+    """
 
     frames: int
     black: DoubleArray
@@ -36,23 +43,26 @@ class DarkResult:
 
 @dataclass(frozen=True, eq=False)
 class NoiseResult:
-    """Photon transfer per plane (the channels, then panchromatic), in parts of full scale, with the points behind the lines."""
+    """Photon transfer in parts of full scale.
+
+    lines: per plane (the channels, then panchromatic).
+    points: the measurements that the lines were fitted to.
+    source: which frames they come from, for people.
+    """
 
     lines: tuple[PhotonTransfer, ...]
     points: PlaceSamples
     source: str
 
     def model(self, full_scale: float) -> NoiseModel:
-        """In scene units, `full_scale` of them at the white level: shot scales with it, read too (variance with its square)."""
-        return NoiseModel(
-            tuple(full_scale * line.shot for line in self.lines), tuple(full_scale * line.read for line in self.lines)
-        )
+        """Return the noise model in scene units; full_scale: scene units at the white level."""
+        return NoiseModel(*(tuple(full_scale * getattr(line, name) for line in self.lines) for name in ("shot", "read")))
 
 
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
-    """Black level and read noise per filter colour, and the pixels that are not black.
+    """Measure black level and read noise per filter colour, and find the pixels that are not black.
 
-    frames: at least one, all alike. Raises InputError when they are not dark.
+    frames: one or more, with the same exposure. Raises InputError if they are not dark.
     """
     first = frames[0]
     planes = first.pattern.filter_map(first.shape)
@@ -81,42 +91,44 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
 
 
 def measure_flats(frames: Sequence[Mosaic], read: DoubleArray | None) -> tuple[NoiseResult, list[tuple[int, int]], list[int]]:
-    """Photon transfer from pairs of equal flat frames: half the variance of their difference is noise alone, without fixed pattern.
+    """Measure noise from pairs of equal flat frames: half the variance of their difference is noise without fixed pattern.
 
-    read: per plane, parts of full scale, known from dark frames; or None: the intercept.
-    Returns the result, the pixels that are dead in the brightest pair, and the indices of frames that found no partner.
-    Raises InputError when there is no pair.
+    frames: flat frames of one or more exposures, in any order.
+    read: (C + 1,), read noise from dark frames, parts of full scale; None = it is the intercept of the fit.
+
+    Returns the noise, the pixels that are dead in the brightest pair, and the indices of frames without a partner. Raises
+    InputError if there is no pair.
     """
     planes = frames[0].pattern.filter_map(frames[0].shape)
     white = len(frames[0].pattern.planes) - 1
     levels = [levels_of(frame).astype(np.float64) for frame in frames]
     brightness = [float(np.median(level[planes == white])) for level in levels]
     order = sorted((index for index in range(len(frames)) if 0 < brightness[index] < CLIPPED), key=lambda index: brightness[index])
-    pairs, alone = [], [index for index in range(len(frames)) if index not in order]
+    pairs, unpaired = [], [index for index in range(len(frames)) if index not in order]
     while order:
         first = order.pop(0)
-        if order and brightness[order[0]] <= brightness[first] * (1 + _ALIKE):
+        if order and brightness[order[0]] <= brightness[first] * (1 + _SAME_EXPOSURE):
             pairs.append((first, order.pop(0)))
         else:
-            alone.append(first)
+            unpaired.append(first)
     if not pairs:
         raise InputError(
-            "flat frames: no two have the same exposure without being clipped; take two of each, at several exposures up to three "
+            "flat frames: no two unclipped frames have the same exposure; take two of each, at several exposures up to three "
             "quarters of full scale"
         )
     points = PlaceSamples.joined([_pair_points(levels[first], levels[second], planes, white + 1) for first, second in pairs])
     result = _fitted(points, frames[0], read, f"{len(pairs)} pairs of flat frames")
     first, second = pairs[-1]
-    return result, _dead(levels[first] + levels[second], planes), alone
+    return result, _dead(levels[first] + levels[second], planes), unpaired
 
 
 def noise_of_places(places: PlaceSamples, mosaic: Mosaic, read: DoubleArray | None) -> NoiseResult:
-    """Photon transfer from the patches of a chart: an upper bound where they have texture. Arguments as above."""
+    """Measure noise from the patches of a chart: an upper bound if they have texture. read: see `measure_flats`."""
     return _fitted(places.chosen(~places.clipped), mosaic, read, "the chart's patches")
 
 
 def _fitted(points: PlaceSamples, mosaic: Mosaic, read: DoubleArray | None, source: str) -> NoiseResult:
-    """A line per plane, after taking out the variance that rounding to codes adds."""
+    """Fit a line per plane, after subtracting the variance that rounding to codes adds."""
     calibration = mosaic.calibration
     rounding = _ROUNDING / (calibration.white_level - np.array(calibration.black_level)) ** 2
     points = replace(points, variance=np.maximum(points.variance - rounding, 0))
@@ -130,7 +142,7 @@ def _fitted(points: PlaceSamples, mosaic: Mosaic, read: DoubleArray | None, sour
 
 
 def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, number: int) -> PlaceSamples:
-    """Mean, and half the variance of the difference, of each plane in tiles."""
+    """Return mean and half the variance of the difference of two frames, per tile and plane; number: of planes."""
     rows = []
     for window in _tiles(planes):
         here = planes[window]
@@ -145,15 +157,13 @@ def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, nu
             variance[plane] = difference[good].var(ddof=1) / 2
             count[plane] = good.sum()
             brightest = max(brightest, float(np.quantile(np.maximum(a, b), 0.99)))
-        middle = ((window[0].start + window[0].stop) / 2, (window[1].start + window[1].stop) / 2)
-        rows.append((mean, variance, count, brightest >= CLIPPED, middle))
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
-    points = PlaceSamples(*columns)
+        rows.append((mean, variance, count, brightest >= CLIPPED))
+    points = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
     return points.chosen(~points.clipped)
 
 
 def _dead(bright: DoubleArray, planes: np.ndarray) -> list[tuple[int, int]]:
-    """Pixels with less than half the light of their plane around them."""
+    """Return (row, column) of pixels with less than half the light of their plane in the same tile."""
     found = []
     for window in _tiles(planes):
         tile, here = bright[window], planes[window]
@@ -164,7 +174,7 @@ def _dead(bright: DoubleArray, planes: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
-    """The frame in tiles, as many as leave enough samples of every plane in each."""
+    """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
     rarest = int(np.bincount(planes.ravel()).min())
     number = int(np.clip(np.sqrt(rarest / _LEAST_SAMPLES), 1, _TILES))
     for top, bottom in _cuts(planes.shape[0], number):
@@ -178,9 +188,9 @@ def _cuts(length: int, number: int) -> list[tuple[int, int]]:
 
 
 def _clipped(values: DoubleArray) -> tuple[float, float]:
-    """Mean and standard deviation without outliers, by clipping until nothing changes.
+    """Return mean and standard deviation without outliers, which are clipped until nothing changes.
 
-    Not the median deviation: whole codes a fraction of one apart have none.
+    Do not use the median deviation: it is 0 or 1 for integer codes with little noise.
     """
     kept = values
     centre, spread = float(np.median(kept)), float(kept.std())

@@ -1,4 +1,4 @@
-"""Photon transfer: variance against mean gives gain and read noise (J. R. Janesick, Photon Transfer, SPIE 2007; EMVA 1288)."""
+"""Photon transfer: fit variance over mean to get gain and read noise (J. R. Janesick, Photon Transfer, SPIE 2007; EMVA 1288)."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,20 @@ from scipy.optimize import nnls
 
 from shared.arrays import BoolArray, DoubleArray
 
+from .samples import robust_deviation
+
 _ROUNDS = 12
-_HIGH = 4.0  # standard deviations above the line: texture, not noise
+_HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 
 
 @dataclass(frozen=True)
 class PhotonTransfer:
-    """variance = shot * mean + read**2 of one plane, in parts of full scale; with standard errors of both."""
+    """The line variance = shot * mean + read**2 of one plane, in parts of full scale.
+
+    shot: variance per level.
+    read: standard deviation without light.
+    shot_error, read_error: their standard errors; 0 = given, not fitted.
+    """
 
     shot: float
     read: float
@@ -21,16 +28,17 @@ class PhotonTransfer:
     read_error: float
 
     def variance(self, mean: DoubleArray) -> DoubleArray:
-        """Of a single sample at these means."""
-        predicted: DoubleArray = self.shot * np.maximum(mean, 0) + self.read**2
-        return predicted
+        """Return the variance of a single sample at these means."""
+        return self.shot * np.maximum(mean, 0) + self.read**2
 
 
 def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
-    """The line through (mean, variance) of places of one plane, neither figure negative.
+    """Fit the line through the means and variances of N places of one plane; neither shot nor read is negative.
 
-    mean, variance, count: (N,), parts of full scale; a variance of n samples is known to 2 variance^2 / (n - 1), its weight.
-    read: read noise known from dark frames; otherwise it is the line's intercept.
+    mean, variance: (N,), parts of full scale.
+    count: (N,), number of samples; it gives the weight, because the variance of n samples has the variance 2 variance^2 / (n - 1).
+    read: read noise from dark frames, parts of full scale; None = it is the line's intercept.
+
     Places far above the line have texture and are left out.
     """
     good = (count > 1) & np.isfinite(variance)
@@ -46,7 +54,7 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
         coefficients, _ = nnls(columns[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
         predicted = np.maximum(columns @ coefficients + offset, 1e-15)
         score = (variance / predicted - 1) * np.sqrt((count - 1) / 2)
-        spread = max(1.0, 1.4826 * float(np.median(np.abs(score))))
+        spread = max(1.0, robust_deviation(score))
         kept = score <= _HIGH * spread
         if kept.sum() < 2:
             kept = np.ones(mean.size, bool)

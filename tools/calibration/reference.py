@@ -1,4 +1,4 @@
-"""Reference colours of a chart: the built-in ColorChecker, or CGATS files (.ti3, .cie) as Argyll CMS reads and writes them."""
+"""Reference colours of a chart: the built-in ColorChecker, or a CGATS file (.ti3, .cie), the format of Argyll CMS."""
 
 import re
 from pathlib import Path
@@ -14,30 +14,30 @@ from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
 from .chart.place import COLUMNS, PATCHES
 
 _PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
+_COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
-_LARGEST = 1000  # of XYZ on a scale of 100, or of L*a*b*: no chart has what is larger
+_LARGEST = 1000  # XYZ on a scale of 100, or L*a*b*: no chart has larger values
 
 
 def color_checker_xyz() -> DoubleArray:
-    """XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
+    """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
     return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
 
 def read_reference(path: Path) -> DoubleArray:
-    """XYZ (24, 3), D50 with white = 1, in reading order, from a CGATS file with XYZ (0..100) or L*a*b* of 24 patches.
+    """Read a CGATS file with XYZ (0..100) or L*a*b* of 24 patches; return XYZ (24, 3), D50 with white = 1, in reading order.
 
-    Patches are named by column and row (A1 dark skin, A4 white, F4 black, as in Argyll's ColorChecker.cie) or by number in reading
-    order; without either they come in reading order. Raises InputError that names the file and what is missing.
+    Patches are named by column and row (A1 dark skin, A4 white, F4 black, as in Argyll's ColorChecker.cie) or numbered in reading
+    order; without names they are in reading order. Raises InputError that names the file and what is wrong with it.
     """
     try:
         text = read_whole(path, MAX_DOCUMENT, "a CGATS file").decode("latin-1")
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     fields, rows = _table(text, path)
-    names = next((name for name in ("XYZ_X", "LAB_L") if name in fields), None)
-    if names is None:
+    columns = next((names for names in _COLUMNS if names[0] in fields), None)
+    if columns is None:
         raise InputError(f"{path}: has neither XYZ_X, XYZ_Y, XYZ_Z nor LAB_L, LAB_A, LAB_B")
-    columns = ["XYZ_X", "XYZ_Y", "XYZ_Z"] if names == "XYZ_X" else ["LAB_L", "LAB_A", "LAB_B"]
     if len(rows) != PATCHES or any(column not in fields for column in columns):
         raise InputError(f"{path}: {len(rows)} patches with {', '.join(columns)}, expected {PATCHES}")
     try:
@@ -45,20 +45,23 @@ def read_reference(path: Path) -> DoubleArray:
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     if not np.isfinite(values).all() or np.abs(values).max() > _LARGEST:
-        raise InputError(f"{path}: a colour is not within 0 to {_LARGEST}: XYZ of 0..100, or L*a*b*, was expected")
+        raise InputError(f"{path}: a colour is beyond {_LARGEST}; expected XYZ of 0..100, or L*a*b*")
     label = next((name for name in ("SAMPLE_LOC", "SAMPLE_NAME", "SAMPLE_ID") if name in fields), None)
-    order = [_index(row[fields.index(label)], number) if label else number for number, row in enumerate(rows)]
+    order = [_index(row[fields.index(label)]) if label else number for number, row in enumerate(rows)]
     if sorted(order) != list(range(PATCHES)):
         raise InputError(f"{path}: {label} does not name each of the patches A1 to F4 (or 1 to {PATCHES}) once")
     ordered = np.empty_like(values)
     ordered[order] = values
-    return ordered / 100 if names == "XYZ_X" else lab_to_xyz(ordered)
+    return ordered / 100 if columns == _COLUMNS[0] else lab_to_xyz(ordered)
 
 
 def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
-    """A .ti3 of camera RGB (24, 3), 1 = white, beside reference XYZ (24, 3): what Argyll's colprof makes a profile from.
+    """Return a .ti3 file, from which Argyll's colprof makes a profile.
 
-    colprof takes device values from 0 to 100 alone; a camera's have no scale of their own, so brighter ones darken all.
+    reference: (24, 3), XYZ (D50), white = 1.
+    camera: (24, 3), camera RGB, 1 = white.
+
+    colprof accepts device values from 0 to 100. A camera's values have no fixed scale: if one exceeds 1, all are scaled down.
     """
     camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
     lines = [
@@ -66,7 +69,7 @@ def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
         "",
         'DESCRIPTOR "Panchroma chart measurement"',
         'ORIGINATOR "Panchroma"',
-        'KEYWORD "DEVICE_CLASS"',  # CGATS wants words that are not its own declared
+        'KEYWORD "DEVICE_CLASS"',  # CGATS requires declarations of non-standard keywords
         'DEVICE_CLASS "INPUT"',
         'KEYWORD "COLOR_REP"',
         'COLOR_REP "XYZ_RGB"',
@@ -86,7 +89,7 @@ def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
 
 
 def _table(text: str, path: Path) -> tuple[list[str], list[list[str]]]:
-    """Field names and rows of the first table."""
+    """Return field names and rows of the first table."""
     words = [quoted or bare for quoted, bare in _WORD.findall(text)]
     try:
         begin = words.index("BEGIN_DATA_FORMAT")
@@ -100,8 +103,8 @@ def _table(text: str, path: Path) -> tuple[list[str], list[list[str]]]:
     return fields, [words[start : start + len(fields)] for start in range(0, len(words), len(fields))]
 
 
-def _index(name: str, number: int) -> int:
-    """Reading-order index of a patch's name; -1 for none."""
+def _index(name: str) -> int:
+    """Return the index, in reading order, of a patch's name; -1 = not a name."""
     if place := _PLACE.fullmatch(name):
         return (int(place[2]) - 1) * COLUMNS + "ABCDEF".index(place[1].upper())
     return int(name) - 1 if re.fullmatch(r"[0-9]{1,3}", name) else -1

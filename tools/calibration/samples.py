@@ -1,7 +1,7 @@
-"""Means and variances of the mosaic's own samples, place by place: nothing is reconstructed, so nothing is assumed.
+"""Means and variances of the mosaic's samples in places such as patches. They are measured values: nothing is reconstructed.
 
-Levels are parts of full scale: (code - black) / (white - black). Eq. 7 holds in them with the very same gamma as in scene units,
-because full scale is one figure for all planes; that is why gamma can be measured without knowing it.
+Levels are parts of full scale: (code - black) / (white - black). Full scale is the same for all planes, so Eq. 7 has the same
+gamma for levels as for scene units. That is why gamma can be measured without knowing full scale in scene units.
 """
 
 from collections.abc import Sequence
@@ -12,14 +12,17 @@ import numpy as np
 from shared import Mosaic
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 
-CLIPPED = 0.985  # of full scale: nearer to it noise would have been cut off
-_OUTLIER = 5.0  # standard deviations: dust, glints, hot pixels. One Gaussian sample in two million
-_MAD = 1.4826  # standard deviations of a Gaussian, per median absolute deviation
+CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
+_OUTLIER = 5.0  # standard deviations: dust, glints, hot pixels; one Gaussian sample in two million is beyond
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Pixels of a place: rows and columns from `top`, `left`, and which of them belong to it."""
+    """The pixels of a place.
+
+    top, left: first row and column of a rectangle.
+    mask: (h, w), which pixels of the rectangle belong to the place.
+    """
 
     top: int
     left: int
@@ -28,78 +31,77 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class PlaceSamples:
-    """Statistics of N places, per plane (the channels, then panchromatic), in parts of full scale.
+    """Statistics of N places, per plane (the C channels, then panchromatic), in parts of full scale.
 
-    mean: (N, C + 1), at the centre of each place; variance: (N, C + 1), of a single sample about the place's shading;
-    count: (N, C + 1) samples; clipped: (N,), whether a sample lies at the white level; centre: (N, 2) sensor row and column.
+    mean: (N, C + 1), level at the centre of the place.
+    variance: (N, C + 1), of a single sample about the place's shading.
+    count: (N, C + 1), number of samples.
+    clipped: (N,), whether a sample is at the white level.
     """
 
     mean: DoubleArray
     variance: DoubleArray
     count: DoubleArray
     clipped: BoolArray
-    centre: DoubleArray
 
     def chosen(self, which: BoolArray) -> "PlaceSamples":
-        """The places where `which` (N,) is true."""
-        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which], self.centre[which])
+        """Return the places where `which` (N,) is true."""
+        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which])
 
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
-        """The places of several shots, one after the other."""
-        return PlaceSamples(
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("mean", "variance", "count", "clipped", "centre")
-            )
-        )
+        """Return the places of several shots, one after the other."""
+        names = ("mean", "variance", "count", "clipped")
+        return PlaceSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
-    """The samples in parts of full scale, float32 (H, W)."""
+    """Return the samples in parts of full scale, float32 (H, W)."""
     return mosaic.signal / np.float32(mosaic.calibration.full_scale)
 
 
-def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
-    """Statistics of the patches of a chart.
+def robust_deviation(residuals: DoubleArray) -> float:
+    """Return the standard deviation of residuals about 0 from their median absolute value; outliers hardly change it."""
+    return 1.4826 * float(np.median(np.abs(residuals)))  # 1.4826: for a Gaussian
 
-    Light may fall off across a patch, alike in all planes: a plane is fitted to the many panchromatic samples, and every plane is
-    divided by it, so that samples at different sites can be compared.
+
+def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
+    """Return the statistics of the patches of a chart.
+
+    The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
+    are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
     levels, planes = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape)
     rows = [_statistics(levels, planes, region, len(mosaic.pattern.planes)) for region in regions]
-    mean, variance, count, clipped, centre = (np.array(column) for column in zip(*rows, strict=True))
-    return PlaceSamples(mean, variance, count, clipped, centre)
+    return PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _statistics(
     levels: FloatArray, planes: np.ndarray, region: Region, number: int
-) -> tuple[DoubleArray, DoubleArray, DoubleArray, bool, DoubleArray]:
+) -> tuple[DoubleArray, DoubleArray, DoubleArray, bool]:
+    """Return mean, variance and count per plane, and whether a sample is clipped."""
     window = np.s_[region.top : region.top + region.mask.shape[0], region.left : region.left + region.mask.shape[1]]
     down, right = np.nonzero(region.mask)
     values = levels[window][region.mask].astype(np.float64)
     plane = planes[window][region.mask]
-    centre = np.array([down.mean(), right.mean()])
-    design = np.stack([np.ones(values.size), down - centre[0], right - centre[1]], axis=1)
+    design = np.stack([np.ones(values.size), down - down.mean(), right - right.mean()], axis=1)
     white = plane == number - 1
     fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
-    shading = design @ fitted / fitted[0] if fitted[0] > 0 else np.ones(values.size)
-    shading = np.clip(shading, 0.5, 2.0)
-    clipped = bool((values >= CLIPPED).any())
+    shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
     mean, variance, count = np.zeros(number), np.zeros(number), np.zeros(number)
     for index in range(number):
         of_plane = plane == index
         mean[index], variance[index], count[index] = _robust(values[of_plane], shading[of_plane])
-    return mean, variance, count, clipped, centre + np.array([region.top, region.left])
+    return mean, variance, count, bool((values >= CLIPPED).any())
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:
-    """Mean at shading 1, variance, and count of the samples that belong together."""
+    """Return mean at shading 1, variance, and number of the samples without outliers."""
     if values.size < 2:
         return (float(values.sum()), 0.0, values.size)
     residual = values - np.median(values / shading) * shading
-    spread = _MAD * np.median(np.abs(residual))
-    # Of a handful of samples the spread itself is a guess: better keep them all.
+    spread = robust_deviation(residual)
+    # With few samples the spread itself is uncertain: keep them all.
     if values.size >= 9 and spread > 0:
         kept = np.abs(residual) <= _OUTLIER * spread
         values, shading = values[kept], shading[kept]

@@ -1,12 +1,12 @@
-"""Gamma from an ordinary scene: every colour block beside the panchromatic samples around it.
+"""Gamma from an ordinary scene: every colour block is compared with the panchromatic samples around it.
 
-A single block is noisy, so its own colour must not choose how it counts: least squares would take noise for colour and come out
-too small. The colours of the eight neighbour blocks, which share none of its noise, stand in as *instruments* z (O. Reiersøl, 1945;
-W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.4):
+A single block is noisy, so its own colour must not decide its weight: least squares would treat noise as colour, and its gamma
+would be too small. The colours of the eight neighbour blocks, whose noise is independent, serve as *instruments* z (O. Reiersøl,
+1945; W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.4):
 
     sum_j w_j z_j (l_j - gamma . c_j) = 0
 
-holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block are read off its neighbours.
+holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block come from its neighbours.
 """
 
 from dataclasses import dataclass
@@ -19,24 +19,30 @@ from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
 from .gamma import INSTEAD, GammaFit
-from .samples import CLIPPED, levels_of
+from .samples import CLIPPED, levels_of, robust_deviation
 
-_REACH = 2  # pixels around a block: the ring of panchromatic samples
-_DARK = 0.0015  # of full scale: darker places say nothing, and an error of the black level is large there
+_REACH = 2  # pixels: width of the ring of panchromatic samples around a block
+_DARK = 0.0015  # of full scale: in darker places an error of the black level is large
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], float)
 _LEAST_NEIGHBOURS = 6
-_SMOOTH = 2.0  # roughness of a smooth place, over that of the smoothest tenth at its level
-_LEVELS, _TEXTURES = 10, 8  # classes of blocks that share a variance
-_HUBER = 4.0  # standard deviations; closer, and the skew of texture is taken for colour
+_SMOOTH = 2.0  # largest roughness of a smooth place, over that of the smoothest tenth at its level
+_LEVELS, _TEXTURES = 10, 8  # numbers of classes of blocks that share a variance
+_HUBER = 4.0  # standard deviations; with less, the skew of texture would count as colour
 _ROUNDS = 12
-_FLOOR = 0.004  # of gamma: what texture leaves behind on photographs, however many blocks there are
+_FLOOR = 0.004  # of gamma: error that texture causes on photographs, however many blocks there are
 LEAST_BLOCKS = 300
-LEAST_STRENGTH = 12.0  # of the instruments in the weakest direction, in standard deviations
+LEAST_STRENGTH = 12.0  # strength of the instruments in the weakest direction, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Per block on its grid: panchromatic level at the centre, channels there, variance about a plane, whether it can be used."""
+    """Measurements of the blocks on their grid (n, m).
+
+    level: panchromatic level at the centre.
+    colours: (n, m, C), channels there.
+    texture: variance of the ring about a linear surface.
+    usable: whether the block can be used.
+    """
 
     level: DoubleArray
     colours: DoubleArray
@@ -45,10 +51,12 @@ class _Blocks:
 
 
 def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaFit:
-    """Gamma from the smooth places of a shot, any number of channels.
+    """Estimate gamma from the smooth places of a shot, for any number of channels.
 
-    excluded: (H, W), pixels whose blocks are left out (a chart that is measured by itself).
-    Raises InputError, saying what to shoot instead, when there are too few blocks, or too little colour.
+    mosaic: the shot.
+    excluded: (H, W), pixels whose blocks are left out (a chart, which is measured separately).
+
+    Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
     blocks = _measured(mosaic, excluded)
     level, colours, instruments, classes = _chosen(blocks)
@@ -77,7 +85,6 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
         freedom=len(level) - channels,
         level=level,
         predicted=colours @ gamma,
-        score=residual / deviation,
         used=np.abs(residual) <= _HUBER * deviation,
         condition=float(np.linalg.cond(instruments / instruments.sum(axis=1, keepdims=True))),
         spread=1.0,
@@ -86,7 +93,7 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
 
 
 def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
-    """Every whole block with a ring around it."""
+    """Measure every whole block that has a ring around it."""
     pattern, levels = mosaic.pattern, levels_of(mosaic).astype(np.float64)
     grid, (high, wide) = pattern.grid(mosaic.shape), pattern.block_shape
     reach = min(_REACH, pattern.period - max(high, wide))
@@ -113,7 +120,9 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
         slope = plane[..., 1:] @ (np.array([row, column]) - middle)
         sample = at(row, column)
         colours[..., channel] += sample
-        shading[..., channel] += np.clip(1 + slope / np.maximum(level, 1e-6), 0.5, 2)  # Light falls off alike in all planes.
+        shading[..., channel] += np.clip(
+            1 + slope / np.maximum(level, 1e-6), 0.5, 2
+        )  # The light falls off equally for all filters.
         brightest = np.maximum(brightest, sample)
     usable = brightest < CLIPPED
     if excluded is not None:
@@ -122,7 +131,7 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
 
 
 def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
-    """Level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places."""
+    """Return level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places."""
     usable = blocks.usable.astype(np.float64)
     number = convolve(usable, _NEIGHBOURS, mode="constant")
 
@@ -148,17 +157,16 @@ def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.
 
 
 def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:
-    """Standard deviation of each residual: the robust one of its class."""
+    """Return the standard deviation of each residual: a robust one for its class."""
     deviation = np.ones(residual.size)
-    overall = 1.4826 * float(np.median(np.abs(residual)))
     for index in np.unique(classes):
         alike = classes == index
-        deviation[alike] = 1.4826 * np.median(np.abs(residual[alike]))
-    return np.maximum(deviation, max(0.05 * overall, 1e-9))
+        deviation[alike] = robust_deviation(residual[alike])
+    return np.maximum(deviation, max(0.05 * robust_deviation(residual), 1e-9))
 
 
 def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: DoubleArray) -> None:
-    """Refuse when the neighbours' chromaticities do not foretell a block's own: then there is noise and no colour."""
+    """Raise InputError if the neighbours' chromaticities do not predict a block's own: then there is only noise, not colour."""
     total = instruments.sum(axis=1, keepdims=True)
     grey = np.average(instruments / total, axis=0, weights=total[:, 0])
     expected, found = (values - total * grey for values in (instruments, colours))
@@ -168,6 +176,6 @@ def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: D
     strengths = [float(d @ weighted.T @ found @ d / np.sqrt(d @ weighted.T @ expected @ d)) for d in directions]
     if min(strengths) < LEAST_STRENGTH:
         raise InputError(
-            f"gamma: the scene's colours stand out of the noise by {max(min(strengths), 0):.1f} where they differ least, and "
-            f"{LEAST_STRENGTH:.0f} are needed: greys, or too few colours; {INSTEAD}"
+            f"gamma: in their weakest direction the scene's colours are {max(min(strengths), 0):.1f} standard deviations above the "
+            f"noise, and {LEAST_STRENGTH:.0f} are needed: greys, or too few colours; {INSTEAD}"
         )

@@ -1,1 +1,1 @@
-"""A camera at work: frames in, saved shots and a viewfinder out."""
+"""A running camera: the sources of its frames, and the viewfinder."""

@@ -1,4 +1,4 @@
-"""The viewfinder's web page: a server for one camera and the few people who look through it."""
+"""The viewfinder's web server, for one camera and a few viewers."""
 
 import ipaddress
 import json
@@ -27,75 +27,81 @@ _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'none'; img-src 'self' data:; style-src 'self'; script-src 'self'; connect-src 'self'; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-    # Another site must not show the picture, nor lay an invisible page of ours under its visitor's clicks.
+    # Other sites must not show the picture, nor load our page in an invisible frame to catch clicks (clickjacking).
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
 _BOUNDARY = "frame"
-_WATCHERS = 8
-_PATIENCE = 10.0  # seconds that a client may take to ask, or to swallow what it gets
-_SEND_BUFFER = 1 << 17  # bytes: what a slow client has in the pipe is the age of its picture
+_VIEWERS = 8
+_TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
+_SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
 class ViewfinderServer(ThreadingHTTPServer):
-    """Serves `finder` at `address`, (host, port); port 0 takes any that is free. Raises OutputError when the port is taken."""
+    """The server of a viewfinder.
+
+    address: (host, port); port 0 takes any free port.
+    finder: the viewfinder.
+
+    Raises InputError if the host is not an IP address, OutputError if the port cannot be used.
+    """
 
     daemon_threads = True
     block_on_close = False
 
     def __init__(self, address: tuple[str, int], finder: Viewfinder) -> None:
         self.finder = finder
-        self.seats = threading.BoundedSemaphore(_WATCHERS)
+        self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
             if ipaddress.ip_address(address[0]).version == 6:
                 self.address_family = socket.AF_INET6
             super().__init__(address, _Handler)
         except ValueError:
-            raise InputError(f"{address[0]!r} is no address of a network interface, such as 127.0.0.1 or 0.0.0.0") from None
+            raise InputError(f"{address[0]!r} is not the address of a network interface, such as 127.0.0.1 or 0.0.0.0") from None
         except (OSError, OverflowError) as error:
             reason = getattr(error, "strerror", None) or error
             raise OutputError(f"{address[0]} port {address[1]}: nothing can be served there ({reason})") from None
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """The address of the page."""
         host, port = self.server_address[:2]
         name = str(host)
         return f"http://[{name}]:{port}/" if ":" in name else f"http://{name}:{port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that has gone, or sleeps, is no error of ours; anything else is told as ever."""
+        """Ignore disconnects and timeouts of clients; report everything else."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
     def server_bind(self) -> None:
-        """Bind, and do not ask the name service who we are: a camera in the field would wait for its answer."""
+        """Bind without a look-up of our own name: in the field a camera would wait for the name service."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: ViewfinderServer
-    timeout = _PATIENCE
+    timeout = _TIMEOUT
 
     def do_GET(self) -> None:
         path = self.path.partition("?")[0]
-        if not self._welcome():
+        if not self._is_for_us():
             return
         if path == "/stream.mjpg":
             self._stream()
         elif path == "/status":
             self._answer(HTTPStatus.OK, self.server.finder.status())
-        elif path in _FILES:  # names come from here alone, never from a request
+        elif path in _FILES:  # file names never come from the request
             name, kind = _FILES[path]
             self._send(HTTPStatus.OK, (_PAGE / name).read_bytes(), kind)
         else:
             self._answer(HTTPStatus.NOT_FOUND, {"error": "there is nothing here"})
 
     def do_POST(self) -> None:
-        if not self._welcome():
+        if not self._is_for_us():
             return
         origin = self.headers.get("Origin")
         if origin is not None and origin != f"http://{self.headers['Host']}":
@@ -117,7 +123,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _stream(self) -> None:
         if not self.server.seats.acquire(blocking=False):
-            self._answer(HTTPStatus.SERVICE_UNAVAILABLE, {"error": f"{_WATCHERS} people look through this camera already"})
+            self._answer(HTTPStatus.SERVICE_UNAVAILABLE, {"error": f"{_VIEWERS} people look through this camera already"})
             return
         try:
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
@@ -127,16 +133,16 @@ class _Handler(BaseHTTPRequestHandler):
             while (view := self.server.finder.after(number)) is not None:
                 number = view.number
                 head = f"Content-Type: image/jpeg\r\nContent-Length: {len(view.jpeg)}\r\n\r\n"
-                # The boundary at once and not before the next picture: browsers show one when they have seen its end.
+                # Send the boundary now, not before the next picture: browsers show a picture when they have read its end.
                 self.wfile.write(head.encode() + view.jpeg + f"\r\n--{_BOUNDARY}\r\n".encode())
         finally:
             self.server.seats.release()
 
-    def _welcome(self) -> bool:
-        """Whether the request means this camera; answers it if not.
+    def _is_for_us(self) -> bool:
+        """Return whether the request is addressed to this camera; if not, answer it with an error.
 
-        A page of another site can make its own name point here (DNS rebinding), and would then be taken for ours. An address, or a
-        name that the machine has itself, is not in its hands.
+        Another site can make its own name point to this address (DNS rebinding), and its page would then count as ours. It cannot
+        do so with an IP address or with the machine's own name.
         """
         if _is_own(self.headers.get("Host", "")):
             return True
@@ -160,11 +166,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def version_string(self) -> str:
-        """Of the Server header."""
+        """Return the text of the Server header."""
         return "panchroma"
 
     def log_message(self, format: str, *arguments: Any) -> None:  # noqa: A002  the base's name
-        """Nobody reads a line for each of a thousand status requests."""
+        """Log nothing: there are thousands of status requests."""
 
 
 def _is_own(host: str) -> bool:
@@ -184,4 +190,4 @@ def _is_own(host: str) -> bool:
 @cache
 def _own_names() -> frozenset[str]:
     name = socket.gethostname().lower()
-    return frozenset({"localhost", name, f"{name.partition('.')[0]}.local"})  # .local: as multicast DNS tells the neighbours
+    return frozenset({"localhost", name, f"{name.partition('.')[0]}.local"})  # .local: the name in multicast DNS

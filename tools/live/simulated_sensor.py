@@ -1,4 +1,4 @@
-"""A simulated sensor that looks at a moving scene, frame by frame: a camera for those who have none at hand."""
+"""A simulated sensor that looks at a moving scene: to try capture and viewfinder without a camera."""
 
 import math
 import time
@@ -12,16 +12,16 @@ from device.frames import RawFrame
 from shared.sensor import simulate_sensor
 from tools.scenes.drawn.builtin import builtin_scene
 
-_SWING = 16  # the frame moves on a circle with this part of its shorter side as radius
-_FRAMES = range(4, 49)  # of one turn
-_MEMORY = 64 * 2**20  # bytes for the frames of a turn, as far as so many fit
+_SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
+_FRAMES = range(4, 49)  # frames of one turn
+_MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
 _SEED = 0
 
 
 def moving_scene(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
-    """`rate` frames a second without end, as the sensor's 16-bit words: the built-in scene, seen while circling over it.
+    """Yield endless frames of 16-bit words, `rate` per second: the built-in scene, over which the sensor circles.
 
-    The first turn is simulated (noise and all) frame by frame, as fast as the machine can; later turns repeat it, in time.
+    The first turn is simulated, with noise, as fast as the machine can; later turns repeat its frames at the full rate.
     """
     layout = sensor.layout
     swing = max(min(layout.width, layout.height) // _SWING, 2)
@@ -37,7 +37,7 @@ def moving_scene(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
             seen = scene[top : top + layout.height, left : left + layout.width]
             mosaic = simulate_sensor(seen, sensor.pattern, sensor.calibration, 1.0, rng)
             turn.append(mosaic.codes.astype("<u2").tobytes())
-        # A sensor does not catch up: a frame that is late makes all that follow as late.
+        # A sensor does not catch up: a late frame delays all later ones by as much.
         due = max(due + 1 / rate, time.monotonic())
-        time.sleep(due - time.monotonic() if due > time.monotonic() else 0)
+        time.sleep(max(due - time.monotonic(), 0))
         yield RawFrame.now(turn[number % frames])

@@ -1,4 +1,4 @@
-"""Where a camera's frames come from, and the options that say so: of `capture` and `view`."""
+"""Sources of frames, and the options of `capture` and `view` that describe them."""
 
 import argparse
 import os
@@ -23,15 +23,17 @@ _STREAM, _BUILTIN = "-", "builtin:"
 _BUILTIN_BITS = 12
 
 Frames = Callable[[Callable[[], bool], Callable[[InputError], None]], Iterator[RawFrame]]
-"""Opens a source: given what says whether to stop, and what to tell of each file that is no frame."""
+"""Opens a source. Arguments: `stopped()`, polled between frames; `refused(error)`, called for each file that is not a frame."""
 
 
 @dataclass(frozen=True)
 class FrameSource:
-    """Frames of a known sensor.
+    """A source of frames from a known sensor.
 
-    waits: whether it is known to wait for a slow consumer. A sensor does not.
-    notes: what a user should be told of how it was understood.
+    sensor: layout of the frames, pattern and calibration.
+    frames: opens the source.
+    waits: whether the source waits for a slow consumer (a recording does, a sensor does not).
+    notes: remarks for the user on how the options were interpreted.
     """
 
     sensor: Sensor
@@ -41,7 +43,7 @@ class FrameSource:
 
 
 def add_source_options(parser: argparse.ArgumentParser) -> None:
-    """SOURCE, and all that has to be known of its frames; `open_source` understands them."""
+    """Add SOURCE and the options that describe its frames; `open_source` evaluates them."""
     parser.add_argument(
         "source", metavar="SOURCE", help="- (standard input), a folder that is watched for frames, or builtin:WIDTHxHEIGHT@FPS"
     )
@@ -67,28 +69,28 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
 
 
 def open_source(arguments: argparse.Namespace) -> FrameSource:
-    """The source that was asked for; raises InputError for one that cannot be, or options that contradict it."""
+    """Open the requested source. Raises InputError if there is no such source, or if an option does not go with it."""
     source: str = arguments.source
     is_builtin, is_stream = source.startswith(_BUILTIN), source == _STREAM
-    _refuse(arguments, is_builtin or is_stream, "--new", "only a folder has frames already")
+    _refuse(arguments, is_builtin or is_stream, "--new", "only a folder can already contain frames")
     if is_builtin:
         for option in ("--width", "--height", "--format", "--stride", "--bits"):
-            _refuse(arguments, True, option, "the built-in sensor says it itself")
+            _refuse(arguments, True, option, "the built-in sensor has its own")
         return _builtin(source, arguments)
     sensor, notes = _described(arguments)
     layout = sensor.layout
     if is_stream:
         if sys.stdin is None or sys.stdin.isatty():
             raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
-        # Behind a pipe there may be a sensor.
+        # A pipe may come from a sensor, which does not wait.
         waits = stat.S_ISREG(os.fstat(sys.stdin.fileno()).st_mode)
-        # Unbuffered, also because a buffered reader, left in the middle of a read, does not let the interpreter end.
+        # Unbuffered: a buffered reader that is interrupted in a read would keep the interpreter from ending.
         return FrameSource(
             sensor, lambda *_: read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout), waits, notes
         )
     folder = Path(source)
     if not folder.is_dir():
-        raise InputError(f"{source}: is no folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
+        raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
     return FrameSource(
         sensor,
         lambda stopped, refused: watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped),
@@ -103,18 +105,18 @@ def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str
 
 
 def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
-    """The sensor whose frames the options describe, and notes."""
+    """Return the sensor that the options describe, and notes."""
     missing = [option for option in ("width", "height", "format") if not getattr(arguments, option)]
     if missing:
         raise InputError(
-            f"{arguments.source}: frames have no header; say what they are with --{', --'.join(missing)} (and --stride). "
-            "rpicam-raw prints it when it starts"
+            f"{arguments.source}: frames have no header; describe them with --{', --'.join(missing)} (and --stride). "
+            "rpicam-raw prints these values when it starts"
         )
     name, bits = format_named(arguments.format)
     layout = FrameLayout(arguments.width, arguments.height, name, arguments.stride)
     if arguments.camera:
         if arguments.bits:
-            raise InputError("--bits does not go with --camera: the camera file knows")
+            raise InputError("--bits does not go with --camera: the camera file says it")
         return Sensor(layout, *_known(arguments)), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False)
@@ -124,7 +126,7 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
 
 
 def _known(arguments: argparse.Namespace) -> tuple[CfaPattern, SensorCalibration]:
-    """Pattern and calibration of the camera in --camera; raises InputError when the options name another pattern."""
+    """Return pattern and calibration from the --camera file. Raises InputError if the options name another pattern."""
     camera = read_camera(arguments.camera)
     pattern = pattern_of(arguments, camera.pattern)
     try:

@@ -1,4 +1,4 @@
-"""What a viewfinder shows: the latest picture for all who watch, figures about it, and the frame that a shot would save."""
+"""The viewfinder's state: the latest picture for all viewers, figures about it, and the frame that a shot saves."""
 
 import threading
 from collections import deque
@@ -17,13 +17,19 @@ from shared import Mosaic
 from shared.arrays import ByteArray
 from shared.errors import InputError
 
-_QUALITY = 80  # of 100: for a moving picture
+_QUALITY = 80  # JPEG quality, 1 to 100: enough for a moving picture
 _SPAN = 2.0  # seconds over which frames are counted
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A picture as a JPEG file, and what it is of. latency: seconds from the frame's arrival until it could be sent."""
+    """A picture of the viewfinder.
+
+    jpeg: the picture as a JPEG file.
+    number: counts the pictures, from 1.
+    latency: seconds from the arrival of the frame until the picture was ready.
+    frame, mosaic: what it shows.
+    """
 
     jpeg: bytes
     number: int
@@ -33,10 +39,11 @@ class View:
 
 
 class Viewfinder:
-    """One thread shows, others watch; none waits for a watcher that is slow.
+    """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow viewer.
 
-    preview: of the picture that is shown. shots: where `shoot` saves, and the full preview for those; None = nowhere.
-    dropped: asked for the frames that came too fast to be shown.
+    preview: makes the picture that is shown.
+    dropped: returns the number of frames that came too fast to be shown.
+    shots: the folder in which `shoot` saves, and the full preview for the files; None = shots cannot be saved.
     """
 
     def __init__(
@@ -52,7 +59,7 @@ class Viewfinder:
         self._shooting = threading.Lock()
 
     def show(self, frame: RawFrame, mosaic: Mosaic) -> None:
-        """Make the frame's picture the one that is shown."""
+        """Show a frame: make its picture the latest view."""
         jpeg = _jpeg(self._preview(mosaic))
         now = monotonic()
         with self._changed:
@@ -64,13 +71,13 @@ class Viewfinder:
             self._changed.notify_all()
 
     def after(self, number: int) -> View | None:
-        """The latest view as soon as it is a later one than `number`; None when the viewfinder is closed."""
+        """Wait for a view with a higher number than `number` and return it; None if the viewfinder is closed."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or (self._view is not None and self._view.number > number))
             return None if self._closed else self._view
 
     def status(self) -> dict[str, Any]:
-        """Figures for the page."""
+        """Return the figures for the page."""
         with self._changed:
             view = self._view
             recent = [when for when in self._shown if when >= monotonic() - _SPAN]
@@ -86,9 +93,9 @@ class Viewfinder:
         }
 
     def shoot(self) -> Saved:
-        """Save the frame that is shown, with its full preview; one at a time.
+        """Save the frame that is shown, with its full preview. Calls wait for each other.
 
-        Raises InputError when there is none or no place for it, OutputError when it cannot be written.
+        Raises InputError if there is no frame or no folder, OutputError if the file cannot be written.
         """
         if self._shots is None:
             raise InputError("no folder for shots: start with -o DIR")
@@ -104,7 +111,7 @@ class Viewfinder:
             return Saved(path, made - started, perf_counter() - made)
 
     def close(self) -> None:
-        """Send the watchers home; returns when the shot in hand is finished."""
+        """End all streams; returns after a shot in progress has been saved."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

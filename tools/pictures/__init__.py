@@ -1,1 +1,1 @@
-"""Files out: pictures, previews and illustrations, in every format that can be written."""
+"""Writing of pictures, previews and illustrations, in all output formats."""

@@ -1,8 +1,7 @@
-"""A picture that never is in memory as a whole -> a TIFF file: bands of a rendering, as they come, straight to the disk."""
+"""Write a rendering to a TIFF file band by band, so that it is never in memory as a whole."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -11,18 +10,17 @@ from numpy.typing import NDArray
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import ColourTransform, checked_picture
+from shared.display import checked_picture
 from shared.errors import InputError
 from shared.writing import OnComplete, durable_file
 
 from .encoders import write_tiff_picture
 from .exif_writing import picture_directory
-from .icc_writing import icc_profile
-from .samples import quantise, upright
-from .writer import CAMERA, PictureKind, check_output
+from .samples import upright
+from .writer import PictureKind, check_output, labels, to_samples
 
 FORMAT = "tif"
-"""The one format that can be written so."""
+"""The only format that can be written in bands."""
 _READ = 64  # rows read back at a time
 
 
@@ -38,39 +36,37 @@ def write_picture_bands(
     overwrite: bool = False,
     on_complete: OnComplete | None = None,
 ) -> None:
-    """The same file as of `picture_writer.write_picture` with the picture that the bands (rows, W, C) make up; whole or not at all.
+    """Write the bands of a rendering as they arrive; the file is identical to the one of `write_picture`, and written atomically.
 
-    shape: (H, W) of the rendering. A picture whose rows do not stay rows in this order when it is turned upright is put together
-    in a temporary file without a name, in the same folder. on_complete: see `durable_file`. Raises InputError for another format
-    than TIFF, and as `write_picture` does; what is raised while the bands are made passes through, and leaves no file.
+    path: the file.
+    bands: float32 (rows, W, C), scene units, from top to bottom.
+    shape: (H, W) of the whole rendering.
+    kind, calibration, metadata, exposure: see `encode_picture`; the format must be TIFF.
+    overwrite, on_complete: see `durable_file`.
+
+    Pictures that must be rotated or flipped vertically are assembled in an anonymous temporary file in the same folder. Raises
+    InputError for another format, and as `write_picture` does. Exceptions raised by `bands` pass through, and leave no file.
     """
     if kind.format != FORMAT:
         raise InputError(f"{kind.format} cannot be written in parts; use {FORMAT}")
     check_output(kind, calibration, shape, exposure)
-    channels = calibration.channels
-    checked = (checked_picture(band, len(channels)) for band in bands)
-    with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
-        directory = picture_directory(metadata, srgb=kind.space == "srgb")
-        if kind.space == CAMERA:
-            write_tiff_picture(file, checked, (*shape, len(channels)), np.float32, directory, rgb=channels == "RGB")
-            return
-        transform = ColourTransform.to_space(calibration, kind.space)
-        shown = (_samples(transform.apply(band, exposure), kind.bits) for band in checked)
-        directory = picture_directory(replace(metadata, orientation=1), srgb=kind.space == "srgb")
-        turned = shape[::-1] if metadata.orientation >= 5 else shape
-        dtype = {8: np.uint8, 16: np.uint16, 32: np.float32}[kind.bits]
-        with tempfile.TemporaryFile(dir=Path(path).parent, buffering=0) as spool:
-            upright_bands = _turn(shown, shape, metadata.orientation, spool)
-            write_tiff_picture(file, upright_bands, (*turned, 3), dtype, directory, icc=icc_profile(kind.space))
-
-
-def _samples(picture: FloatArray, bits: int) -> NDArray[Any]:
-    return picture if bits == 32 else quantise(picture, bits)
+    channels, icc, noted, turn = labels(kind, calibration, metadata)
+    checked = (checked_picture(band, len(calibration.channels)) for band in bands)
+    samples = (to_samples(band, kind, calibration, exposure) for band in checked)
+    whole = (*(shape[::-1] if turn >= 5 else shape), len(channels))
+    dtype = {8: np.uint8, 16: np.uint16, 32: np.float32}[kind.bits]
+    directory = picture_directory(noted, srgb=kind.space == "srgb")
+    with (
+        durable_file(path, overwrite=overwrite, on_complete=on_complete) as file,
+        tempfile.TemporaryFile(dir=Path(path).parent, buffering=0) as spool,
+    ):
+        turned = _turn(samples, shape, turn, spool)
+        write_tiff_picture(file, turned, whole, dtype, directory, icc=icc, rgb=channels == "RGB")
 
 
 def _turn(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, spool: BinaryIO) -> Iterator[NDArray[Any]]:
-    """Bands of the picture turned upright, from bands of the picture, whose `shape` is (H, W)."""
-    if orientation in (1, 2):  # rows stay rows, and in their order
+    """Turn a picture of `shape` (H, W) upright: yield bands of the turned picture. `spool` holds it meanwhile."""
+    if orientation in (1, 2):  # rows stay rows, in the same order
         yield from (upright(band, orientation) for band in bands)
         return
     height, width = shape
@@ -97,5 +93,5 @@ def _turn(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: in
 def _write_at(spool: BinaryIO, place: int, data: NDArray[Any]) -> None:
     spool.seek(place)
     rest = data.data.cast("B")
-    while rest:  # an unbuffered file may take a part
+    while rest:  # an unbuffered file may write only a part
         rest = rest[spool.write(rest) :]

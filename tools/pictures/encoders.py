@@ -1,7 +1,7 @@
-"""Arrays -> picture files, as bytes: one function per format. What the numbers mean has been settled before.
+"""Encoders: arrays of samples to picture files, one function per format.
 
-The compression levels are measured on 12 megapixels of photograph: each takes under a second on one core, and the next better one
-costs several times as long for a few per cent.
+The compression levels were chosen on photographs of 12 megapixels: each takes less than a second on one core, and the next better
+level takes several times as long to save a few per cent.
 """
 
 import io
@@ -16,12 +16,12 @@ import imagecodecs
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from shared.arrays import ByteArray, CodeArray, FloatArray
+from shared.arrays import FloatArray
 from shared.errors import InputError, OutputError
-from shared.tiff import Directory, Fields, FieldType, encode_tiff, write_tiff
+from shared.tiff import Directory, Fields, FieldType, write_tiff
 
 LONGEST_JPEG_SIDE = 65500  # libjpeg's JPEG_MAX_DIMENSION
-_LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # of a JPEG segment
+_LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a JPEG segment
 _JPEG_QUALITY = 95
 _STRIP_ROWS = 64
 _PNG_START = 8 + 25  # signature and IHDR
@@ -33,13 +33,10 @@ _UNCOMPRESSED, _DEFLATE, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 
 
 
 def encode_tiff_picture(pixels: NDArray[Any], directory: Directory, *, icc: bytes = b"", rgb: bool = True) -> bytes:
-    """A TIFF of uint8, uint16 (Deflate) or float32 (uncompressed: its noise does not shrink) samples (H, W, C).
-
-    directory: fields and child directories to carry; rgb: the channels are red, green, blue. Raises InputError past 4 GiB.
-    """
-    strips = [_tiff_strip(pixels[top : top + _STRIP_ROWS]) for top in range(0, len(pixels), _STRIP_ROWS)]
-    fields = _tiff_fields(pixels.shape, pixels.dtype, icc, rgb=rgb)
-    return encode_tiff(Directory({**directory.fields, **fields}, strips, directory.children))
+    """Return a TIFF file of samples (H, W, C); parameters and errors are those of `write_tiff_picture`."""
+    file = io.BytesIO()
+    write_tiff_picture(file, [pixels], pixels.shape, pixels.dtype, directory, icc=icc, rgb=rgb)
+    return file.getvalue()
 
 
 def write_tiff_picture(
@@ -52,9 +49,18 @@ def write_tiff_picture(
     icc: bytes = b"",
     rgb: bool = True,
 ) -> None:
-    """The same, of samples that come as bands of any number of rows; what has come is in the file, not in memory.
+    """Write a TIFF of samples that arrive as bands; each band goes to the file as it comes and does not stay in memory.
 
-    file: empty and seekable; shape: (H, W, C) of the whole.
+    file: empty and seekable.
+    bands: (rows, W, C), any number of rows each: uint8 or uint16 (compressed with Deflate), or float32 (uncompressed: noise in the
+        last bits does not compress).
+    shape: (H, W, C) of the whole picture.
+    dtype: of the samples.
+    directory: fields and child directories to write as well.
+    icc: colour profile; b"" = none.
+    rgb: whether the channels are red, green, blue.
+
+    Raises InputError if the file would exceed 4 GiB.
     """
     fields = _tiff_fields(shape, np.dtype(dtype), icc, rgb=rgb)
     strips = (_tiff_strip(rows) for rows in regrouped(bands, _STRIP_ROWS))
@@ -62,7 +68,7 @@ def write_tiff_picture(
 
 
 def regrouped(bands: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]]:
-    """The same rows, `rows` at a time; at last what is left."""
+    """Yield the rows of `bands` in groups of `rows`; the last group may be smaller."""
     kept: list[NDArray[Any]] = []
     for band in bands:
         kept.append(band)
@@ -105,10 +111,9 @@ def _tiff_strip(rows: NDArray[Any]) -> bytes:
     return bytes(imagecodecs.deflate_encode(differences.tobytes(), level=1))
 
 
-def encode_png(codes: ByteArray | CodeArray, *, title: str, icc: bytes, exif: bytes) -> bytes:
-    """A PNG of uint8 or uint16 RGB (H, W, 3), with profile (named `title`) and Exif block (PNG, third edition: iCCP, eXIf)."""
-    # Run lengths of the Paeth residue: 3 % more bytes than the usual search for repetitions, which photographs lack, in a fifth
-    # of the time.
+def encode_png(codes: NDArray[Any], *, title: str, icc: bytes, exif: bytes) -> bytes:
+    """Return a PNG of uint8 or uint16 RGB (H, W, 3), with a profile named `title` and Exif (PNG, third edition: iCCP, eXIf)."""
+    # Run lengths of the Paeth residue: photographs have no repetitions to search for. 3 % larger files in a fifth of the time.
     png = imagecodecs.png_encode(
         np.ascontiguousarray(codes),
         level=1,
@@ -123,10 +128,10 @@ def _chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
-def encode_jpeg(codes: ByteArray, *, icc: bytes, exif: bytes) -> bytes:
-    """A JPEG of uint8 RGB (H, W, 3) with full-resolution colour, Exif block and profile (b"" = none: sRGB).
+def encode_jpeg(codes: NDArray[Any], *, icc: bytes, exif: bytes) -> bytes:
+    """Return a JPEG of uint8 RGB (H, W, 3) with full-resolution colour, Exif block and profile (b"" = none: sRGB).
 
-    Raises InputError when a side passes 65500 pixels, or the Exif block 64 KiB.
+    Raises InputError if a side exceeds 65500 pixels, or the Exif block 64 KiB.
     """
     height, width = codes.shape[:2]
     if max(height, width) > LONGEST_JPEG_SIDE:
@@ -135,7 +140,7 @@ def encode_jpeg(codes: ByteArray, *, icc: bytes, exif: bytes) -> bytes:
         raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
     jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=_JPEG_QUALITY, subsampling="444"))
     segments = _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
-    start = 4 + int.from_bytes(jpeg[4:6], "big")  # after SOI and JFIF's APP0, which wants to be first
+    start = 4 + int.from_bytes(jpeg[4:6], "big")  # after SOI and JFIF's APP0, which must be first
     return jpeg[:start] + segments + jpeg[start:]
 
 
@@ -144,9 +149,14 @@ def _segment(marker: int, data: bytes) -> bytes:
 
 
 def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping[str, object]) -> bytes:
-    """An OpenEXR of (H, W, C) float32, stored as 32-bit or 16-bit floats (held within +-65504), a channel per letter.
+    """Return an OpenEXR file.
 
-    attributes: more header fields, by OpenEXR's names. Raises OutputError when there is no room for a temporary file.
+    pixels: float32 (H, W, C).
+    channels: a letter per channel.
+    bits: 32, or 16 for half floats (clipped to +-65504).
+    attributes: further header fields, with OpenEXR's names.
+
+    Raises OutputError if a temporary file cannot be written.
     """
     import OpenEXR
 
@@ -155,7 +165,7 @@ def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping
         stored: NDArray[np.floating[Any]] = pixels.clip(-largest, largest).astype(np.float16)
     else:
         stored = pixels
-    # ZIP takes 40 % off halves, 5 % off floats, whose last bits are noise, and longer than everything else.
+    # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for which it takes too long.
     compression = OpenEXR.ZIP_COMPRESSION if bits == 16 else OpenEXR.NO_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
     planes = {letter: np.ascontiguousarray(stored[..., index]) for index, letter in enumerate(channels)}
@@ -169,7 +179,7 @@ def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping
 
 
 def encode_npy(pixels: FloatArray) -> bytes:
-    """A NumPy file, version 1.0, of the array."""
+    """Return a NumPy file, version 1.0, of the array."""
     buffer = io.BytesIO()
     np.save(buffer, np.ascontiguousarray(pixels), allow_pickle=False)
     return buffer.getvalue()

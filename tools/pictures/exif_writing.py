@@ -1,4 +1,4 @@
-"""Capture data as TIFF and Exif want them, for the pictures that we write."""
+"""Writing of capture data as TIFF and Exif directories."""
 
 from shared import CaptureMetadata
 from shared.dng import metadata_directory
@@ -7,13 +7,13 @@ from shared.dng.tags import MAKER, Tag
 from shared.tiff import Directory, FieldType
 from tools.host.versions import package_version
 
-# Exif 2.3, tables 4 and 15: what it requires beside the capture data.
+# Exif 2.3, tables 4 and 15: required fields besides the capture data.
 _COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y, _YCBCR_POSITIONING = 40961, 37121, 40960, 40962, 40963, 531
 _SRGB, _UNCALIBRATED = 1, 65535
 
 
 def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
-    """Of a picture in sRGB, or in another space."""
+    """Return the TIFF directory, with its Exif directory, of a picture in sRGB or in another space."""
     directory = metadata_directory(metadata)
     directory.fields.update(resolution_fields())
     directory.fields[Tag.SOFTWARE] = FieldType.ASCII, software()
@@ -25,7 +25,7 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
 
 
 def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: bool) -> Directory:
-    """The same, with what Exif requires of JPEG alone; shape: (rows, columns, ...)."""
+    """Return `picture_directory` with the fields that Exif requires in a JPEG; shape: (rows, columns, ...) of the picture."""
     directory = picture_directory(metadata, srgb=srgb)
     directory.fields[_YCBCR_POSITIONING] = FieldType.SHORT, [1]
     directory.children[Tag.EXIF_IFD].fields |= {
@@ -37,5 +37,5 @@ def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: b
 
 
 def software() -> str:
-    """Name and version of the program; a checkout that is not installed has no version."""
+    """Return name and version of the program; a checkout that is not installed has no version."""
     return " ".join(filter(None, (MAKER, package_version("panchroma"))))

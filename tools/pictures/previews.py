@@ -1,4 +1,4 @@
-"""The graph that makes a command's previews: what came with the program, or a file that export-preview wrote."""
+"""Previews for the commands, made by a graph that ships with the program or by a file from export-preview."""
 
 from typing import TYPE_CHECKING, cast
 
@@ -12,22 +12,34 @@ if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
 
 
 def load_graph(graph: str, scale: int = 1, threads: int | None = None) -> "Preview":
-    """The preview in a file. scale: the one that was asked for, 1 = the graph's own.
+    """Load the preview in a file.
 
-    Raises InputError for a graph that cannot be used, makes no picture, or has another scale.
+    graph: the file.
+    scale: the requested scale; 1 = the graph's own.
+    threads: of the preview; None = one per core.
+
+    Raises InputError if the graph cannot be used, makes no picture, or has another scale.
     """
     from device import Preview
 
     preview = Preview(graph, threads)
     if preview.description.linear:
-        raise InputError(f"{graph}: makes scene units, no picture; write one without --linear: panchroma export-preview")
+        raise InputError(f"{graph}: makes scene units, not a picture; run panchroma export-preview without --linear")
     if scale not in (1, preview.description.scale):
         raise InputError(f"{graph}: has scale {preview.description.scale}, not {scale}; leave --scale out")
     return preview
 
 
 def preview_maker(sensor: "Sensor", *, graph: str | None = None, scale: int = 1, threads: int | None = None) -> "PreviewMaker":
-    """A camera's preview as a function, ready, and checked, before the first frame comes."""
+    """Return a camera's preview as a function, loaded and checked before the first frame arrives.
+
+    sensor: the camera's sensor.
+    graph: file of the graph; None = the built-in one for the sensor's pattern.
+    scale: one pixel for scale x scale of the sensor.
+    threads: of the preview; None = one per core.
+
+    Raises InputError if the graph cannot be used, or none fits the sensor.
+    """
     from device import Preview
 
     if graph:
@@ -42,10 +54,12 @@ def preview_maker(sensor: "Sensor", *, graph: str | None = None, scale: int = 1,
 
 
 class Previews:
-    """Makes preview pictures of mosaics; a graph is loaded once per pattern.
+    """Makes previews of mosaics with any patterns; loads a graph once per pattern.
 
-    scale: as of `Preview.for_mosaic`; graph: the file of the one to use, whatever its scale. Raises InputError for a scale below 1,
-    and for a graph that cannot be used.
+    scale: see `Preview.for_mosaic`.
+    graph: file of the graph to use for all mosaics; None = the built-in graphs.
+
+    Raises InputError for a scale below 1, and for a graph that cannot be used.
     """
 
     def __init__(self, scale: int = 1, graph: str | None = None) -> None:
@@ -56,7 +70,7 @@ class Previews:
         self._given = load_graph(graph, scale) if graph else None
 
     def __call__(self, mosaic: Mosaic) -> ByteArray:
-        """The picture, uint8 sRGB (h, w, 3), turned like the samples. Raises InputError when no graph fits the pattern."""
+        """Return the picture, uint8 sRGB (h, w, 3), oriented like the samples. Raises InputError if no graph fits the pattern."""
         from device import Preview
         from device.contract import tile_name
 

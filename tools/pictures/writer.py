@@ -1,9 +1,9 @@
-"""A rendering -> a picture file: which formats hold which numbers, in which colours, and what goes along with them.
+"""Write a rendering as a picture file: the possible formats, bits and colour spaces, and the data written with the pixels.
 
-A picture is for looking at, or a measurement. Pictures (spaces "srgb", "display-p3", "linear-srgb") are turned upright and carry
-the space's ICC profile. Measurements ("camera") are the scene units of the rendering, unclipped where the format can, turned like
-the sensor, so that one can be subtracted from another; the orientation is noted where the format has a place for it. Capture data
-go into every format that has one.
+A file is either a picture to look at or a measurement. Pictures (spaces "srgb", "display-p3", "linear-srgb") are turned upright and
+carry the space's ICC profile. Measurements ("camera") are the scene units of the rendering, unclipped if the format allows it, and
+keep the sensor's orientation, so that one can be subtracted from another; the orientation is noted if the format has a field for
+it. Capture data are written to every format that has fields for them.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
@@ -28,8 +29,8 @@ from .samples import quantise, upright
 
 CAMERA = "camera"
 
-# Format -> spaces -> bits; whatever a caller leaves open is the first that fits. Integers hold 0..1 only, so they are for spaces
-# that end there; JPEG, PNG and integer TIFF are shown without a thought, so linear light in them would be shown too dark.
+# Format -> spaces -> bits; the first that fits is the default. Integers hold only 0..1, so they are for spaces with these limits.
+# Programs show JPEG, PNG and integer TIFF as they are, so linear light in them would look too dark.
 POSSIBLE: dict[str, dict[str, tuple[int, ...]]] = {
     "tif": {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,), CAMERA: (32,)},
     "png": {"srgb": (8, 16), "display-p3": (8, 16)},
@@ -42,9 +43,13 @@ POSSIBLE: dict[str, dict[str, tuple[int, ...]]] = {
 
 @dataclass(frozen=True)
 class PictureKind:
-    """One of the kinds of picture file in `POSSIBLE`; raises InputError that names the possible ones for any other.
+    """A kind of picture file; one of those in `POSSIBLE`.
 
-    bits: 8 or 16 = integers (of "exr": half floats), 32 = floating point. space: a name in `SPACES`, or "camera".
+    format: a key of `POSSIBLE`.
+    bits: 8 or 16 = integers (in "exr" half floats), 32 = floating point.
+    space: a key of `SPACES`, or "camera".
+
+    Raises InputError for any other kind, and names the possible ones.
     """
 
     format: str
@@ -60,22 +65,22 @@ class PictureKind:
 
     @classmethod
     def of(cls, format: str = "tif", bits: int | None = None, space: str | None = None) -> "PictureKind":  # noqa: A002
-        """The kind with what is None filled in: the first space with these bits, the first bits of this space."""
+        """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
         for candidate, possible in _spaces(format).items():
             if space in (None, candidate) and bits in (None, *possible):
                 return cls(format, bits or possible[0], candidate)
         if space is None:
             raise InputError(f"{format} does not hold {bits} bits; it holds {_listed(format)}")
-        return cls(format, bits or 0, space)  # says what is wrong with it
+        return cls(format, bits or 0, space)  # raises InputError with the reason
 
     @property
     def suffix(self) -> str:
-        """Of the file's name, with the dot."""
+        """The file name's ending, with the dot."""
         return f".{self.format}"
 
 
 def check_gain(kind: PictureKind, exposure: float) -> None:
-    """Raise InputError unless such a picture can be made with `exposure` stops of gain."""
+    """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
     if kind.space != CAMERA:
         check_exposure(exposure)
     elif exposure != 0:
@@ -85,7 +90,7 @@ def check_gain(kind: PictureKind, exposure: float) -> None:
 
 
 def check_output(kind: PictureKind, calibration: SensorCalibration, shape: tuple[int, int], exposure: float = 0.0) -> None:
-    """Raise InputError when a rendering of `shape` (rows, columns) cannot become such a file: before the work, not after it."""
+    """Raise InputError if a rendering of `shape` (rows, columns) cannot become such a file. Call it before rendering."""
     check_gain(kind, exposure)
     if kind.space != CAMERA:
         ColourTransform.to_space(calibration, kind.space)
@@ -108,7 +113,7 @@ def write_picture(
     overwrite: bool = False,
     on_complete: OnComplete | None = None,
 ) -> None:
-    """Encode as `encode_picture` does, and write it whole or not at all; raises also what `write_durably` raises."""
+    """Encode a rendering (see `encode_picture`) and write it atomically (see `write_durably`, also for `on_complete`)."""
     data = encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure)
     write_durably(path, data, overwrite=overwrite, on_complete=on_complete)
 
@@ -116,43 +121,55 @@ def write_picture(
 def encode_picture(
     rgb: FloatArray, kind: PictureKind, *, calibration: SensorCalibration, metadata: CaptureMetadata, exposure: float = 0.0
 ) -> bytes:
-    """The file of a rendering.
+    """Return a rendering as the content of a picture file.
 
-    rgb: (H, W, C) floating-point scene units, C the calibration's channels, as `offline.render` makes it; any size from 1 x 1.
-    exposure: stops of gain; 0 for "camera".
-    Raises InputError for what is no such picture, and as `check_output` does.
+    rgb: (H, W, C), floating point, scene units, C the calibration's channels, from `offline.render`; any size from 1 x 1.
+    kind: format, bits and space of the file.
+    calibration: of the sensor; it gives the colours.
+    metadata: capture data; its orientation turns pictures upright.
+    exposure: gain in stops; 0 for "camera".
+
+    Raises InputError if rgb is not such a picture, and as `check_output` does.
     """
     rgb = checked_picture(rgb, len(calibration.channels))
     check_output(kind, calibration, (rgb.shape[0], rgb.shape[1]), exposure)
     if kind.format == "dng":
         return _encode_dng(rgb, calibration, metadata)
-    if kind.space == CAMERA:
-        pixels, channels, icc = rgb, calibration.channels, b""
-    else:
-        pixels = ColourTransform.to_space(calibration, kind.space).apply(upright(rgb, metadata.orientation), exposure)
-        channels, icc, metadata = "RGB", icc_profile(kind.space), replace(metadata, orientation=1)
+    channels, icc, metadata, turn = labels(kind, calibration, metadata)
+    samples = to_samples(upright(rgb, turn), kind, calibration, exposure)
+    srgb = kind.space == "srgb"
     match kind.format:
         case "tif":
-            samples = pixels if kind.bits == 32 else quantise(pixels, kind.bits)
-            return encode_tiff_picture(
-                samples, picture_directory(metadata, srgb=kind.space == "srgb"), icc=icc, rgb=channels == "RGB"
-            )
+            return encode_tiff_picture(samples, picture_directory(metadata, srgb=srgb), icc=icc, rgb=channels == "RGB")
         case "png":
-            exif = encode_tiff(picture_directory(metadata, srgb=kind.space == "srgb"))
-            return encode_png(quantise(pixels, kind.bits), title=SPACES[kind.space].title, icc=icc, exif=exif)
+            exif = encode_tiff(picture_directory(metadata, srgb=srgb))
+            return encode_png(samples, title=SPACES[kind.space].title, icc=icc, exif=exif)
         case "jpg":
-            exif = encode_tiff(jpeg_directory(metadata, pixels.shape, srgb=kind.space == "srgb"))
-            return encode_jpeg(quantise(pixels, 8).astype(np.uint8, copy=False), icc=icc, exif=exif)
+            return encode_jpeg(samples, icc=icc, exif=encode_tiff(jpeg_directory(metadata, samples.shape, srgb=srgb)))
         case "exr":
-            return encode_exr(pixels, channels, kind.bits, _exr_attributes(metadata, kind.space))
-    return encode_npy(pixels)
+            return encode_exr(samples, channels, kind.bits, _exr_attributes(metadata, kind.space))
+    return encode_npy(samples)
+
+
+def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureMetadata) -> tuple[str, bytes, CaptureMetadata, int]:
+    """Return the letters of a file's channels, its ICC profile, its capture data, and the orientation to turn the picture by."""
+    if kind.space == CAMERA:
+        return calibration.channels, b"", metadata, 1
+    return "RGB", icc_profile(kind.space), replace(metadata, orientation=1), metadata.orientation
+
+
+def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float) -> NDArray[Any]:
+    """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32."""
+    if kind.space != CAMERA:
+        rgb = ColourTransform.to_space(calibration, kind.space).apply(rgb, exposure)
+    return rgb if kind.bits == 32 or kind.format == "exr" else quantise(rgb, kind.bits)
 
 
 def _encode_dng(rgb: FloatArray, calibration: SensorCalibration, metadata: CaptureMetadata) -> bytes:
-    """A raw file with the colours and the white of our own rendering.
+    """Return a linear DNG with the colours and the white of our own rendering.
 
-    Code 65535 is 1.0 in all files: brightness does not depend on a picture's brightest spot, and a raw developer finds clipped
-    highlights where it looks for them, at the white level, and makes them white.
+    Code 65535 stands for 1.0 in all files: the brightness does not depend on the picture's brightest spot, and raw developers find
+    clipped highlights at the white level and make them white.
     """
     shown = ColourTransform.to_space(calibration)
     preview = quantise(shown.apply(rgb), 8).astype(np.uint8, copy=False)
@@ -161,7 +178,7 @@ def _encode_dng(rgb: FloatArray, calibration: SensorCalibration, metadata: Captu
 
 
 def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
-    """Capture data as OpenEXR's standard optional attributes, and chromaticities where they are known."""
+    """Return the capture data as OpenEXR's standard optional attributes, and the chromaticities if they are known."""
     attributes: dict[str, Any] = {
         "cameraMake": metadata.make,
         "cameraModel": metadata.model,
@@ -179,7 +196,7 @@ def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
     if space in SPACES:
         known["chromaticities"] = tuple(value for point in (*SPACES[space].primaries, D65_XY) for value in point)
     else:
-        known["Orientation"] = metadata.orientation  # no standard name; OpenImageIO reads this one
+        known["Orientation"] = metadata.orientation  # not a standard name, but OpenImageIO reads it
     return known
 
 

@@ -1,1 +1,1 @@
-"""Light in: camera RAWs, pictures and drawn scenes, as linear channels that a simulated sensor looks at."""
+"""Scenes for the simulated sensor: camera RAWs, pictures and drawn scenes, all as linear RGB."""

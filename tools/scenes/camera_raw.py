@@ -1,7 +1,7 @@
 """Camera RAWs as scenes: each 2 x 2 quad of a Bayer sensor becomes one pixel with all three colours.
 
-After L. Shi and B. Funt's re-processing of Gehler's colour-checker data set: no interpolation, so what is compared with a
-reconstruction has been measured at every pixel.
+This follows L. Shi and B. Funt's re-processing of Gehler's colour-checker data set. Nothing is interpolated, so a reconstruction
+is compared with measured values at every pixel.
 """
 
 from collections.abc import Mapping
@@ -18,14 +18,14 @@ from shared.colorimetry import D65_XY, Matrix
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
-from . import exif_reading as exif
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
 from .decoders import guarded
+from .exif_reading import from_tags, positive, text, tiff_tags, whole
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
 _COLOR_MATRICES = ((50721, 50778), (50722, 50779))  # DNG: ColorMatrix1 and 2, CalibrationIlluminant1 and 2
-# x, y of Exif's LightSource values (tungsten, A, D50, D55, daylight, D75); others are taken for D65.
+# CIE x, y of Exif's LightSource values (tungsten, A, D50, D55, daylight, D75); all others are treated as D65.
 _ILLUMINANTS = {
     3: (0.4476, 0.4074),
     17: (0.4476, 0.4074),
@@ -39,13 +39,18 @@ _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 @guarded
 def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene:
-    """The scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...), half as wide and high, not rotated and not white-balanced.
+    """Read the scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...) at half its width and height.
 
-    rgb is (sample - black) / (white - black) of the visible area, greens averaged, an odd last row or column left out; black per
-    colour, white the camera's saturation level. What noise left below black becomes 0: light is not negative, and on the
-    evaluation scenes it changes no figure by 0.01 dB. Samples above the white level exceed 1.
+    path: the file.
+    name: the scene's name, used for output files.
+    max_pixels: larger files are refused.
 
-    Raises InputError, with the reason, for sensors without 2 x 2 Bayer pattern and for files that hold no sensor samples.
+    The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of the visible area, with the two
+    greens averaged and an odd last row or column left out. There is one black level per colour; white is the camera's saturation
+    level. Values below black, which noise causes, become 0: light is not negative, and on the evaluation scenes this changes no
+    figure by 0.01 dB. Samples above the white level exceed 1.
+
+    Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
     import rawpy
 
@@ -57,7 +62,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             raw.unpack()
             rgb = _quads(raw, rawpy)
             neutral, notes = _neutral(raw, rgb)
-            tags = exif.tiff_tags(path)
+            tags = tiff_tags(path)
             matrix = _matrix(raw, tags, neutral)
             metadata = _metadata(raw, tags)
     except rawpy.LibRawFileUnsupportedError:
@@ -73,15 +78,14 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
 
 
 def _quads(raw: Any, rawpy: Any) -> FloatArray:
-    """Sensor samples of an opened RAW -> (H // 2, W // 2, 3) in scene units."""
+    """Return the samples of an opened RAW, one pixel per quad: (H // 2, W // 2, 3), scene units."""
     pattern = bayer_pattern(raw, rawpy)
     samples: NDArray[np.uint16] = raw.raw_image_visible
     rows, columns = (size // 2 for size in samples.shape)
     if not rows or not columns:
         raise InputError(f"the visible area is {samples.shape[1]} x {samples.shape[0]} pixels: no 2 x 2 quad fits")
     blacks = [float(level) for level in raw.black_level_per_channel]
-    # Not camera_white_level_per_channel: where a maker gives it, it may lie below samples that are still linear, and is measured
-    # from another black.
+    # Not camera_white_level_per_channel: some makers set it below samples that are still linear, and relative to another black.
     white = float(raw.white_level)
     if not max(blacks) < white:
         raise InputError(f"black level {max(blacks):g} is not below white level {white:g}: the file's levels are damaged")
@@ -96,7 +100,7 @@ def _quads(raw: Any, rawpy: Any) -> FloatArray:
 
 
 def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
-    """The 2 x 2 colour indices at the first visible pixels, or InputError that says what the sensor has instead."""
+    """Return the colour indices (2, 2) of the first visible quad. Raises InputError that says what the sensor has instead."""
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
         raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW, linear DNG), not a mosaic: {no_quads}")
@@ -118,9 +122,9 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
 
 
 def _neutral(raw: Any, rgb: FloatArray) -> tuple[tuple[float, ...] | None, tuple[str, ...]]:
-    """The camera's white balance as a neutral, or the scene's estimate, and what to tell of it."""
+    """Return the neutral, from the camera's white balance or else estimated from the scene, and notes for the user."""
     balance = np.array(raw.camera_whitebalance[:3], np.float64)
-    # All alike is what is left when a file says nothing (no sensor is white-balanced by nature), or a photographer's "UniWB".
+    # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself), or a photographer's "UniWB".
     if np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0:
         return normalised(1 / balance), ()
     estimate = estimate_neutral(rgb)
@@ -131,15 +135,15 @@ def _neutral(raw: Any, rgb: FloatArray) -> tuple[tuple[float, ...] | None, tuple
 
 
 def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None) -> Matrix | None:
-    """Camera RGB -> XYZ from the ColorMatrix of a DNG, otherwise from LibRaw's table of cameras, which is for D65."""
-    candidates = [(tags.get(tag), _ILLUMINANTS.get(exif.whole(tags.get(light)) or 0, D65_XY)) for tag, light in _COLOR_MATRICES]
+    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else from LibRaw's table of cameras (for D65)."""
+    candidates = [(tags.get(tag), _ILLUMINANTS.get(whole(tags.get(light)) or 0, D65_XY)) for tag, light in _COLOR_MATRICES]
     candidates.sort(key=lambda candidate: abs(candidate[1][0] - D65_XY[0]))
     for values, illuminant in (*candidates, (raw.rgb_xyz_matrix[:3], D65_XY)):
         try:
             matrix = np.array(values, np.float64).reshape(3, 3)
         except (TypeError, ValueError, ArithmeticError):
             continue
-        # A unit matrix is what programs write that know nothing of the camera, and DNG requires one.
+        # DNG requires a matrix: programs that do not know the camera write a unit matrix.
         meant = np.isfinite(matrix).all() and np.linalg.matrix_rank(matrix) == 3 and not np.allclose(matrix, np.eye(3))
         if meant and neutral is not None:
             return camera_to_xyz(matrix, neutral, illuminant)
@@ -147,21 +151,19 @@ def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None
 
 
 def _metadata(raw: Any, tags: Mapping[int, Any]) -> CaptureMetadata:
-    """Exif where the file is a TIFF at heart, otherwise what LibRaw has read, as far as this rawpy passes it on."""
-    found = exif.from_tags(tags)
+    """Return the capture data: Exif if the file is based on TIFF, otherwise what LibRaw has read and this rawpy passes on."""
+    found = from_tags(tags)
     lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
-    # LibRaw knows lenses from makers' notes. The rest of its reading is for files without Exif: of odd fields it makes odd numbers.
-    found = replace(
-        found, lens=found.lens or exif.text(getattr(lens, "model", "")), orientation=_ORIENTATIONS.get(raw.sizes.flip, 1)
-    )
+    # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
+    found = replace(found, lens=found.lens or text(getattr(lens, "model", "")), orientation=_ORIENTATIONS.get(raw.sizes.flip, 1))
     if tags or other is None:
         return found
     return replace(
         found,
-        artist=exif.text(other.artist),
+        artist=text(other.artist),
         taken=other.timestamp if other.timestamp and other.timestamp.year > 1970 else None,
-        exposure_time=exif.positive(other.shutter_speed),
-        f_number=exif.positive(other.aperture),
-        iso=exif.whole(other.iso_speed),
-        focal_length=exif.positive(other.focal_length),
+        exposure_time=positive(other.shutter_speed),
+        f_number=positive(other.aperture),
+        iso=whole(other.iso_speed),
+        focal_length=positive(other.focal_length),
     )

@@ -1,6 +1,6 @@
-"""Picture files -> arrays, as they are stored: one function per format, each with its bounds checked before pixels are decoded.
+"""Decoders: picture files to arrays as stored. One function per format; each checks the declared size before decoding pixels.
 
-All raise InputError, whatever the decoding library raises, and never name the file: the caller knows it.
+All of them raise InputError, whatever the decoding library raises. Their messages do not name the file: the caller does.
 """
 
 import io
@@ -22,25 +22,33 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiff_check import check_directories
 
-from . import exif_reading as exif
+from .exif_reading import from_tags, merged_tags, tiff_tags
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .scene import check_size
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_ICC_PROFILE = 34675  # the tag of TIFF
-_MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples, and profile, texts and capture data
+_ICC_PROFILE = 34675  # TIFF tag
+_MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples; profile, texts and capture data
 _LARGEST_WEBP = 64 << 20  # bytes, read whole; its longest side is 16383 pixels
 _NPY_HEADER = 1 << 16
 _PNG_HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
+_NO_ALPHA = "transparency is left out"
 _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
 
 
 @dataclass(frozen=True, eq=False)
 class Decoded:
-    """A picture as stored: (H, W, C), C = 1 or 3. peak: the integer that means 1.0; encoding: what the file says of itself."""
+    """A decoded picture, its values as stored in the file.
+
+    pixels: (H, W, C), C = 1 or 3.
+    peak: the integer that stands for 1.0; None for floating point.
+    encoding: how the file says its values are encoded; None if it does not say.
+    metadata: capture data.
+    notes: remarks for the user, such as what was left out.
+    """
 
     pixels: NDArray[Any]
     peak: int | None
@@ -50,7 +58,7 @@ class Decoded:
 
 
 def guarded(decode: Callable[P, T]) -> Callable[P, T]:
-    """Let no exception but InputError out of a decoder; decoding libraries raise nearly everything on damaged files."""
+    """Decorate a decoder so that it raises only InputError: on damaged files the libraries raise nearly everything."""
 
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
@@ -64,7 +72,7 @@ def guarded(decode: Callable[P, T]) -> Callable[P, T]:
             said = error.args[0] if error.args else ""
             lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
             reason = lines[0] if lines else type(error).__name__
-            reason = reason.replace(f"'{args[0]}'", "").strip()  # the file is named already, where the error is shown
+            reason = reason.replace(f"'{args[0]}'", "").strip()  # whoever shows the error names the file
             raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
 
     return call
@@ -72,10 +80,10 @@ def guarded(decode: Callable[P, T]) -> Callable[P, T]:
 
 @contextmanager
 def _quiet_libraries() -> Iterator[None]:
-    """Nothing on standard error from C code: LibRaw and OpenEXR say there, unasked, what becomes our one line."""
+    """Silence standard error for C code: LibRaw and OpenEXR print there what we report as one line."""
     try:
         kept = os.dup(2)
-    except OSError:  # it is closed already
+    except OSError:  # standard error is closed
         yield
         return
     try:
@@ -89,52 +97,45 @@ def _quiet_libraries() -> Iterator[None]:
 
 @guarded
 def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """PNG of any kind; Pillow would quietly reduce 16-bit colour to 8, so those go through libpng."""
+    """Decode a PNG of any kind. 16-bit colour goes through libpng, because Pillow would reduce it to 8 bits."""
     with path.open("rb") as file:
         header = file.read(_PNG_HEADER)
     width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
     size = path.stat().st_size
     check_size(width, height, 0, size, max_pixels)
-    # Chunks of no interest are read too, whatever length they claim.
+    # Unknown chunks are read too, whatever length they declare.
     if size > _MOST_PER_PIXEL * width * height + _MOST_BESIDE:
         raise InputError(f"{size} bytes for {width} x {height} pixels: the file is damaged, or made to fill the memory")
     if len(header) < _PNG_HEADER or header[24] != 16:
         return decode_with_pillow(path, max_pixels)
     check_size(width, height, 8, size, max_pixels)
-    data = path.read_bytes()
     import imagecodecs
 
-    image_module = _pillow()
-    pixels, notes = _without_alpha(np.atleast_3d(imagecodecs.png_decode(data)))
-    with image_module.open(path) as image:
-        encoding, remarks = _png_encoding(image.info)
-        return Decoded(pixels, 65535, encoding, exif.from_tags(exif.merged(image.getexif())), notes + remarks)
+    pixels, notes = _without_alpha(imagecodecs.png_decode(path.read_bytes()))
+    with _pillow().open(path) as image:
+        return _described(image, pixels, 65535, notes)
 
 
 @guarded
 def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """8-bit PNG, JPEG and WebP."""
+    """Decode an 8-bit PNG, a JPEG or a WebP."""
     if path.stat().st_size > _LARGEST_WEBP and path.suffix.lower() == ".webp":
-        raise InputError(f"is larger than {_LARGEST_WEBP} bytes, which no WebP needs; it is damaged, or save it as PNG")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of odd capture data
-        with _pillow().open(path) as image:
-            width, height = image.size
-            check_size(width, height, 4, path.stat().st_size, max_pixels)
-            if image.mode not in _MODES:
-                raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
-            notes: tuple[str, ...] = ()
-            if "A" in image.getbands() or "transparency" in image.info:
-                notes = ("transparency is left out",)
-            encoding, remarks = _png_encoding(image.info)
-            grey = image.mode in {"1", "L", "LA", "La"}
-            pixels = np.asarray(image.convert("L" if grey else "RGB"))
-            return Decoded(np.atleast_3d(pixels), 255, encoding, exif.from_tags(exif.merged(image.getexif())), notes + remarks)
+        raise InputError(f"is larger than {_LARGEST_WEBP} bytes, more than any WebP needs: it is damaged; if not, save it as PNG")
+    # Invalid capture data cause warnings.
+    with warnings.catch_warnings(action="ignore"), _pillow().open(path) as image:
+        width, height = image.size
+        check_size(width, height, 4, path.stat().st_size, max_pixels)
+        if image.mode not in _MODES:
+            raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
+        transparent = "A" in image.getbands() or "transparency" in image.info
+        grey = image.mode in {"1", "L", "LA", "La"}
+        pixels = np.atleast_3d(np.asarray(image.convert("L" if grey else "RGB")))
+        return _described(image, pixels, 255, (_NO_ALPHA,) if transparent else ())
 
 
 @guarded
 def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """Grey or RGB TIFF, integer or floating point; the first page."""
+    """Decode the first page of a grey or RGB TIFF, integer or floating point."""
     import tifffile
 
     size = path.stat().st_size
@@ -152,28 +153,28 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         check_size(page.imagewidth, page.imagelength, samples * max(1, page.bitspersample // 8), size, max_pixels)
         if page.is_tiled:
             check_size(page.tilewidth, page.tilelength, max_pixels=max_pixels)
-        # tifffile fills what is missing with zeros: that would be a black stripe in a scene, not an error.
+        # tifffile fills missing data with zeros: a black stripe in the scene instead of an error.
         extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
         if not extents or any(count == 0 or offset + count > size for offset, count in extents):
             raise InputError("the TIFF is cut short: it points beyond its end; copy it again")
         pixels = page.asarray(maxworkers=1)
         if page.axes.startswith("S"):
             pixels = np.moveaxis(pixels, 0, -1)
-        pixels, notes = _without_alpha(np.atleast_3d(pixels))
+        pixels, notes = _without_alpha(pixels)
         if several:
-            notes += ("of several pages only the first is used",)
+            notes += ("the file has several pages; only the first is used",)
         peak = (1 << page.bitspersample) - 1 if pixels.dtype.kind == "u" else None
         profile = page.tags.get(_ICC_PROFILE)
         encoding, remarks = _profile_encoding(profile and profile.value)
-    return Decoded(pixels, peak, encoding, exif.from_tags(exif.tiff_tags(path)), notes + remarks)
+    return Decoded(pixels, peak, encoding, from_tags(tiff_tags(path)), notes + remarks)
 
 
 @guarded
 def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """OpenEXR: the channels R, G, B or Y of the first part; linear by definition."""
+    """Decode the channels R, G, B or Y of the first part of an OpenEXR file; its values are linear by definition."""
     import OpenEXR
 
-    with redirect_stdout(io.StringIO()):  # it prints its warnings, and standard output is for data
+    with redirect_stdout(io.StringIO()):  # OpenEXR prints warnings; standard output is for data
         header = OpenEXR.File(str(path), header_only=True).header()
         (left, top), (right, bottom) = (np.asarray(corner).tolist() for corner in header["dataWindow"])
         names = {channel.name for channel in header["channels"]}
@@ -192,12 +193,12 @@ def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
 
 @guarded
 def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """A NumPy array (H, W) or (H, W, C) of unsigned integers or floating point; pickled objects are refused."""
+    """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled objects are refused."""
     with path.open("rb") as file:
         start = file.read(12)
-    # NumPy reads a header as long as the file says it is: two bytes of it in version 1, four since.
+    # NumPy reads a header of the length that the file declares, in two bytes in version 1, in four in later versions.
     if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
-        raise InputError("the array's header claims to be longer than any is: the file is damaged, or made to fill the memory")
+        raise InputError("the array's header declares an impossible length: the file is damaged, or made to fill the memory")
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not 1 <= stored.shape[2] <= 4):
         raise InputError(
@@ -205,31 +206,36 @@ def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
             "expected unsigned integers or floating point, (rows, columns) or (rows, columns, 3)"
         )
     check_size(stored.shape[1], stored.shape[0], max_pixels=max_pixels)
-    pixels, notes = _without_alpha(np.atleast_3d(np.array(stored)))
+    pixels, notes = _without_alpha(np.array(stored))
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes)
 
 
 def _pillow() -> ModuleType:
-    """Pillow's module of pictures, without a bound of its own: `check_size` is asked before anything is decoded."""
+    """Return the module PIL.Image with its own size limit switched off: `check_size` runs before anything is decoded."""
     from PIL import Image
 
     Image.MAX_IMAGE_PIXELS = None
     return Image
 
 
+def _described(image: Any, pixels: NDArray[Any], peak: int, notes: tuple[str, ...]) -> Decoded:
+    """Return the pixels with what Pillow's `image` says about them: encoding and capture data."""
+    encoding, remarks = _png_encoding(image.info)
+    return Decoded(pixels, peak, encoding, from_tags(merged_tags(image.getexif())), notes + remarks)
+
+
 def _without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
-    """(H, W, 1 to 4) -> (H, W, 1 or 3)."""
-    if pixels.shape[2] in (1, 3):
-        return pixels, ()
-    return pixels[..., :-1], ("transparency is left out",)
+    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3), and notes."""
+    pixels = np.atleast_3d(pixels)
+    return (pixels, ()) if pixels.shape[2] in (1, 3) else (pixels[..., :-1], (_NO_ALPHA,))
 
 
 def _png_encoding(info: dict[Any, Any]) -> tuple[Encoding | None, tuple[str, ...]]:
-    """What a picture says of its numbers, in PNG's order of precedence (PNG, third edition, 4.3): profile, sRGB, gamma."""
+    """Return the encoding that Pillow's `info` declares, and notes: profile before sRGB before gamma (PNG, third edition, 4.3)."""
     if info.get("icc_profile"):
         return _profile_encoding(info["icc_profile"])
     gamma = info.get("gamma")
-    if "srgb" in info or (gamma and abs(gamma - 1 / 2.2) < 0.005):  # that gamma is how sRGB is written for old readers
+    if "srgb" in info or (gamma and abs(gamma - 1 / 2.2) < 0.005):  # sRGB files give this gamma for old readers
         return SRGB, ()
     if gamma and 0.1 < gamma < 10:
         return Encoding((power_curve(1 / gamma),) * 3, SRGB.to_xyz, f"gamma {gamma:.4g}"), ()
@@ -237,7 +243,5 @@ def _png_encoding(info: dict[Any, Any]) -> tuple[Encoding | None, tuple[str, ...
 
 
 def _profile_encoding(profile: bytes | None) -> tuple[Encoding | None, tuple[str, ...]]:
-    if not profile:
-        return None, ()
-    encoding = read_profile(bytes(profile))
-    return encoding, () if encoding else (_UNREADABLE_PROFILE,)
+    encoding = read_profile(bytes(profile)) if profile else None
+    return encoding, (_UNREADABLE_PROFILE,) if profile and not encoding else ()

@@ -1,8 +1,9 @@
-"""Capture data out of Exif blocks and TIFF directories; whatever is odd is left out, never fatal."""
+"""Capture data from Exif blocks and TIFF directories. Invalid fields are skipped: they are never an error."""
 
 import math
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ EXPOSURE_TIME, F_NUMBER, ISO, DATE_TIME_ORIGINAL, FOCAL_LENGTH, LENS_MODEL = 334
 
 
 def from_tags(tags: Mapping[int, Any]) -> CaptureMetadata:
-    """Metadata from the tags of a first directory and its Exif directory, merged."""
+    """Return the capture data in `tags`: those of a first directory and its Exif directory, merged."""
     return CaptureMetadata(
         make=text(tags.get(MAKE)),
         model=text(tags.get(MODEL)),
@@ -32,34 +33,28 @@ def from_tags(tags: Mapping[int, Any]) -> CaptureMetadata:
     )
 
 
-def merged(exif: Any) -> dict[int, Any]:
-    """Tags of a Pillow `Exif`: the first directory's and the Exif directory's."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # capture data are a courtesy: what is odd is left out without a word
-        try:
-            return {**dict(exif), **exif.get_ifd(EXIF_IFD)}
-        except Exception:  # hostile directories raise all sorts
-            return {}
+def merged_tags(exif: Any) -> dict[int, Any]:
+    """Return the tags of a Pillow `Exif`, first directory and Exif directory; empty if they are damaged."""
+    # Capture data are optional, so warnings are dropped; hostile directories raise all kinds of exceptions.
+    with suppress(Exception), warnings.catch_warnings(action="ignore"):
+        return {**dict(exif), **exif.get_ifd(EXIF_IFD)}
+    return {}
 
 
 def tiff_tags(path: Path) -> dict[int, Any]:
-    """Tags of a TIFF-based file, a camera RAW as well; empty when the file has another structure or a damaged one."""
+    """Return the tags of a file based on TIFF, as most camera RAWs are; empty if it has another or a damaged structure."""
     from PIL import Image
 
     exif = Image.Exif()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # as above
-        try:
-            with path.open("rb") as file:
-                check_directories(file)
-                exif.load_from_fp(file)
-                return merged(exif)
-        except Exception:
-            return {}
+    with suppress(Exception), warnings.catch_warnings(action="ignore"), path.open("rb") as file:
+        check_directories(file)
+        exif.load_from_fp(file)
+        return merged_tags(exif)
+    return {}
 
 
 def text(value: object) -> str:
-    """Printable text of a field; "" for anything else. A multiple field gives its first."""
+    """Return the printable text of a field, or "" if it has none. Of several values the first is used."""
     value = _first(value)
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")
@@ -69,7 +64,7 @@ def text(value: object) -> str:
 
 
 def positive(value: object) -> float | None:
-    """A positive, finite number that metadata can hold, or None."""
+    """Return the value if it is a positive, finite number that fits `CaptureMetadata`, otherwise None."""
     try:
         number = float(_first(value))  # type: ignore[arg-type]
     except (TypeError, ValueError, ArithmeticError):
@@ -78,13 +73,13 @@ def positive(value: object) -> float | None:
 
 
 def whole(value: object) -> int | None:
-    """A positive whole number, or None."""
+    """Return the value rounded to a positive whole number, or None."""
     number = positive(value)
     return round(number) if number and round(number) >= 1 else None
 
 
 def moment(value: object) -> datetime | None:
-    """Exif's "YYYY:MM:DD HH:MM:SS", local time without zone, or None."""
+    """Return the time in Exif's form "YYYY:MM:DD HH:MM:SS" (local time without zone), or None."""
     try:
         return datetime.strptime(text(value)[:19], "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 -- Exif knows no zone
     except ValueError:
@@ -92,7 +87,7 @@ def moment(value: object) -> datetime | None:
 
 
 def orientation(value: object) -> int:
-    """A TIFF orientation; 1 when the field is missing or odd."""
+    """Return a TIFF orientation, 1 to 8; 1 if the field is missing or invalid."""
     value = _first(value)
     return value if isinstance(value, int) and value in range(1, 9) else 1
 

@@ -1,6 +1,6 @@
-"""ICC profiles of pictures that come in: what their numbers are in linear light, and as colours.
+"""Reading of ICC profiles: how a picture's values become linear light, and which colours they are.
 
-Only what pictures use in practice: RGB profiles of curves and a matrix, and grey profiles of one curve (ICC.1:2022, sections
+Supports the profiles that pictures use in practice: RGB with curves and a matrix, and grey with one curve (ICC.1:2022, sections
 8.3.3, 8.4.2, 10.6, 10.18, 10.31).
 """
 
@@ -16,13 +16,18 @@ from shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, decode_srgb
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
 
 _HEADER, _SIGNATURE = 128, slice(36, 40)
-_PARAMETERS = (1, 3, 4, 5, 7)  # of each type of parametric curve
-_LINEAR = 2e-3  # how far a curve may stray from the identity and still be called linear
+_PARAMETERS = (1, 3, 4, 5, 7)  # number for each type of parametric curve
+_LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a picture's numbers mean light: one curve per channel, and linear RGB -> XYZ (D50 white)."""
+    """How a picture's values encode light.
+
+    curves: one per channel, from encoded values to linear light, both 0..1.
+    to_xyz: (3, 3), linear RGB to XYZ (D50 white).
+    name: for the user.
+    """
 
     curves: tuple[Curve, ...]
     to_xyz: Matrix
@@ -30,13 +35,13 @@ class Encoding:
 
     @property
     def linear(self) -> bool:
-        """Whether the numbers are light already."""
+        """Whether the values are linear light already."""
         ramp = np.linspace(0, 1, 256)
         return all(float(np.abs(curve(ramp) - ramp).max()) < _LINEAR for curve in self.curves)
 
 
 def power_curve(gamma: float) -> Curve:
-    """Encoded values to the power of gamma."""
+    """Return the curve that raises encoded values to the power of `gamma`."""
     return lambda encoded: encoded**gamma
 
 
@@ -45,7 +50,7 @@ LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
 
 
 def read_profile(profile: bytes) -> Encoding | None:
-    """The encoding that an ICC profile describes; None when it is damaged or of another kind (tables, CMYK, Lab)."""
+    """Return the encoding that an ICC profile describes; None if it is damaged or of another kind (tables, CMYK, Lab)."""
     try:
         return _parse(profile)
     except (struct.error, ValueError, KeyError, IndexError, ZeroDivisionError):
@@ -63,7 +68,7 @@ def _parse(profile: bytes) -> Encoding:
     if profile[16:20] != b"RGB " or profile[20:24] != b"XYZ " or b"A2B0" in tags:
         raise ValueError("not a profile of curves and a matrix")
     matrix = np.stack([_xyz(tags[name]) for name in (b"rXYZ", b"gXYZ", b"bXYZ")], axis=1)
-    # Colorants add up to D50 but for rounding; the last digits are put right so that white stays exactly neutral.
+    # Colorants add up to D50 except for rounding, which is corrected so that white stays exactly neutral.
     white = matrix.sum(axis=1)
     if np.abs(white - D50).max() > 0.01 or np.linalg.matrix_rank(matrix) < 3:
         raise ValueError("the colorants do not add up to D50")
@@ -95,9 +100,9 @@ def _curve(data: bytes) -> Curve:
 def _parametric(
     gamma: float, a: float = 1.0, b: float = 0.0, c: float | None = None, d: float | None = None, e: float = 0.0, f: float = 0.0
 ) -> Curve:
-    """ICC.1:2022, table 68: (a x + b)^gamma + e from d on, c x + f below; types 1 and 2 are written into that form."""
+    """Return the curve of ICC.1:2022, table 68: (a x + b)^gamma + e from d on, c x + f below d; types 1 and 2 take that form."""
     _plausible(gamma)
-    if d is None:  # types 0 to 2: nothing but a constant below -b / a, which is their third parameter where there is one
+    if d is None:  # types 0 to 2: below -b / a a constant, which is their third parameter, or 0
         e = f = c or 0.0
         c, d = 0.0, -b / a
     slope, knee = c or 0.0, d
@@ -111,7 +116,7 @@ def _plausible(gamma: float) -> float:
 
 
 def _description(tags: dict[bytes, bytes]) -> str:
-    """The profile's name for people: v2 ASCII, or the first of v4's Unicode strings."""
+    """Return the profile's readable name: v2 ASCII, or the first of v4's Unicode strings."""
     data = tags.get(b"desc", b"")
     if data[:4] == b"desc":
         (size,) = struct.unpack_from(">I", data, 8)

@@ -1,4 +1,4 @@
-"""Where scenes come from: camera RAWs, pictures, and the built-in test scene."""
+"""Load a scene: a camera RAW, a picture, or a built-in scene."""
 
 import re
 from collections.abc import Callable
@@ -18,14 +18,12 @@ from .gehler_shi import sample_range
 from .picture import picture_scene, sampled_scene
 from .scene import Scene, check_size
 
-__all__ = ["Scene", "builtin_scene", "load_scene"]
-
-# Scenes without a file: prefix, and what draws them at width x height.
+# Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[[int, int], Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene}
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _DNG_VERSION, _DNG_PRIVATE_DATA = 50706, 50740
 
-# How a file of each kind begins (a pattern), what its name ends in, and who decodes it.
+# Kind, pattern of the first bytes, name endings, decoder.
 _KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]], ...] = (
     ("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png),
     ("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_with_pillow),
@@ -38,16 +36,19 @@ _TIFF_SUFFIXES = (".tif", ".tiff")
 
 
 def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS) -> Scene:
-    """The scene in a file, or the built-in one.
+    """Return the scene in a file, or a built-in scene.
 
-    source: the path of
-      - a Bayer camera RAW (see `camera_raw_scene`),
-      - a TIFF, PNG, JPEG, WebP, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more are linear, unless the file says
-        otherwise; linear=True makes any of them linear; Gehler's data set as Shi and Funt publish it is recognised),
-    or "builtin:WxH" (see `builtin_scene`), "chart:WxH" (see `chart_scene`).
+    source: one of
+        the path of a Bayer camera RAW (see `camera_raw_scene`),
+        the path of a TIFF, PNG, JPEG, WebP, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
+            the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
+        "builtin:WxH" (see `builtin_scene`),
+        "chart:WxH" (see `chart_scene`).
+    linear: take the values of any picture as linear light.
+    max_pixels: larger scenes are refused.
 
-    The content decides what a file is, and its ending has to agree. Raises InputError that says what came and what to do, for more
-    than `max_pixels` too; it does not name the file.
+    The content decides which kind a file is, and the name's ending must agree. Raises InputError that says what was found and what
+    to do; it does not name the file.
     """
     if is_drawn(source):
         return _draw(source, max_pixels)
@@ -57,22 +58,22 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     for kind, pattern, suffixes, decode in _KINDS:
         if re.match(pattern, start, re.DOTALL):
             if suffix not in suffixes:
-                raise InputError(f"is a {kind} picture by its content; if that is meant, name it {path.stem}{suffixes[0]}")
+                raise InputError(f"is a {kind} picture by its content; if that is right, rename it {path.stem}{suffixes[0]}")
             picture = decode(path, max_pixels)
             if kind == "PNG" and (known := sample_range(picture, path.stem)):
                 return sampled_scene(picture, path.stem, known)
             return picture_scene(picture, path.stem, linear=linear)
     if start.startswith(_TIFF_STARTS):
-        ours, dng = _look_into(path)
-        if ours:
+        is_shot, is_dng = _inspect_tiff(path)
+        if is_shot:
             raise InputError("this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render")
-        if suffix in _TIFF_SUFFIXES and not dng:
+        if suffix in _TIFF_SUFFIXES and not is_dng:
             return picture_scene(decode_tiff(path, max_pixels), path.stem, linear=linear)
     return camera_raw_scene(path, path.stem, max_pixels)
 
 
 def is_drawn(source: str) -> bool:
-    """Whether a SCENE names one of the built-in scenes, not a file."""
+    """Return whether a SCENE is a built-in scene, not a file."""
     return source.startswith(tuple(_DRAWN))
 
 
@@ -80,7 +81,7 @@ def _draw(source: str, max_pixels: int) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
     if not size:
-        raise InputError(f"is no built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
+        raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
     return _DRAWN[kind](width, height)
@@ -89,7 +90,7 @@ def _draw(source: str, max_pixels: int) -> Scene:
 def _first_bytes(path: Path) -> bytes:
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
-            raise InputError("is a pipe or a device, not a file; save the picture first")  # a pipe or device would never end
+            raise InputError("is a pipe or a device, not a file; save the picture first")  # reading it might never end
         with path.open("rb") as file:
             start = file.read(16)
     except FileNotFoundError:
@@ -103,11 +104,11 @@ def _first_bytes(path: Path) -> bytes:
     return start
 
 
-def _look_into(path: Path) -> tuple[bool, bool]:
-    """Of a file that begins as TIFF: whether it is a shot of ours, and whether it is a DNG.
+def _inspect_tiff(path: Path) -> tuple[bool, bool]:
+    """Return whether a file that begins like a TIFF is a shot of Panchroma, and whether it is a DNG.
 
-    LibRaw must not see our shots: it takes a 6 x 6 pattern for X-Trans and other periods for four colours, and decodes them wrongly
-    without complaint. Their private data may sit beside the preview or beside the samples.
+    LibRaw must not get our shots: it treats a 6 x 6 pattern as X-Trans and other periods as four colours, and decodes them wrongly
+    without an error. Their private data may be in the directory of the preview or of the samples.
     """
     import tifffile
 
@@ -118,16 +119,14 @@ def _look_into(path: Path) -> tuple[bool, bool]:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
             private = [directory.tags.get(_DNG_PRIVATE_DATA) for directory in directories]
-            ours = any(tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
-            return ours, _DNG_VERSION in first.tags
-    except (
-        Exception
-    ):  # a damaged directory: the decoder that comes next says what is wrong, unless that is LibRaw and the file ours
+            is_shot = any(tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
+            return is_shot, _DNG_VERSION in first.tags
+    except Exception:  # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
         return _mentions(path, MAKER.encode()), False
 
 
 def _mentions(path: Path, word: bytes) -> bool:
-    """Whether a file holds a word near its beginning or its end, where directories and what belongs to them are."""
+    """Return whether a file contains a word near its beginning or end, where directories and their data are."""
     with path.open("rb") as file:
         start = file.read(_PIECE)
         file.seek(max(0, path.stat().st_size - _PIECE))

@@ -1,4 +1,4 @@
-"""Pictures as scenes: which numbers are light already, and which have to be made light first."""
+"""Decoded pictures as scenes: which values are linear light already, and which must be converted."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,16 @@ from .decoders import Decoded
 from .icc_reading import LINEAR, SRGB, Encoding
 from .scene import Scene
 
-_ASSUMED_LINEAR = "nothing in the file says what its numbers are: taken as linear light with sRGB primaries, balanced for white"
+_ASSUMED_LINEAR = "the file does not say how its values are encoded: taken as linear light with sRGB primaries, white balanced"
 
 
 @dataclass(frozen=True)
 class Range:
-    """The codes that mean no light and white, of linear camera samples in a picture file; note: how that is known."""
+    """Levels of linear camera samples in a picture file.
+
+    black, white: the codes for no light and for white.
+    note: how they are known, for the user.
+    """
 
     black: int
     white: int
@@ -25,9 +29,9 @@ class Range:
 
 
 def sampled_scene(picture: Decoded, name: str, known: Range) -> Scene:
-    """The scene in linear camera samples, (code - black) / (white - black); what noise left below black becomes 0.
+    """Return the scene in linear camera samples: (code - black) / (white - black), values below black (noise) set to 0.
 
-    Raises InputError for what `Scene` refuses.
+    Raises InputError for whatever `Scene` refuses.
     """
     light = (picture.pixels.astype(np.float32) - known.black) / np.float32(known.white - known.black)
     light = np.maximum(light, 0)
@@ -35,15 +39,15 @@ def sampled_scene(picture: Decoded, name: str, known: Range) -> Scene:
 
 
 def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:
-    """The scene in a decoded picture; a grey one gives r = g = b.
+    """Return the scene in a decoded picture; a grey picture gives r = g = b.
 
-    What the numbers are, first rule that holds:
-      1. linear=True: light, whatever the file says.
-      2. Floating point (scene units): light. A profile gives the primaries alone.
-      3. The file says so (ICC profile, PNG's sRGB and gAMA): undo that curve.
+    The first of these rules that applies decides how the values are read:
+      1. linear=True: linear light, whatever the file says.
+      2. Floating point (scene units): linear light. A profile only gives the primaries.
+      3. The file declares an encoding (ICC profile, PNG's sRGB and gAMA): its curve is undone.
       4. 8 bits: sRGB (IEC 61966-2-1).
-      5. More bits: light, as cameras and raw developers write it for measurements; a note says so.
-    Integers are divided by their largest value. Raises InputError for integers wider than 32 bits, and for what `Scene` refuses.
+      5. More bits: linear light, as cameras and raw developers write it for measurements; a note says so.
+    Integers are divided by their peak. Raises InputError for integers wider than 32 bits, and for whatever `Scene` refuses.
     """
     encoding, notes = _encoding(picture, linear)
     pixels = picture.pixels
@@ -66,7 +70,7 @@ def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]
     if linear or floating:
         primaries = Encoding(LINEAR.curves, said.to_xyz if said else LINEAR.to_xyz, "linear")
         if said and not said.linear:
-            why = "floating point is" if floating and not linear else "as asked, the numbers are"
+            why = "floating point is" if floating and not linear else "as requested, the values are"
             return primaries, (f"{why} taken as linear light, although the file says {said.name}",)
         return primaries, ()
     if said:
@@ -77,7 +81,7 @@ def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]
 
 
 def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
-    """Integers through the curves, as a table where one is shorter than the picture."""
+    """Convert integers to linear light; curves of up to 16 bits are applied as tables."""
     pixels = picture.pixels
     if pixels.max() > peak:
         raise InputError(f"a sample is {pixels.max()}, but the file declares {peak} as its largest value")
@@ -97,6 +101,4 @@ def _remark_on_range(rgb: FloatArray) -> tuple[str, ...]:
     highest = float(rgb.max(initial=0))
     if not 1 < highest < np.inf:
         return ()
-    return (
-        f"the brightest value is {highest:.4g}, and 1.0 is white: sensors clip what is brighter; divide first if that is not meant",
-    )
+    return (f"the brightest value is {highest:.4g}: 1.0 is white, sensors clip the rest; scale it if that is not intended",)

@@ -10,22 +10,23 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 MAX_EXPANSION = 300  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
-SMALL = 256 * 2**20  # decoded bytes that harm nobody, however well they are compressed
-DARKEST = -1e-3  # of the brightest value: what rounding and resampling leave below zero; more is not light
+SMALL = 256 * 2**20  # decoded bytes that are harmless, however well they are compressed
+DARKEST = -1e-3  # of the brightest value: rounding and resampling may go this far below zero
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Light as a camera with a full set of colours per pixel would record it; checked once, here.
+    """The light of a scene, as a camera that measures all colours at every pixel would record it. Checked when made.
 
-    rgb: float32 (H, W, 3), linear camera RGB in scene units: 1.0 = the white level of the source. Never below 0, may
-        exceed 1. Read-only. Values that rounding left below zero become 0.
-    name: what outputs are called after.
-    camera_to_xyz: 3 x 3, rgb -> CIE XYZ (D50 white) for the light of the shot, neutral -> white; None = unknown.
-    neutral: what a white surface reads in each channel under the light of the shot, at most 1; None = unknown.
-    notes: what a user should be told of how the source was understood.
+    rgb: float32 (H, W, 3), linear camera RGB in scene units: 1.0 = the white level of the source. 0 or more, may exceed 1.
+        Read-only. Small negative values, from rounding, become 0.
+    name: for the names of output files.
+    camera_to_xyz: (3, 3), rgb to CIE XYZ (D50 white) under the light of the shot; it takes neutral to white. None = unknown.
+    neutral: (3,), what a white surface reads under the light of the shot, at most 1; None = unknown.
+    metadata: capture data.
+    notes: remarks for the user on how the file was interpreted.
 
-    Raises InputError when rgb has another shape, is empty, is not finite, or holds negative light.
+    Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
     """
 
     rgb: FloatArray
@@ -40,12 +41,12 @@ class Scene:
         if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.size == 0:
             raise InputError(f"a scene is an array (rows, columns, 3); this one has shape {np.shape(self.rgb)}")
         lowest, highest = float(rgb.min()), float(rgb.max())
-        if not (np.isfinite(lowest) and np.isfinite(highest)):  # min and max hand on every NaN
+        if not (np.isfinite(lowest) and np.isfinite(highest)):  # min and max propagate NaN
             bad = int((~np.isfinite(rgb)).sum())
             raise InputError(f"{bad} of {rgb.size} values are not finite (NaN or infinite); replace them before simulating")
         if lowest < min(0.0, DARKEST * highest):
             raise InputError(
-                f"the lowest value is {lowest:.4g}: light is not negative. Subtract the black level correctly, "
+                f"the lowest value is {lowest:.4g}, but light is not negative. Subtract the black level correctly, "
                 "or clip the picture at 0 if it has been sharpened"
             )
         if lowest < 0:
@@ -61,14 +62,17 @@ class Scene:
 
 
 def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0, max_pixels: int = MAX_PIXELS) -> None:
-    """Refuse (InputError) a picture by its declared size, before anything is decoded: empty, too large, or a decompression bomb.
+    """Raise InputError if the declared size of a picture is empty, too large, or that of a decompression bomb.
 
-    pixel_bytes, file_bytes: decoded bytes of a pixel, and the length of the file; 0 = do not compare them.
+    width, height: pixels.
+    pixel_bytes: decoded bytes of a pixel.
+    file_bytes: length of the file; 0 = do not compare it with the decoded size.
+    max_pixels: the limit for width * height.
     """
     if width < 1 or height < 1:
         raise InputError(f"the picture is {width} x {height} pixels: it is empty")
     if width * height > max_pixels:
-        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels lifts it")
+        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels raises it")
     decoded = width * height * pixel_bytes
     if decoded > max(SMALL, MAX_EXPANSION * file_bytes) and file_bytes:
         raise InputError(

@@ -10,7 +10,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.sensor import simulate_sensor
 from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
 from tools.scenes.drawn.chart import CORNERS, chart_scene
-from tools.scenes.drawn.perspective import apply_homography, homography
+from tools.scenes.drawn.perspective import apply_homography, homography, rectangle
 from tools.scenes.scene import Scene
 
 TRUTH = SensorCalibration(
@@ -39,10 +39,7 @@ def frame(rgb: ArrayLike, period: int = 6, seed: int = 0, says: SensorCalibratio
 
 def true_place() -> ChartPlace:
     """The chart in its scene."""
-    cells = np.array([(0, 0), (COLUMNS, 0), (COLUMNS, ROWS), (0, ROWS)], float)
-    to_frame = homography(cells, np.array(CORNERS) * (WIDTH, HEIGHT))
+    to_frame = homography(rectangle(0, 0, COLUMNS, ROWS), np.array(CORNERS) * (WIDTH, HEIGHT))
     edge = (1 - PATCH) / 2
-    x, y = apply_homography(
-        to_frame, np.array([edge, COLUMNS - edge, COLUMNS - edge, edge]), np.array([edge, edge, ROWS - edge, ROWS - edge])
-    )
+    x, y = apply_homography(to_frame, *rectangle(edge, edge, COLUMNS - edge, ROWS - edge).T)
     return ChartPlace(tuple(zip(x.tolist(), y.tolist(), strict=True)))

@@ -86,7 +86,7 @@ def test_flats_without_partner_and_dead_pixels() -> None:
     _, dead, alone = measure_flats([*pair, single, clipped], None)
     assert dead == [(100, 200)]
     assert sorted(alone) == [2, 3]
-    with pytest.raises(InputError, match="no two have the same exposure"):
+    with pytest.raises(InputError, match="no two unclipped frames have the same exposure"):
         measure_flats([single, clipped], None)
 
 

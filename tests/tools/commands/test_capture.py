@@ -256,13 +256,13 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["frames"], "frames: frames have no header; say what they are with --width, --height, --format"),
-        (["missing", *LAYOUT], "missing: is no folder; SOURCE is a folder of raw frames, - or builtin:"),
+        (["frames"], "frames: frames have no header; describe them with --width, --height, --format"),
+        (["missing", *LAYOUT], "missing: is not a folder; SOURCE is a folder of raw frames, - or builtin:"),
         (["builtin:64x48"], "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS"),
         (["builtin:64x48@0"], "is not a built-in sensor"),
         (["builtin:64x48@9", "--width", "64"], "--width does not go with builtin:64x48@9"),
-        (["builtin:64x48@9", "--new"], "--new does not go with builtin:64x48@9: only a folder has frames already"),
-        (["builtin:64x48@9", "--wait"], "--wait cannot be used with builtin:64x48@9"),
+        (["builtin:64x48@9", "--new"], "--new does not go with builtin:64x48@9: only a folder can already contain frames"),
+        (["builtin:64x48@9", "--wait"], "--wait does not go with builtin:64x48@9"),
         (["builtin:64x48@9", "--frames", "0"], "--frames is 0, expected 1 or more"),
         (["builtin:64x48@9", "--jobs", "-1"], "-j is -1, expected 1 or more"),
         (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),

@@ -292,7 +292,7 @@ def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path)
 @pytest.mark.parametrize(
     ("address", "kind", "words"),
     [
-        (("camera", 0), InputError, "'camera' is no address of a network interface"),
+        (("camera", 0), InputError, "'camera' is not the address of a network interface"),
         (("192.0.2.1", 0), OutputError, "192.0.2.1 port 0: nothing can be served there"),
         (("127.0.0.1", 70000), OutputError, "127.0.0.1 port 70000: nothing can be served there"),
     ],
@@ -320,7 +320,7 @@ def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: 
     [
         (["--latest", "latest"], "--latest needs -o DIR"),
         (["--jobs", "0"], "-j is 0"),
-        (["--bind", "camera"], "'camera' is no address"),
+        (["--bind", "camera"], "'camera' is not the address"),
         (["--scale", "5"], "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"),
         (["--scale", "0"], "0 x 0 sensor pixels"),
     ],

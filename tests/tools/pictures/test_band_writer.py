@@ -76,15 +76,9 @@ def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
+    path, bands, kind = tmp_path / "picture.tif", cut(scene((9, 9)), 4), PictureKind.of("tif")
     with pytest.raises(OutputError, match=r"picture\.tif: the disk is full"):
-        write_picture_bands(
-            tmp_path / "picture.tif",
-            cut(scene((9, 9)), 4),
-            (9, 9),
-            PictureKind.of("tif"),
-            calibration=CALIBRATION,
-            metadata=METADATA,
-        )
+        write_picture_bands(path, bands, (9, 9), kind, calibration=CALIBRATION, metadata=METADATA)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,11 +8,11 @@ from offline import PAPER, Rendering, render
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.sensor import simulate_additive
-from tools.pictures import illustrations as figures
+from tools.pictures import illustrations
 from tools.pictures.illustrations import comparison, overview
 
-PANEL, GAP, CAPTION = figures._PANEL, figures._GAP, figures._CAPTION
-FILTERS = figures._FILTERS
+PANEL, GAP, CAPTION = illustrations._PANEL, illustrations._GAP, illustrations._CAPTION
+FILTERS = illustrations._FILTERS
 
 
 def panel(sheet: Image.Image, row: int, column: int) -> ByteArray:
@@ -47,9 +47,9 @@ def test_the_overview_draws_both_patterns(shot: tuple[Mosaic, Rendering]) -> Non
 def test_the_overview_shows_the_same_part_in_every_panel(shot: tuple[Mosaic, Rendering]) -> None:
     """The bright square begins 20 rows and 18 columns into the part shown: in samples, luminance and colour alike."""
     sheet = overview(*shot, (10, 12))
-    factor = PANEL // figures._SHOWN
+    factor = PANEL // illustrations._SHOWN
     for row, column in ((0, 2), (1, 1), (1, 2)):
-        picture = panel(sheet, row, column)[: factor * figures._SHOWN, : factor * figures._SHOWN].astype(int)
+        picture = panel(sheet, row, column)[: factor * illustrations._SHOWN, : factor * illustrations._SHOWN].astype(int)
         brightness = picture[factor // 2 :: factor, factor // 2 :: factor].max(axis=2)
         assert brightness[25, 18] > brightness[25, 15] + 20
         assert brightness[20, 26] > brightness[17, 26] + 20
@@ -57,7 +57,7 @@ def test_the_overview_shows_the_same_part_in_every_panel(shot: tuple[Mosaic, Ren
 
 def test_the_overview_shows_holes_where_the_colour_is(shot: tuple[Mosaic, Rendering]) -> None:
     sheet = overview(*shot, (12, 12))  # a block begins here
-    factor = PANEL // figures._SHOWN
+    factor = PANEL // illustrations._SHOWN
     places = ((0, 2), (1, 0), (1, 1))
     samples, colours, filled = (panel(sheet, *place)[factor // 2 :: factor, factor // 2 :: factor].astype(int) for place in places)
     assert samples[0, 0].max() < samples[3, 3].min() - 20  # one channel is darker than the sum of three

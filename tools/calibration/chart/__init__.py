@@ -1,1 +1,1 @@
-"""Find a ColorChecker in a shot and read its patches."""
+"""The ColorChecker in a shot: find it, check it, and say where its patches are."""

@@ -1,4 +1,4 @@
-"""The one place that calls OpenCV's chart detector (`cv2.mcc`), whose calls differ between OpenCV 4.10 and 5."""
+"""OpenCV's chart detector (`cv2.mcc`) and image filters; the calls of the detector differ between OpenCV 4.10 and 5."""
 
 from typing import Any
 
@@ -7,16 +7,19 @@ import numpy as np
 from shared.arrays import ByteArray, DoubleArray
 from shared.errors import InputError
 
-# The detector's corners go round the card's inner part, half a gap outside the patches: it draws patches of 2.5 every 2.75 units.
+# The detector's box lies half a gap outside the patches, in cells: its model has patches of 2.5 every 2.75 units.
 BOX_MARGIN = 0.125 / 2.75
 _CLASSIC = 0  # cv2.mcc.MCC24, in every version
 
 
 def detect(picture: ByteArray, most: int) -> list[DoubleArray]:
-    """Corners (4, 2), x and y, of up to `most` things that look like a ColorChecker Classic, the likeliest first.
+    """Return the boxes of up to `most` possible ColorChecker Classics, the likeliest first: corners (4, 2), x and y.
 
-    picture: (H, W, 3) uint8 RGB. Corners are those at dark skin, bluish green, black and white, as far as the detector is right.
-    Raises InputError when OpenCV is missing or was built without `mcc`.
+    picture: (H, W, 3), uint8 RGB.
+    most: number of boxes.
+
+    The corners are those at dark skin, bluish green, black and white, if the detector is right. Raises InputError if OpenCV is
+    missing or was built without `mcc`.
     """
     try:
         import cv2
@@ -30,14 +33,14 @@ def detect(picture: ByteArray, most: int) -> list[DoubleArray]:
         )
     detector = module.CCheckerDetector.create()
     blue_first = np.ascontiguousarray(picture[..., ::-1])
-    cv2.setRNGSeed(0)  # it draws random numbers: the same picture shall give the same answer
+    cv2.setRNGSeed(0)  # the detector draws random numbers
     try:
         if hasattr(detector, "setColorChartType"):  # OpenCV 5: chart and parameters are properties, MCC24 the default
             detector.setDetectionParams(_eager(module.DetectorParametersMCC()))
             found = detector.process(blue_first, most)
         else:
             found = detector.process(blue_first, _CLASSIC, most, False, _eager(module.DetectorParameters.create()))
-    except cv2.error:  # some textures trip it up (an empty contour, a singular homography): nothing was found
+    except cv2.error:  # some textures make it fail (an empty contour, a singular homography): nothing was found
         return []
     if not found:
         return []
@@ -47,14 +50,14 @@ def detect(picture: ByteArray, most: int) -> list[DoubleArray]:
 
 
 def _eager(parameters: Any) -> Any:
-    """Parameters under which it proposes more, and small charts too: what it proposes is tested anyway."""
+    """Set parameters for more proposals and smaller charts: all proposals are checked later."""
     parameters.confidenceThreshold = 0.1
     parameters.minInterContourDistance = 20
     return parameters
 
 
 def resized(picture: ByteArray, scale: float) -> ByteArray:
-    """The picture `scale` times as large, averaged when smaller and cubic when larger."""
+    """Return the picture `scale` times as large: averaged if smaller, bicubic if larger."""
     import cv2
 
     method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
@@ -62,8 +65,8 @@ def resized(picture: ByteArray, scale: float) -> ByteArray:
     return np.asarray(smaller, np.uint8)
 
 
-def calmed(picture: ByteArray) -> ByteArray:
-    """A 5 x 5 median: without the false colours that sparse colour samples leave at edges."""
+def median_filtered(picture: ByteArray) -> ByteArray:
+    """Return the 5 x 5 median of a picture, which removes the false colours of sparse samples at edges."""
     import cv2
 
     return np.asarray(cv2.medianBlur(picture, 5), np.uint8)

@@ -1,4 +1,4 @@
-"""A colour picture of a mosaic for finding a chart in it, made without knowing gamma, matrix or white."""
+"""A quick colour picture of a mosaic, to find a chart in it; it needs no gamma, matrix or white."""
 
 import numpy as np
 from scipy.ndimage import convolve, map_coordinates
@@ -6,17 +6,20 @@ from scipy.ndimage import convolve, map_coordinates
 from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 
-_REACH = 2
+from ..samples import levels_of
+from .place import INNER, PATCH, ChartPlace
+
+_REACH = 2  # pixels: a hole is filled from samples at most this far away
 _SHOWN = 99.0  # percentile of a channel that is shown as white
 
 
 def linear_picture(mosaic: Mosaic) -> FloatArray:
-    """Every channel at every pixel, float32 (H, W, C), in parts of full scale.
+    """Return every channel at every pixel, float32 (H, W, C), in parts of full scale.
 
-    Luminance is the local mean where it was not measured; a block's chromaticity is the plain ratio of its samples to it (the gamma
-    of the shot's calibration plays no part), interpolated bilinearly.
+    Where luminance was not measured it is the local mean. The chromaticity of a block is the ratio of its samples to luminance
+    (gamma is not used), interpolated bilinearly.
     """
-    levels = mosaic.signal / np.float32(mosaic.calibration.full_scale)
+    levels = levels_of(mosaic)
     luminance = _luminance(mosaic, levels)
     pattern = mosaic.pattern
     grid = pattern.grid(mosaic.shape)
@@ -34,23 +37,37 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     )
     places = np.meshgrid(down, across, indexing="ij")
     chromaticity = np.stack([map_coordinates(plane, places, order=1, mode="nearest") for plane in np.moveaxis(ratios, -1, 0)], -1)
-    picture: FloatArray = (chromaticity * luminance[..., None]).astype(np.float32)
-    return picture
+    return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
 def displayed(picture: FloatArray) -> ByteArray:
-    """A linear picture (H, W, C) as uint8 (H, W, 3) for a detector of colours: each channel stretched alone, square-root curve.
+    """Return a linear picture (H, W, C) for display, uint8 (H, W, 3): each channel is stretched separately, square-root curve.
 
-    The first, the middle and the last channel stand for red, green and blue.
+    The first, middle and last channel are shown as red, green and blue.
     """
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.percentile(chosen[::4, ::4].reshape(-1, 3), _SHOWN, axis=0)
-    shown: ByteArray = (255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8)
+    return (255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8)
+
+
+def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
+    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W, 3)."""
+    import cv2
+
+    shown = displayed(linear_picture(mosaic)).copy()
+    width = max(1, round(place.pitch / 40))
+    chart = np.array([place.corners])
+    for quads, colour in (
+        (place.patch_corners(PATCH), (255, 255, 255)),
+        (place.patch_corners(INNER), (255, 0, 255)),
+        (chart, (0, 255, 255)),
+    ):
+        cv2.polylines(shown, list(np.rint(quads).astype(np.int32)), True, colour, width, cv2.LINE_AA)
     return shown
 
 
 def _luminance(mosaic: Mosaic, levels: FloatArray) -> FloatArray:
-    """Panchromatic samples, the holes filled from those around, nearer ones counting more."""
+    """Return the panchromatic samples with the holes filled from their neighbours, weighted by distance."""
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     reach = max(_REACH, *mosaic.pattern.block_shape)
     steps = np.arange(-reach, reach + 1)

@@ -1,4 +1,4 @@
-"""Where the patches of a ColorChecker lie in a frame, given four corners."""
+"""Positions of a ColorChecker's patches in a frame, from its four corners."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,16 +6,17 @@ from functools import cached_property
 import numpy as np
 
 from shared.arrays import DoubleArray
+from shared.colorimetry import Matrix
 from shared.errors import InputError
-from tools.scenes.drawn.perspective import apply_homography, homography
+from tools.scenes.drawn.perspective import apply_homography, homography, rectangle
 
 from ..samples import Region
 
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
-PATCH = 0.86  # of the distance between patches: 0.84 to 0.88 on the charts sold
-INNER = 0.74  # of it that is measured: away from edges and from the lens's blur
-LEAST_PERIODS = 2.5  # across what is measured of a patch: 2 x 2 blocks at least, wherever it lies, and 3 x 3 on some
+PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.88 on charts sold
+INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
+LEAST_PERIODS = 2.5  # measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3
 NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
     "orange", "purplish blue", "moderate red", "purple", "yellow green", "orange yellow",
@@ -25,18 +26,21 @@ NAMES = (
 
 
 def least_pitch(period: int) -> int:
-    """Pixels from patch to patch that a chart needs at period K."""
+    """Return the distance between patches, in pixels, that a chart needs at period K."""
     return int(np.ceil(LEAST_PERIODS * period / INNER))
 
 
 @dataclass(frozen=True)
 class ChartPlace:
-    """The chart in a frame.
+    """The place of a chart in a frame.
 
-    corners: (x, y) in pixels of the outer corners of the corner patches: dark skin, bluish green, black, white.
+    corners: four (x, y), pixels: the outer corners of the corner patches dark skin, bluish green, black, white.
+
+    Cells are the chart's coordinates: the middle of a patch is the middle of a cell, (0, 0) to (6, 4) is the chart. Raises
+    InputError if the corners are not four, or not clockwise around a convex quadrilateral.
     """
 
-    corners: tuple[tuple[float, float], ...]
+    corners: Matrix
 
     def __post_init__(self) -> None:
         points = np.array(self.corners, float)
@@ -46,53 +50,55 @@ class ChartPlace:
         turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
         if not (turns > 0).all():
             raise InputError(
-                "chart: the corners do not go round a convex quadrilateral clockwise; "
+                "chart: the corners are not clockwise around a convex quadrilateral; "
                 "give those at dark skin, bluish green, black, white"
             )
 
     @cached_property
     def _to_frame(self) -> DoubleArray:
         edge = (1 - PATCH) / 2
-        cells = [(edge, edge), (COLUMNS - edge, edge), (COLUMNS - edge, ROWS - edge), (edge, ROWS - edge)]
-        return homography(np.array(cells), np.array(self.corners, float))
+        return homography(rectangle(edge, edge, COLUMNS - edge, ROWS - edge), np.array(self.corners, float))
+
+    def __str__(self) -> str:
+        return " ".join(f"{x:.0f},{y:.0f}" for x, y in self.corners)
 
     def at(self, u: DoubleArray, v: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-        """(x, y) pixels of points given in cells, from (0, 0) to (6, 4)."""
+        """Return the positions (x, y) in pixels of points in cells."""
         return apply_homography(self._to_frame, u, v)
 
-    def lies_in(self, shape: tuple[int, int]) -> bool:
-        """Whether all corners are inside a frame (rows, columns)."""
-        return all(0 <= x <= shape[1] and 0 <= y <= shape[0] for x, y in self.corners)
+    def lies_in(self, shape: tuple[int, ...], slack: float = 0.0) -> bool:
+        """Return whether all corners are inside a frame (rows, columns), or at most `slack` pixels outside."""
+        return all(-slack <= x <= shape[1] + slack and -slack <= y <= shape[0] + slack for x, y in self.corners)
 
     def patch_corners(self, size: float) -> DoubleArray:
-        """Corners of the 24 patches in reading order, their sides scaled to `size` cells: (24, 4, 2), x and y."""
+        """Return the corners of squares of `size` cells in the 24 patches, in reading order: (24, 4, 2), x and y."""
         u, v = np.meshgrid(np.arange(COLUMNS) + 0.5, np.arange(ROWS) + 0.5)
-        step = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * size / 2
+        step = rectangle(-1, -1, 1, 1) * size / 2
         x, y = self.at(u.ravel()[:, None] + step[:, 0], v.ravel()[:, None] + step[:, 1])
         return np.stack([x, y], axis=-1)
 
     @cached_property
     def pitch(self) -> float:
-        """Pixels from patch to patch where the chart is smallest."""
+        """The distance between patches, in pixels, where the chart is smallest."""
         quads = self.patch_corners(1.0)
         return float(np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=-1).min())
 
     def regions(self, inner: float = INNER) -> list[Region]:
-        """The measured part of each patch, in reading order."""
+        """Return the squares of `inner` cells in the patches, in reading order; by default the measured parts."""
         return [_polygon(quad) for quad in self.patch_corners(inner)]
 
     @property
     def cells(self) -> DoubleArray:
-        """Centres of the patches in cells, (24, 2): x and y."""
+        """The centres of the patches in cells, (24, 2): x and y."""
         return np.stack([np.tile(np.arange(COLUMNS) + 0.5, ROWS), np.repeat(np.arange(ROWS) + 0.5, COLUMNS)], axis=1)
 
     def turned(self, quarter: int) -> "ChartPlace":
-        """The same four corners, named from another one on."""
+        """Return the place turned by `quarter` quarter turns: the same corners, starting from another one."""
         return ChartPlace((*self.corners[quarter:], *self.corners[:quarter]))
 
 
 def _polygon(corners: DoubleArray) -> Region:
-    """Pixels whose centres lie inside a convex polygon, corners clockwise (x, y)."""
+    """Return the pixels whose centres lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
     left, top = np.floor(corners.min(axis=0)).astype(int)
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
     x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)

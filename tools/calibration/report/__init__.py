@@ -1,1 +1,1 @@
-"""The calibration report: one page for the engineer who signs."""
+"""The calibration report: one HTML page, for sign-off."""

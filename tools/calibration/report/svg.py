@@ -1,4 +1,4 @@
-"""Small plots as inline SVG: sharp at any size, coloured by the page's style sheet, nothing to load."""
+"""Small plots as inline SVG: sharp at any size, coloured by the page's style sheet, no files to load."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,13 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 14, 12, 46
 
 
 class Axes:
-    """Data coordinates of one plot, linear or logarithmic, with its frame and grid."""
+    """One plot with its axes and grid.
+
+    x, y: first and last value on each axis, in data coordinates.
+    labels: of the two axes.
+    log: whether both axes are logarithmic.
+    height: of the plot, in SVG units; its width is WIDTH.
+    """
 
     def __init__(
         self, x: tuple[float, float], y: tuple[float, float], labels: tuple[str, str], *, log: bool = False, height: int = HEIGHT
@@ -18,26 +24,26 @@ class Axes:
         self._parts = [*self._grid(*labels)]
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """Pixel of a point."""
+        """Return the position of a point in SVG units."""
         return (
             _LEFT + self._part(x, self._x) * (WIDTH - _LEFT - _RIGHT),
             self._height - _BOTTOM - self._part(y, self._y) * (self._height - _TOP - _BOTTOM),
         )
 
     def dot(self, x: float, y: float, *, style: str, title: str, radius: float = 4.0) -> None:
-        """A disc; `style` is CSS, `title` what the pointer tells."""
+        """Draw a disc; style: CSS; title: tooltip."""
         left, top = self.at(x, y)
         self._parts.append(
             f'<circle cx="{left:.1f}" cy="{top:.1f}" r="{radius:.1f}" style="{style}"><title>{escape(title)}</title></circle>'
         )
 
     def line(self, points: Sequence[tuple[float, float]], kind: str) -> None:
-        """A polyline of CSS class `kind`."""
+        """Draw a polyline of CSS class `kind`."""
         path = " ".join("{:.1f},{:.1f}".format(*self.at(*point)) for point in points)
         self._parts.append(f'<polyline points="{path}" class="{kind}"/>')
 
     def bar(self, x: float, y: float, width: float, *, style: str, title: str) -> None:
-        """A bar from 0 to y."""
+        """Draw a bar from 0 to y; style: CSS; title: tooltip."""
         left, top = self.at(x - width / 2, max(y, 0))
         right, bottom = self.at(x + width / 2, min(y, 0))
         self._parts.append(
@@ -46,7 +52,7 @@ class Axes:
         )
 
     def drawn(self, description: str) -> str:
-        """The SVG element."""
+        """Return the SVG element."""
         return (
             f'<svg viewBox="0 0 {WIDTH} {self._height}" role="img" aria-label="{escape(description)}">'
             + "".join(self._parts)
@@ -78,7 +84,7 @@ class Axes:
 
 
 def ticks(span: tuple[float, float], *, log: bool = False) -> list[float]:
-    """Round numbers inside a span: some five, or every decade."""
+    """Return round numbers inside a span: about five, or the decades."""
     low, high = span
     if log:
         first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)

@@ -21,10 +21,10 @@ function show(status) {
   dropped.textContent = status.dropped;
   size.textContent = `${status.width} × ${status.height}`;
   shutter.disabled = !status.can_save || !status.frames;
-  if (!status.can_save) say("to save shots, start with -o DIR");
-  // Only a picture that has come counts as live.
+  if (!status.can_save) say("to save shots, start panchroma view with -o DIR");
+  // Live only when a picture has arrived.
   if (status.fps > 0 && picture.naturalWidth > 0) become("live", "live");
-  else if (status.frames) become("silent", "the camera is silent");
+  else if (status.frames) become("silent", "no new frames from the camera");
   else become("waiting", "waiting for the first frame");
 }
 
@@ -32,7 +32,7 @@ async function poll() {
   try {
     const answer = await fetch("/status", { cache: "no-store", signal: AbortSignal.timeout(4 * POLL) });
     if (!answer.ok) throw new Error(answer.statusText);
-    // A stream does not come back by itself.
+    // A broken stream does not restart by itself.
     if (page.dataset.state === "lost") picture.src = `/stream.mjpg?${Date.now()}`;
     show(await answer.json());
   } catch {

@@ -1,1 +1,1 @@
-"""Built-in scenes, drawn at any size."""
+"""Built-in scenes, which are drawn at any size."""

@@ -1,4 +1,4 @@
-"""The built-in scene: fallen leaves and a row of test charts, so that everything can be tried without a photograph."""
+"""The built-in scene: fallen leaves and a row of test charts, to try everything without a photograph."""
 
 from collections.abc import Callable
 
@@ -12,14 +12,17 @@ from .charts import CARD, colour_star, detail_chart, grey_star, patches_chart
 from .color_checker import BRIGHTEST, DARKEST
 from .dead_leaves import dead_leaves
 
-SAMPLES = 3  # of a chart, per pixel and axis
-ASPECT = 1.5  # the frame the layout is made for; in others the charts keep their shape and the gaps differ
-HEIGHT, GAP, BORDER = 0.26, 0.05, 0.011  # of a chart, below it, and around it: of the frame's scale
-LEAST_HEIGHT = 24  # pixels: smaller charts would be mush, and leaves are more use
-CORNER = 0.02
+SAMPLES = 3  # per pixel and axis of a chart
+ASPECT = 1.5  # width over height of the frame that the layout is made for; in others only the gaps differ
+HEIGHT, GAP, BORDER = 0.26, 0.05, 0.011  # chart, space below it, card around it; parts of the frame's scale
+LEAST_HEIGHT = 24  # pixels: smaller charts would only be mush, so there are none
+CORNER = 0.02  # radius of the card's corners, part of the frame's scale
 
-# From left to right: width (of the height), drawing
-CHARTS: tuple[tuple[float, Callable[[DoubleArray, DoubleArray, float], DoubleArray]], ...] = (
+Drawing = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
+"""Draws a chart, see `charts`."""
+
+# From left to right: width over height, drawing.
+CHARTS: tuple[tuple[float, Drawing], ...] = (
     (1.5, patches_chart),
     (1.0, grey_star),
     (1.0, colour_star),
@@ -28,10 +31,10 @@ CHARTS: tuple[tuple[float, Callable[[DoubleArray, DoubleArray, float], DoubleArr
 
 
 def builtin_scene(width: int, height: int) -> Scene:
-    """The test scene at any size from 1 x 1; the same size gives the same pixels. Linear sRGB, values from 0.01 to 0.95.
+    """Draw the test scene at any size from 1 x 1: linear sRGB, 0.01 to 0.95. The same size gives the same pixels.
 
-    Dead leaves (see `dead_leaves`) under a soft light; in front of them, from some 140 x 95 pixels on, a ColorChecker, a Siemens
-    star in luminance, one in chromaticity, and slanted edges with lettering (see `charts`).
+    It shows dead leaves (see `dead_leaves`) under a soft light. Frames of about 140 x 95 pixels and more have charts in front of
+    them: a ColorChecker, a Siemens star in luminance, one in chromaticity, and slanted edges with lettering (see `charts`).
     """
     scale = min(width / ASPECT, height)
     rgb = dead_leaves(width, height, scale) * _light(width, height)[..., None]
@@ -41,14 +44,13 @@ def builtin_scene(width: int, height: int) -> Scene:
 
 
 def _light(width: int, height: int) -> FloatArray:
-    """Light on the leaves, (height, width): from the upper left, falling off to the lower right."""
+    """Return the light on the leaves, (height, width): it falls off from the upper left to the lower right."""
     down, right = np.linspace(0, 1, height)[:, None], np.linspace(0, 1, width)[None, :]
-    light: FloatArray = (1.25 - 0.55 * (0.5 * right + 0.5 * down) ** 1.2).astype(np.float32)
-    return light
+    return (1.25 - 0.55 * (0.5 * right + 0.5 * down) ** 1.2).astype(np.float32)
 
 
 def _add_charts(rgb: FloatArray, scale: float) -> None:
-    """Lay the charts in a row along the lower border, each with a soft shadow on the leaves."""
+    """Draw the charts into `rgb`, in a row along the lower border."""
     height, width = rgb.shape[:2]
     size = round(HEIGHT * scale)
     widths = [round(size * aspect) for aspect, _ in CHARTS]
@@ -60,16 +62,8 @@ def _add_charts(rgb: FloatArray, scale: float) -> None:
         left += across + gap
 
 
-def _lay(
-    rgb: FloatArray,
-    left: int,
-    top: int,
-    width: int,
-    size: int,
-    scale: float,
-    draw: Callable[[DoubleArray, DoubleArray, float], DoubleArray],
-) -> None:
-    """Draw one chart with its card at (left, top), antialiased, in place."""
+def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing) -> None:
+    """Draw one chart of width x size pixels into `rgb` at (left, top), antialiased, with its card and a soft shadow."""
     margin = round(BORDER * scale)
     shadow, reach = 1.6 * margin, 3 * margin
     rows = slice(max(top - reach, 0), min(top + size + 2 * reach, rgb.shape[0]))
@@ -78,7 +72,7 @@ def _lay(
     beyond = _outside(x[None, :] - shadow / 2, y[:, None] - shadow, width, size, 0) / (reach + 1e-9)
     rgb[rows, columns] *= (1 - 0.75 * np.clip(1 - beyond, 0, 1) ** 2).astype(np.float32)[..., None]
 
-    # The card's pixels, each the mean of SAMPLES x SAMPLES points.
+    # Each pixel of the card is the mean of SAMPLES x SAMPLES points.
     x, y = _grid(-margin, width + margin, SAMPLES), _grid(-margin, size + margin, SAMPLES)
     card = np.full((y.size, x.size, 3), CARD)
     inner = (slice(margin * SAMPLES, (margin + size) * SAMPLES), slice(margin * SAMPLES, (margin + width) * SAMPLES))
@@ -91,19 +85,19 @@ def _lay(
 
 
 def _grid(start: int, stop: int, samples: int) -> DoubleArray:
-    """Centres of the samples of pixels start..stop, in pixels."""
+    """Return the centres of the samples in pixels start..stop, in pixels."""
     return start + (np.arange((stop - start) * samples) + 0.5) / samples
 
 
 def _outside(x: DoubleArray, y: DoubleArray, width: float, height: float, corner: float) -> DoubleArray:
-    """Distance from the rectangle (0, 0, width, height) drawn in by `corner`, less `corner`: its level lines have round corners."""
+    """Return the signed distance from the rectangle (0, 0, width, height) with rounded corners of radius `corner`."""
     right = np.maximum(np.maximum(corner - x, x - (width - corner)), 0)
     down = np.maximum(np.maximum(corner - y, y - (height - corner)), 0)
     return np.hypot(right, down) - corner
 
 
 def _mean(samples: DoubleArray) -> DoubleArray:
-    """Mean over SAMPLES x SAMPLES: (h, w, C) of samples -> of pixels."""
+    """Average (h, w, C) over SAMPLES x SAMPLES samples: one value per pixel."""
     rows, columns = samples.shape[0] // SAMPLES, samples.shape[1] // SAMPLES
     mean: DoubleArray = samples.reshape(rows, SAMPLES, columns, SAMPLES, -1).mean(axis=(1, 3))
     return mean

@@ -1,23 +1,25 @@
 """Test charts as functions of position: colour patches, Siemens stars, slanted edges, fine strokes.
 
-Every chart is drawn at points (x, y) of a square or rectangle of height 1, x to the right and y down, float64 (h, w); `pixel` is
-the size of a pixel in these units. It returns linear sRGB reflectances (h, w, 3), within 0.01 to 0.95.
+Every drawing takes the same parameters and returns linear sRGB reflectances, (h, w, 3), 0.01 to 0.95.
+
+x, y: float64 (h, w), points of a rectangle of height 1, x to the right and y down.
+pixel: size of a pixel in these units.
 """
 
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray
 
-from .color_checker import PATCH, color_checker
+from .color_checker import draw_patches
 from .strokes import ink
 
 CARD, PAPER, INK = 0.035, 0.80, 0.03  # reflectances
 
-# Two colours alike in luminance as this sensor sees it (r + g + b): an edge between them exists in chromaticity alone.
+# Two colours with the same luminance for this sensor (r + g + b): an edge between them exists only in chromaticity.
 WARM, COOL = np.array([0.72, 0.30, 0.12]), np.array([0.12, 0.40, 0.62])
 WHITE, BLACK = np.full(3, PAPER), np.full(3, 0.05)
 SPOKES = 36
-# Of the lines of letters: top, height, reflectances.
+# The lines of letters: top, height, reflectances.
 _LINES = (
     (0.565, 0.105, (INK, INK, INK)),
     (0.715, 0.075, (0.50, 0.04, 0.03)),
@@ -28,26 +30,22 @@ SLANT = np.deg2rad(5.0)  # ISO 12233: near-vertical edges are tilted by 5 degree
 
 
 def patches_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
-    """The ColorChecker, 6 x 4 patches on black; 1.5 wide."""
-    column, row = np.clip(x * 4, 0, 5.999), np.clip(y * 4, 0, 3.999)
-    inside = (np.abs(column % 1 - 0.5) < PATCH / 2) & (np.abs(row % 1 - 0.5) < PATCH / 2)
-    colours = color_checker()[row.astype(int), column.astype(int)]
-    chart: DoubleArray = np.where(inside[..., None], colours, CARD)
-    return chart
+    """Draw the ColorChecker, 6 x 4 patches on black; width 1.5."""
+    return draw_patches(x * 4, y * 4, np.array(CARD))
 
 
 def grey_star(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
-    """A Siemens star in luminance alone."""
+    """Draw a Siemens star that varies only in luminance."""
     return _star(x, y, pixel, WHITE, BLACK)
 
 
 def colour_star(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
-    """A Siemens star in chromaticity alone."""
+    """Draw a Siemens star that varies only in chromaticity."""
     return _star(x, y, pixel, WARM, COOL)
 
 
 def _star(x: DoubleArray, y: DoubleArray, pixel: float, first: DoubleArray, second: DoubleArray) -> DoubleArray:
-    """Sinusoidal spokes (ISO 12233, s-SFR: no harmonics to alias), down to the radius where a period is two pixels."""
+    """Draw sinusoidal spokes (ISO 12233, s-SFR: no harmonics that alias), down to the radius where a period is two pixels."""
     right, down = x - 0.5, y - 0.5
     radius = np.hypot(right, down)
     wave = np.sin(SPOKES * np.arctan2(down, right))
@@ -58,7 +56,7 @@ def _star(x: DoubleArray, y: DoubleArray, pixel: float, first: DoubleArray, seco
 
 
 def detail_chart(x: DoubleArray, y: DoubleArray, pixel: float) -> DoubleArray:
-    """Slanted edges above, in luminance and in chromaticity; lines of ever smaller letters below, some in colour."""
+    """Draw slanted edges in luminance and in chromaticity, and below them lines of smaller and smaller letters, some in colour."""
     chart = np.full((*x.shape, 3), PAPER)
     for left, ground, square in ((0.0, WHITE, BLACK), (0.5, WARM, COOL)):
         half = (x >= left) & (x < left + 0.5) & (y < 0.5)

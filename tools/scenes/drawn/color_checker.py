@@ -1,11 +1,11 @@
-"""The ColorChecker Classic: published colours of its patches, and how they are laid out."""
+"""The ColorChecker Classic: the published colours of its patches, and their layout."""
 
 import numpy as np
 
 from shared.arrays import DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, lab_to_xyz
 
-DARKEST, BRIGHTEST = 0.01, 0.95  # reflectances that a chart of ours may have
+DARKEST, BRIGHTEST = 0.01, 0.95  # limits of the reflectances in drawn charts
 
 # CIE L*a*b* (D50, 2 degrees) of the ColorChecker Classic, in reading order: X-Rite's reference data for charts made after November
 # 2014, as colour-science 0.4.7 republishes them ("ColorChecker24 - After November 2014").
@@ -17,11 +17,21 @@ COLOR_CHECKER_LAB = (
     (50.63, 51.28, -14.12), (49.57, -29.71, -28.32), (95.19, -1.03, 2.93), (81.29, -0.57, 0.44),
     (66.89, -0.75, -0.06), (50.76, -0.13, 0.14), (35.63, -0.46, -0.48), (20.64, 0.07, -0.46),
 )  # fmt: skip
-PATCH = 0.84  # of the distance between patches
+PATCH = 0.84  # side of a patch, in distances between patches
 
 
 def color_checker() -> DoubleArray:
-    """The 24 patches as linear sRGB, (4, 6, 3); cyan's red and yellow's blue are raised to DARKEST."""
+    """Return the 24 patches in linear sRGB, (4, 6, 3); cyan's red and yellow's blue are raised to DARKEST."""
     xyz = lab_to_xyz(np.array(COLOR_CHECKER_LAB).reshape(4, 6, 3))
-    patches: DoubleArray = np.clip(xyz @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, DARKEST, BRIGHTEST)
-    return patches
+    return np.clip(xyz @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, DARKEST, BRIGHTEST)
+
+
+def draw_patches(u: DoubleArray, v: DoubleArray, ground: DoubleArray) -> DoubleArray:
+    """Draw the patches over `ground`.
+
+    u, v: (h, w), positions in cells: the chart covers 0..6 and 0..4, each patch is in the middle of a cell.
+    ground: broadcasts to (h, w, 3), colours between and around the patches.
+    """
+    column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
+    inside = (np.abs(column % 1 - 0.5) < PATCH / 2) & (np.abs(row % 1 - 0.5) < PATCH / 2)
+    return np.where(inside[..., None], color_checker()[row.astype(int), column.astype(int)], ground)

@@ -1,9 +1,9 @@
 """Dead leaves: a picture of occluding shapes, with the statistics of natural scenes.
 
 Leaves of all sizes fall at random and hide what lies below (G. Matheron's model; A. B. Lee, D. Mumford and J. Huang, "Occlusion
-Models for Natural Images", IJCV 2001: radii distributed as r^-3 give the scale invariance that photographs have). Each leaf is of
-one material, so its chromaticity is constant, while shading, veins and cast shadows vary its luminance: what the paper assumes
-of the world, with every kind of edge that breaks it at the outlines.
+Models for Natural Images", IJCV 2001: radii distributed as r^-3 give the scale invariance that photographs have). Each leaf has
+one material, so its chromaticity is constant, while shading, veins and cast shadows vary its luminance. This is the paper's
+assumption about the world; the outlines of the leaves are edges that break it.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from shared.colorimetry import decode_srgb
 LeafArray = NDArray[np.int32]  # indices of leaves
 
 SAMPLES = 3  # per pixel and axis: outlines are antialiased with nine
-LARGEST, SMALLEST = 0.13, 0.0035  # radii, of the frame's scale
-LEAST = 1.5  # pixels: the smallest radius where SMALLEST is less
-# Leaves per place and octave of radius, from the largest. Equal figures are r^-3 exactly; letting the smallest thin out leaves some
-# calm surfaces between them, as in a photograph.
+LARGEST, SMALLEST = 0.13, 0.0035  # radii, in parts of the frame's scale
+LEAST = 1.5  # pixels: no radius is smaller
+# Leaves over each point, per octave of radius, largest first. Equal figures would be exactly r^-3; fewer small leaves leave some
+# calm surfaces, as in a photograph.
 COVER = (1.7, 1.1, 0.7, 0.4, 0.25, 0.16, 0.11)
-FILL = 0.66  # of a leaf's bounding disc that it covers, on average
-TIPPED = 0.7  # the part of leaves that are pointed and veined; the others are ellipses
-GROUND = (0.030, 0.026, 0.022)  # reflectance where no leaf lies
-SHADOW, SHADOW_STEPS = 0.84, 3  # what a step of shadow leaves of the light
-STRIP = 192  # rows of pixels drawn at once, to bound memory
+FILL = 0.66  # part of its bounding disc that a leaf covers, on average
+TIPPED = 0.7  # part of the leaves that are pointed; the others are ellipses
+GROUND = (0.030, 0.026, 0.022)  # reflectance where there is no leaf
+SHADOW, SHADOW_STEPS = 0.84, 3  # light that one step of shadow lets through; number of steps
+STRIP = 192  # rows of pixels drawn at once, to limit memory
 
-# Earth, foliage, bark, blossom, slate, sky: encoded sRGB, and how common it is.
+# Earth, foliage, bark, blossom, slate, sky: encoded sRGB, and relative frequency.
 _MATERIALS = (
     (0xC48A3C, 3.0), (0x9E542A, 3.0), (0x6E3E28, 3.0), (0x78743C, 3.0),
     (0x4A5C34, 3.0), (0x96965C, 2.0), (0xD0B278, 2.5), (0xAC3228, 1.2),
@@ -39,21 +39,30 @@ _MATERIALS = (
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
-    """Leaves from the lowest to the topmost; arrays (n,). Positions and radii in pixels; reflectance float32 (n, 3)."""
+    """n leaves, the lowest first; arrays (n,).
+
+    x, y, radius: pixels.
+    angle: radians.
+    breadth: width across, in parts of the radius.
+    tipped: whether the leaf is pointed.
+    reflectance: float32 (n, 3), linear sRGB.
+    """
 
     x: DoubleArray
     y: DoubleArray
     radius: DoubleArray
     angle: DoubleArray
-    breadth: DoubleArray  # across, of the radius
+    breadth: DoubleArray
     tipped: BoolArray
     reflectance: FloatArray
 
 
 def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatArray:
-    """A frame of dead leaves: reflectance times shading, float32 (height, width, 3), linear RGB, about 0.003 to 0.95.
+    """Draw a frame of dead leaves: reflectance times shading, float32 (height, width, 3), linear RGB, about 0.003 to 0.95.
 
-    scale: pixels that stand for 1 in LARGEST and SMALLEST. The same arguments give the same picture.
+    width, height: pixels.
+    scale: pixels per unit of LARGEST and SMALLEST.
+    seed: the same arguments give the same picture.
     """
     leaves = scatter(width, height, scale, seed)
     picture: FloatArray = np.empty((height, width, 3), np.float32)
@@ -65,7 +74,7 @@ def dead_leaves(width: int, height: int, scale: float, seed: int = 1) -> FloatAr
 
 
 def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
-    """Leaves that cover a frame, octave by octave of radius so that the count follows r^-3 within each."""
+    """Return leaves that cover a frame. Within each octave of radius their number follows r^-3."""
     largest = max(LARGEST * scale, 2 * LEAST)
     smallest = max(SMALLEST * scale, LEAST)
     octaves = int(np.ceil(np.log2(largest / smallest)))
@@ -74,7 +83,7 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
         high = largest * 0.5**octave
         low = max(high / 2, smallest)
         cover = COVER[min(octave, len(COVER) - 1)] * np.log2(high / low)
-        mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)  # of the radius, when its density falls as r^-3
+        mean_square = 2 * np.log(high / low) / (low**-2 - high**-2)  # mean of radius**2 with density r^-3
         count = int(np.ceil(cover * (width + 2 * high) * (height + 2 * high) / (np.pi * mean_square * FILL)))
         draw = np.random.default_rng((seed, octave)).random((3, count))
         radius = (high**-2 + draw[0] * (low**-2 - high**-2)) ** -0.5
@@ -94,7 +103,7 @@ def scatter(width: int, height: int, scale: float, seed: int) -> Leaves:
 
 
 def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) -> FloatArray:
-    """One material per leaf; neighbours tend to the same ones, as under one tree."""
+    """Return a reflectance per leaf, float32 (n, 3): one material each, often that of its neighbours, as under one tree."""
     codes = np.array([code for code, _ in _MATERIALS])
     colours = decode_srgb(np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1) / 255)
     likely = np.tile(np.log([weight for _, weight in _MATERIALS]), (x.size, 1))
@@ -107,8 +116,8 @@ def _reflectances(x: DoubleArray, y: DoubleArray, draws: np.random.Generator) ->
 
 
 def _paint(leaves: Leaves, top: int, bottom: int, width: int, step: int) -> FloatArray:
-    """Rows top..bottom of the picture, (bottom - top, width, 3)."""
-    above = min(top * SAMPLES, SHADOW_STEPS * step)  # rows from which shadows fall into this strip
+    """Draw rows top..bottom of the picture, (bottom - top, width, 3). step: length of a step of shadow, in samples."""
+    above = min(top * SAMPLES, SHADOW_STEPS * step)  # rows above that cast shadows into this strip
     upmost = _topmost(leaves, top * SAMPLES - above, bottom * SAMPLES, width * SAMPLES)
     index = upmost[above:]
     light = _shading(leaves, index, top)
@@ -126,7 +135,7 @@ def _paint(leaves: Leaves, top: int, bottom: int, width: int, step: int) -> Floa
 
 
 def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
-    """Index of the topmost leaf at each sample of rows first..last, -1 where none lies."""
+    """Return the index of the topmost leaf at each sample of rows first..last; -1 = no leaf."""
     topmost = np.full((last - first, columns), -1, np.int32)
     centre_x, centre_y = leaves.x * SAMPLES - 0.5, leaves.y * SAMPLES - 0.5
     radius = leaves.radius * SAMPLES
@@ -134,7 +143,7 @@ def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
     left, right = _span(centre_x, radius, 0, columns)
     cosine, sine = np.cos(leaves.angle) / radius, np.sin(leaves.angle) / radius
     for leaf in np.flatnonzero((up < down) & (left < right)).tolist():
-        # Differences in double precision, from the frame's corner: a strip must not see other outlines than the whole.
+        # Differences in double precision, from the frame's corner, so that outlines do not depend on the strip.
         rows = (np.arange(up[leaf], down[leaf]) - centre_y[leaf]).astype(np.float32)[:, None]
         across = (np.arange(left[leaf], right[leaf]) - centre_x[leaf]).astype(np.float32)[None, :]
         c, s = np.float32(cosine[leaf]), np.float32(sine[leaf])
@@ -148,14 +157,13 @@ def _topmost(leaves: Leaves, first: int, last: int, columns: int) -> LeafArray:
 
 
 def _span(centre: DoubleArray, radius: DoubleArray, first: int, last: int) -> tuple[IndexArray, IndexArray]:
-    """First sample of each leaf along an axis and the one after its last, within first..last."""
-    return np.ceil(centre - radius).clip(first, last).astype(np.intp), np.floor(centre + radius + 1).clip(first, last).astype(
-        np.intp
-    )
+    """Return each leaf's first sample along an axis and the one after its last, within first..last."""
+    start, stop = np.ceil(centre - radius), np.floor(centre + radius + 1)
+    return start.clip(first, last).astype(np.intp), stop.clip(first, last).astype(np.intp)
 
 
 def _shading(leaves: Leaves, index: LeafArray, top: int) -> FloatArray:
-    """What each sample of a leaf returns of the light, about 0.4 to 1.4: curvature, midrib and veins; 1 on the ground."""
+    """Return the part of the light that each sample reflects, about 0.4 to 1.4: curvature, midrib and veins; 1 on the ground."""
 
     def per_sample(values: DoubleArray) -> FloatArray:
         return np.append(values, 0).astype(np.float32)[index]

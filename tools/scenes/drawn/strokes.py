@@ -1,4 +1,4 @@
-"""Letters of straight strokes: fine detail with corners and ends, as lettering has."""
+"""Letters made of straight strokes: fine detail with corners and ends."""
 
 from itertools import pairwise
 
@@ -8,7 +8,7 @@ from shared.arrays import BoolArray, DoubleArray
 
 Point = tuple[float, float]
 
-# The pen's path through each letter, in a box 4 wide and 6 high, y down; several paths where the pen is lifted.
+# The paths of the pen for each letter, in a box 4 wide and 6 high, y down; the pen is lifted between paths.
 _LETTERS: dict[str, tuple[tuple[Point, ...], ...]] = {
     "A": (((0, 6), (2, 0), (4, 6)), ((0.8, 3.8), (3.2, 3.8))),
     "C": (((4, 1), (3, 0), (1, 0), (0, 1), (0, 5), (1, 6), (3, 6), (4, 5)),),
@@ -25,9 +25,12 @@ _PEN = 0.42  # half the stroke's width
 
 
 def ink(word: str, x: DoubleArray, y: DoubleArray, height: float, width: float) -> BoolArray:
-    """Where the ink is, bool (h, w), when `word` is repeated along a line from (0, 0) on, as often as fits `width`.
+    """Return where there is ink, bool (h, w), if `word` is repeated along a line that starts at (0, 0).
 
-    x, y: positions (h, w) on a regular grid, in the units of height (of a letter) and width.
+    word: letters of the alphabet above.
+    x, y: (h, w), positions on a regular grid.
+    height: height of a letter, in the units of x and y.
+    width: length of the line; only letters that fit are drawn.
     """
     x, y = x * (_BOX / height), y * (_BOX / height)
     inked = np.zeros(x.shape, bool)
@@ -46,8 +49,7 @@ def ink(word: str, x: DoubleArray, y: DoubleArray, height: float, width: float) 
 
 
 def _near(x: DoubleArray, y: DoubleArray, start: Point, end: Point) -> BoolArray:
-    """Within half a pen's width of the line from start to end."""
+    """Return which points are within half a pen's width of the line from start to end."""
     across, down = end[0] - start[0], end[1] - start[1]
     along = np.clip(((x - start[0]) * across + (y - start[1]) * down) / (across**2 + down**2), 0, 1)
-    near: BoolArray = np.hypot(x - start[0] - along * across, y - start[1] - along * down) < _PEN
-    return near
+    return np.hypot(x - start[0] - along * across, y - start[1] - along * down) < _PEN

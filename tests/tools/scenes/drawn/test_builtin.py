@@ -8,7 +8,8 @@ from shared.errors import InputError
 from tools.scenes.drawn.builtin import CHARTS, GAP, HEIGHT, builtin_scene
 from tools.scenes.drawn.charts import COOL, WARM
 from tools.scenes.drawn.color_checker import BRIGHTEST, COLOR_CHECKER_LAB, DARKEST, color_checker
-from tools.scenes.load import Scene, load_scene
+from tools.scenes.load import load_scene
+from tools.scenes.scene import Scene
 
 BROUGHT_IN = [15, 17]  # yellow and cyan: less blue, and less red, than sRGB or the scene's darkest value
 
@@ -84,5 +85,5 @@ def test_the_colour_pair_is_one_luminance() -> None:
     "source", ["builtin:", "builtin:100", "builtin:0x5", "builtin:5x0", "builtin:-1x4", "builtin:1x1x1", "builtin:99999x99999"]
 )
 def test_bad_sizes_are_refused(source: str) -> None:
-    with pytest.raises(InputError, match=r"builtin:1200x800|empty|lifts it"):
+    with pytest.raises(InputError, match=r"builtin:1200x800|empty|raises it"):
         load_scene(source)

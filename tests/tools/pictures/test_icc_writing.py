@@ -1,0 +1,46 @@
+"""ICC profiles that we write: other programs read them as we mean them."""
+
+import io
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageCms
+
+from shared.colorimetry import decode_srgb, encode_srgb
+from shared.display import SPACES
+from tools.pictures.icc_writing import icc_profile
+from tools.pictures.samples import quantise
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
+    """LittleCMS, from our profile to its own sRGB, against our matrix and curves: greys and random colours, within one code."""
+    ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
+    codes = np.concatenate([ramp, np.random.default_rng(4).integers(0, 256, (32, 256, 3), np.uint8)])
+    converted = ImageCms.profileToProfile(
+        Image.fromarray(codes),
+        ImageCms.ImageCmsProfile(io.BytesIO(icc_profile(name))),
+        ImageCms.createProfile("sRGB"),
+        renderingIntent=ImageCms.Intent.RELATIVE_COLORIMETRIC,
+    )
+    encoded = codes.astype(np.float32) / np.float32(255)
+    linear = encoded if SPACES[name].linear else decode_srgb(encoded)
+    in_srgb = linear @ (np.linalg.inv(SPACES["srgb"].to_xyz) @ SPACES[name].to_xyz).T
+    expected = quantise(encode_srgb(in_srgb.astype(np.float32)), 8)
+    assert np.abs(np.asarray(converted).astype(int) - expected).max() <= 1
+
+
+@pytest.mark.parametrize("name", SPACES)
+@pytest.mark.skipif(shutil.which("exiftool") is None, reason="exiftool is not installed")
+def test_exiftool_finds_the_profile_valid(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "profile.icc"
+    path.write_bytes(icc_profile(name))
+    report = subprocess.run(
+        ["exiftool", "-validate", "-warning", "-a", "-ProfileDescription", str(path)], capture_output=True, text=True, check=True
+    ).stdout
+    assert "OK" in report
+    assert "Warning" not in report
+    assert SPACES[name].title in report

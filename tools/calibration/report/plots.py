@@ -1,0 +1,66 @@
+"""The plots of the report."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..chart.place import NAMES, PATCHES
+from ..gamma import GammaFit
+from ..noise import NoiseResult
+from .svg import Axes
+
+OTHER = "#b658c4"  # colour of what has no colour of its own
+_MOST_POINTS, _MOST_PER_PLANE = 600, 150  # points of a scatter plot: more only make the file larger
+_PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
+
+
+def luminance_plot(fits: Sequence[tuple[str, GammaFit, bool]], colours: Sequence[str]) -> str:
+    """Return a plot of measured and predicted luminance.
+
+    fits: name of the shot, fit, and whether its places are the patches of a chart.
+    colours: CSS colours of the patches.
+    """
+    highest = 1.08 * max(float(fit.level.max()) for _, fit, _ in fits)
+    plot = Axes((0, highest), (0, highest), ("measured, part of full scale", "predicted, gamma · channels"))
+    plot.line([(0, 0), (highest, highest)], "ideal")
+    for shot, fit, chart in fits:
+        for index in range(0, fit.level.size, max(1, fit.level.size // _MOST_POINTS)):
+            name = NAMES[index] if chart else "block"
+            text = f"{shot}, {name}: measured {fit.level[index]:.4f}, predicted {fit.predicted[index]:.4f}"
+            style = _patch(colours[index]) if chart else "fill:var(--soft);fill-opacity:.35"
+            plot.dot(fit.level[index], fit.predicted[index], style=style, title=text, radius=5 if chart else 2)
+    return plot.drawn("Measured and predicted luminance")
+
+
+def residuals_plot(fit: GammaFit, colours: Sequence[str]) -> str:
+    """Return a plot of the residual of each patch, in per cent; colours: CSS colours of the patches."""
+    percent = 100 * (fit.predicted - fit.level) / np.maximum(fit.level, 1e-9)
+    high = max(1.1 * float(np.abs(percent).max()), 0.1)
+    plot = Axes((0.2, PATCHES + 0.8), (-high, high), ("patch, in reading order", "predicted - measured, %"))
+    for index, value in enumerate(percent):
+        dashes, note = ("", "") if fit.used[index] else (";stroke-dasharray:2", " (left out)")
+        plot.bar(index + 1, float(value), 0.7, style=_patch(colours[index]) + dashes, title=f"{NAMES[index]}: {value:+.2f} %{note}")
+    return plot.drawn("Residual of each patch")
+
+
+def noise_plot(noise: NoiseResult, planes: str) -> str:
+    """Return a plot of variance and mean with a line per plane, "" if there are no points; planes: their letters."""
+    mean, variance = noise.points.mean, noise.points.variance
+    good = (mean > 0) & (variance > 0) & (noise.points.count > 1)
+    if not good.any():
+        return ""
+    span = (float(mean[good].min()) / 1.5, float(mean[good].max()) * 1.5)
+    tall = (float(variance[good].min()) / 2, float(variance[good].max()) * 2)
+    plot = Axes(span, tall, ("mean, part of full scale", "variance"), log=True)
+    steps = np.geomspace(*span, 40)
+    for plane, (letter, line) in enumerate(zip(planes, noise.lines, strict=True)):
+        style = f"fill:{_PLANES.get(letter, OTHER)};fill-opacity:.6"
+        for index in np.flatnonzero(good[:, plane])[:: max(1, int(good[:, plane].sum()) // _MOST_PER_PLANE)]:
+            text = f"{letter}: mean {mean[index, plane]:.4f}, variance {variance[index, plane]:.3g}"
+            plot.dot(mean[index, plane], variance[index, plane], style=style, title=text, radius=2.5)
+        plot.line([(x, float(y)) for x, y in zip(steps, line.variance(steps), strict=True) if y > tall[0]], f"plane plane-{letter}")
+    return plot.drawn("Photon transfer")
+
+
+def _patch(colour: str) -> str:
+    return f"fill:{colour};stroke:var(--ink);stroke-width:.6"

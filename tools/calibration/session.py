@@ -1,0 +1,160 @@
+"""One run of `panchroma calibrate`: sort the files, read and measure them, and skip the frames that cannot be used."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from shared import Camera, Mosaic, read_dng
+from shared.arrays import DoubleArray
+from shared.colorimetry import Matrix
+from shared.errors import InputError, OutputError, PanchromaError
+from tools.host.console import Console
+from tools.host.jobs import identity
+
+from .measure import ShotMeasurement, measure_chart, measure_scene
+from .noise import DarkResult, NoiseResult, measure_dark, measure_flats
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class CalibrationFiles:
+    """The files to calibrate from: paths of shots, dark frames and flat frames."""
+
+    shots: tuple[str, ...]
+    dark: tuple[str, ...]
+    flat: tuple[str, ...]
+
+
+def sort_files(sources: Sequence[str], dark: Sequence[str], flat: Sequence[str]) -> CalibrationFiles:
+    """Sort the given files by kind.
+
+    sources: shots, and folders of DNGs; those named dark* and flat* are dark and flat frames, the others shots.
+    dark, flat: further dark and flat frames.
+
+    Raises InputError if there is nothing to calibrate from.
+    """
+    files: dict[str, list[str]] = {"": [], "dark": list(dark), "flat": list(flat)}
+    for source in sources:
+        if not Path(source).is_dir():
+            files[""].append(source)
+            continue
+        inside = sorted(path for path in Path(source).iterdir() if path.suffix.lower() == ".dng")
+        if not inside:
+            raise InputError(f"{source}: the folder has no DNG in it")
+        for path in inside:
+            kind = path.name.lower()[:4]
+            files[kind if kind in files else ""].append(str(path))
+    if not any(files.values()):
+        raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
+    return CalibrationFiles(*map(tuple, files.values()))
+
+
+def check_output(output: Path, files: CalibrationFiles, *, replace_existing: bool) -> None:
+    """Raise OutputError if the camera file cannot be written to `output`. Call it before the measurements."""
+    if output.is_dir():
+        raise OutputError(f"{output}: is a folder; -o names the camera file, for example {output / 'camera.json'}")
+    if not output.parent.is_dir():
+        raise OutputError(f"{output}: the folder {output.parent} does not exist; create it first")
+    if output.exists() and identity(output) in map(identity, (*files.shots, *files.dark, *files.flat)):
+        raise OutputError(f"{output}: is an input; choose another name")
+    if output.exists() and not replace_existing:
+        raise OutputError(f"{output}: exists already; --update puts the new parts into it, --overwrite replaces it")
+
+
+class Session:
+    """Measures the frames of one camera. A frame that cannot be used is skipped, with a line that says why.
+
+    console: for lines, records and progress.
+    sensor: name of the sensor; None = the name in the frames.
+
+    Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame.
+    """
+
+    def __init__(self, console: Console, sensor: str | None) -> None:
+        self._console, self._sensor = console, sensor
+        self._black: tuple[float, ...] | None = None
+        self.base: Mosaic | None = None
+        self.skipped: list[str] = []
+
+    def dark(self, paths: Sequence[str]) -> DarkResult | None:
+        """Measure the dark frames; later frames get their black level. Returns None if there are none that can be used."""
+        frames = self._each(paths, "dark", lambda name, mosaic: mosaic)
+        dark = self._together(paths, lambda: measure_dark(frames)) if frames else None
+        if dark is not None:
+            self._black = tuple(dark.black.tolist())
+            black, read, defects = figures(dark.black), figures(dark.read), len(dark.defects)
+            self._console.say(f"black level {black} codes, read noise {read} codes, {defects} defects")
+        return dark
+
+    def flat(self, paths: Sequence[str], dark: DarkResult | None) -> tuple[NoiseResult | None, list[tuple[int, int]]]:
+        """Measure the flat frames. Returns the noise, None if they cannot be used, and the dead pixels."""
+        frames = self._each(paths, "flat", lambda name, mosaic: mosaic)
+        if not frames:
+            return None, []
+        read = dark.read / (frames[0].calibration.white_level - dark.black) if dark else None
+        noise, dead, unpaired = self._together(paths, lambda: measure_flats(frames, read)) or (None, [], [])
+        for index in unpaired:
+            self._console.note(f"flat frame {index + 1} is left out: it is clipped, or no other frame has its exposure")
+        return noise, dead
+
+    def charts(self, paths: Sequence[str], reference: DoubleArray, corners: Matrix | None) -> list[ShotMeasurement]:
+        """Measure shots of a chart; parameters: see `measure_chart`."""
+
+        def measure(name: str, mosaic: Mosaic) -> ShotMeasurement:
+            with self._console.progress(name) as progress:
+                return self._announced(measure_chart(name, mosaic, reference, corners, progress))
+
+        return self._each(paths, "shot", measure)
+
+    def scenes(self, paths: Sequence[str]) -> list[ShotMeasurement]:
+        """Measure shots of ordinary scenes."""
+        return self._each(paths, "shot", lambda name, mosaic: self._announced(measure_scene(name, mosaic)))
+
+    def _announced(self, shot: ShotMeasurement) -> ShotMeasurement:
+        where = f"chart at {shot.chart.place}, " if shot.chart else ""
+        self._console.say(f"{shot.name}: {where}gamma {figures(shot.fits[0].gamma)} ± {figures(shot.fits[0].half_width)}")
+        return shot
+
+    def _each(self, paths: Sequence[str], kind: str, measure: Callable[[str, Mosaic], T]) -> list[T]:
+        """Return the results of `measure(name, mosaic)` for all frames that can be used."""
+        results = []
+        for path in paths:
+            try:
+                results.append(measure(Path(path).name, self._read(path)))
+            except (PanchromaError, MemoryError) as error:
+                self._skip(path, str(error) or "not enough memory")
+            else:
+                self._console.record(source=path, ok=True, kind=kind)
+        return results
+
+    def _together(self, paths: Sequence[str], measure: Callable[[], T]) -> T | None:
+        """Return the result of `measure()`, which uses all these frames; None, with a line that says why, if it fails."""
+        try:
+            return measure()
+        except PanchromaError as error:
+            self._skip(" ".join(paths), str(error))
+            return None
+
+    def _read(self, path: str) -> Mosaic:
+        """Read a frame. Raises InputError if it is from another camera than the frames before."""
+        mosaic = read_dng(path)
+        calibration = replace(mosaic.calibration, sensor=self._sensor or mosaic.calibration.sensor)
+        if self.base is not None:
+            Camera(self.base.calibration, self.base.pattern).check(mosaic.pattern, calibration)
+        calibration = replace(calibration, black_level=self._black or calibration.black_level)
+        mosaic = Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
+        self.base = self.base or mosaic
+        return mosaic
+
+    def _skip(self, path: str, reason: str) -> None:
+        line = reason if path in reason else f"{path}: {reason}"
+        self.skipped.append(line)
+        self._console.error(f"skipped {line}")
+        self._console.record(source=path, ok=False, error=" ".join(reason.split()))
+
+
+def figures(values: Sequence[float] | DoubleArray) -> str:
+    """Return numbers as text, with four digits each."""
+    return " ".join(f"{value:.4g}" for value in values)
