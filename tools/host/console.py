@@ -10,6 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from shared.progress import Progress
+
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
@@ -101,17 +103,11 @@ def one_line(text: str) -> str:
     return re.sub(r"[\x00-\x1f\x7f-\x9f]+", " ", text)
 
 
-class StageProgress:
-    """`shared.progress.Progress` for one file, ended by leaving the `with` block."""
+class StageProgress(Progress):
+    """A `shared.progress.Progress` for one file, ended by leaving the `with` block."""
 
     def begin(self, steps: int) -> None:
         """Work that has no stages begins."""
-
-    def stage(self, name: str, steps: int) -> None:
-        """A stage begins."""
-
-    def advance(self, steps: int = 1) -> None:
-        """So many more steps of it are done."""
 
     def remark(self, text: str) -> None:
         """How far it is, in words: of work that lasts."""

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 from shared.errors import PanchromaError
 from shared.writing import write_durably
@@ -140,8 +139,9 @@ def _kernels() -> Iterator[Finding]:
     """Numba keeps compiled kernels beside the sources, or where NUMBA_CACHE_DIR says, or in the user's cache."""
     remedy = "set NUMBA_CACHE_DIR to a folder that you may write to: without it every run compiles again, for a minute"
     try:
-        kernels: Any = importlib.import_module("offline.kernels.medians")
-        folder = Path(kernels.oriented_median._cache.cache_path)
+        from offline import kernel_cache
+
+        folder = kernel_cache()
     except ModuleNotFoundError:  # said among the packages
         return
     except Exception as error:  # Numba finds no place for its cache

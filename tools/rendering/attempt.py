@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
@@ -119,12 +119,15 @@ def _make_alone(order: Order, share: Share, shot: Shot, note: Note, progress: St
             entry = Entry(order.name(output), digest(part) or "", standing.key, order.run, absolute)
             return _NOTING.submit(_journal(order.folder).append, entry).result
 
-        replace = standing.replace
-        render_to(output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=replace, sealed=sealed)
+        solved = render_to(
+            output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=standing.replace, sealed=sealed
+        )
     seconds = time.monotonic() - start
     rows, columns = mosaic.shape
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
-    return Outcome("made", line, {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3)})
+    solvers = {name: asdict(each) for name, each in solved.items()}
+    facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3), "solvers": solvers}
+    return Outcome("made", line, facts)
 
 
 # Journal and picture go to the disk at the same time: for small pictures that is most of what a file costs.

@@ -26,7 +26,7 @@ def mosaic_of(pattern: CfaPattern, shape: tuple[int, int], scale: float = 1.0, s
 
 def whole_plane(mosaic: Mosaic) -> FloatArray:
     holes = mosaic.pattern.filter_map(mosaic.shape) < len(mosaic.pattern.channels)
-    return fill(mosaic.signal, holes, THRESHOLDS)
+    return fill(mosaic.signal, holes, THRESHOLDS)[0]
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(18, 330, seed=1))
@@ -54,11 +54,11 @@ def test_equals_the_reference_at_extreme_values(period: int, scale: float) -> No
 
 def test_the_fast_path_is_taken() -> None:
     """Where blocks are alone: from period 6 for 2 x 2 of them, except next to the frame's edge."""
-    assert len(product._alone(CfaPattern.bayer(5), (100, 100), 0)) == 0
-    assert product._alone(CfaPattern.bayer(6, origin=(3, 0)), (24, 24), 0).tolist() == [9, 15]
-    assert product._alone(CfaPattern.bayer(6, origin=(4, 0)), (34, 34), 0).tolist() == [4, 10, 16, 22, 28]
-    assert len(product._alone(CfaPattern.with_block(("RGB", "XWY"), 6), (60, 60), 1)) == 0
-    assert len(product._alone(CfaPattern.with_block(("RGB", "XWY"), 7), (60, 60), 1)) > 0
+    assert len(product._isolated(CfaPattern.bayer(5), (100, 100), 0)) == 0
+    assert product._isolated(CfaPattern.bayer(6, origin=(3, 0)), (24, 24), 0).tolist() == [9, 15]
+    assert product._isolated(CfaPattern.bayer(6, origin=(4, 0)), (34, 34), 0).tolist() == [4, 10, 16, 22, 28]
+    assert len(product._isolated(CfaPattern.with_block(("RGB", "XWY"), 6), (60, 60), 1)) == 0
+    assert len(product._isolated(CfaPattern.with_block(("RGB", "XWY"), 7), (60, 60), 1)) > 0
 
 
 @pytest.mark.parametrize("period", [4, 6, 8])

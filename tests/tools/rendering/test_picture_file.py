@@ -144,9 +144,9 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     seen = []
     genuine = rendering.render_to
 
-    def recorded(*given: Any, **named: Any) -> None:
+    def recorded(*given: Any, **named: Any) -> Any:
         seen.append(threads())
-        genuine(*given, **named)
+        return genuine(*given, **named)
 
     monkeypatch.setattr("tools.rendering.attempt.render_to", recorded)
     before = threads()
