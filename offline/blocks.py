@@ -36,7 +36,7 @@ class BlockSamples:
 def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
     """Collect the blocks of `signal`, (H, W), scene units, which has the mosaic's shape and pattern."""
     pattern, grid = mosaic.pattern, mosaic.pattern.grid(mosaic.shape)
-    origins = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
+    origins = grid.whole_rows, grid.whole_columns
     sites = np.array(pattern.sites)
     shape = len(origins[0]), len(origins[1]), len(sites)
     rows = np.broadcast_to(origins[0][:, None, None] + sites[:, 0], shape)

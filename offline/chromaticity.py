@@ -47,8 +47,7 @@ def estimate_chromaticities(
 
 def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[DoubleArray, DoubleArray, float]:
     """The sums of Eqs. 8-9 of each whole block: sum l^2 and sum l m per channel, both float64 (rows, columns, C), and sigma_z."""
-    whole = int(grid.inside.any(axis=1).sum()), int(grid.inside.any(axis=0).sum())
-    shape = *whole, len(mosaic.pattern.channels)
+    shape = len(grid.whole_rows), len(grid.whole_columns), len(mosaic.pattern.channels)
     weight, product, signal = np.zeros(shape), np.zeros(shape), mosaic.signal
     level = 0.0
     for channel, *site in block_sites(mosaic.pattern, grid):
@@ -63,7 +62,7 @@ def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[
 
 def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, slice]]:
     """(channel, rows, columns) for each colour site of a block: the slices of the frame that hold this site of all whole blocks."""
-    rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
+    rows, columns = grid.whole_rows, grid.whole_columns
     return [
         (channel, _every(rows + row, grid.period), _every(columns + column, grid.period)) for row, column, channel in pattern.sites
     ]

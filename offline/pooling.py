@@ -46,7 +46,7 @@ def pool_blocks(
     channels, (rows, columns) = len(sums) // 2, light.shape
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
     brightness = np.log(light.clip(_LEAST_LIGHT))
-    chromaticity = blocks[np.ix_(grid.inside.any(axis=1), grid.inside.any(axis=0))].transpose(2, 0, 1)
+    chromaticity = blocks[grid.inside].reshape(rows, columns, channels).transpose(2, 0, 1)
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
         near = np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32)
@@ -67,7 +67,7 @@ def precise_sums(
     The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error,
     taking the block for grey: noise of the sample, and an error of luminance of `doubt` times its curvature.
     """
-    shape, channels = (int(grid.inside.any(axis=1).sum()), int(grid.inside.any(axis=0).sum())), len(mosaic.pattern.channels)
+    shape, channels = (len(grid.whole_rows), len(grid.whole_columns)), len(mosaic.pattern.channels)
     sums, light = np.zeros((2 * channels + 1, *shape), np.float32), np.zeros(shape, np.float32)
     signal, sites = mosaic.signal, block_sites(mosaic.pattern, grid)
     for channel, *site in sites:

@@ -228,6 +228,16 @@ class BlockGrid:
         )
         return down[:, None] & across[None, :]
 
+    @property
+    def whole_rows(self) -> IndexArray:
+        """The `rows` of whole blocks: frame row of the first pixel of each block row that lies inside the frame."""
+        return self.rows[self.inside.any(axis=1)]
+
+    @property
+    def whole_columns(self) -> IndexArray:
+        """The `columns` of whole blocks: frame column of the first pixel of each block column that lies inside the frame."""
+        return self.columns[self.inside.any(axis=0)]
+
     def extend(self, measured: FloatArray) -> FloatArray:
         """Values of the whole blocks (rows inside, columns inside, ...) -> of all blocks: an outer one takes its nearest."""
         return np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge")

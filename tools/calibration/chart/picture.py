@@ -20,7 +20,7 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     luminance = _luminance(mosaic, levels)
     pattern = mosaic.pattern
     grid = pattern.grid(mosaic.shape)
-    rows, columns = grid.rows[grid.inside.any(axis=1)], grid.columns[grid.inside.any(axis=0)]
+    rows, columns = grid.whole_rows, grid.whole_columns
     ratios = np.zeros((rows.size, columns.size, len(pattern.channels)), np.float32)
     below = np.zeros_like(ratios)
     for row, column, channel in pattern.sites:
