@@ -42,30 +42,16 @@ def solve_affinities(
     period, across = grid.period, grid.patches[1]
     core = core_patches(period)
     filters = derivative_filters(settings.scales)
-    rows, columns = domain_places(grid, filters[0].shape[1] - 1)
+    places = domain_places(grid, filters[0].shape[1] - 1)
+    pins = _pins(pattern, grid, (core + 2 * HALO) * period)
     first, end = band.patches
     fields = np.empty((_CLASSES, (end - first) * period, across * period), np.float32)
     regions = -(-(end - first) // core) * -(-across // core)
-    residuals, iterations = np.empty(regions), np.empty(regions, np.intp)
-    solve_regions(
-        luminance,
-        rows,
-        columns,
-        (first, end, across),
-        period,
-        core,
-        HALO,
-        _pins(pattern, grid, (core + 2 * HALO) * period),
-        filters,
-        settings.tolerance,
-        settings.iterations,
-        threads(),
-        fields,
-        residuals,
-        iterations,
-    )
+    residuals, used = np.empty(regions), np.empty(regions, np.intp)
+    patches, limits = (first, end, across), (settings.tolerance, settings.iterations)
+    solve_regions(luminance, places, patches, period, core, HALO, pins, filters, limits, threads(), fields, residuals, used)
     worst = float(residuals.max())
-    progress.solved("affinity", int(iterations.max()), worst)
+    progress.solved("affinity", int(used.max()), worst)
     if worst > settings.tolerance:
         raise ConvergenceError(
             f"affinity: conjugate gradients stopped at a relative residual of {worst:.1e} after {settings.iterations} "

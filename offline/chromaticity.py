@@ -28,8 +28,8 @@ def estimate_chromaticities(
     progress.stage("chromaticity", settings.repetitions)
     grid = mosaic.pattern.grid(mosaic.shape)
     gamma = np.array(mosaic.calibration.gamma)
-    weight, product, sigma = block_sums(mosaic, luminance, grid)
-    chromaticity = solve_constrained(weight, product, sigma, gamma)
+    sums = block_sums(mosaic, luminance, grid)
+    chromaticity = solve_constrained(*sums, gamma)
     unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
@@ -41,7 +41,7 @@ def estimate_chromaticities(
         projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
         scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
     if settings.trust:
-        scaled = give_back(unfiltered, scaled, weight, product, sigma, gamma, settings.trust)
+        scaled = give_back(unfiltered, scaled, sums, gamma, settings.trust)
     return grid.extend(scaled.astype(np.float32))
 
 

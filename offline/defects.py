@@ -34,6 +34,7 @@ def mend_defects(
 
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
 
+    mosaic: in scene units (`Mosaic.in_scene_units`).
     clipping: scene units from which on samples are saturated.
     noise: noise of the mosaic; None = unknown.
     """
@@ -41,9 +42,9 @@ def mend_defects(
         return mosaic
     progress.stage("defects", 2)
     bad = _listed(mosaic) if settings.listed else np.zeros(mosaic.shape, np.bool_)
-    measured = signal = mosaic.signal
     if settings.contrast:
-        _find_panchromatic(mosaic, signal, noise, settings, bad)
+        _find_panchromatic(mosaic, noise, settings, bad)
+    signal = mosaic.signal
     rows, columns = _panchromatic_places(bad, mosaic)
     if len(rows):
         values = np.empty(len(rows), np.float32)
@@ -57,11 +58,11 @@ def mend_defects(
     if settings.contrast:
         _find_in_blocks(blocks, bad_sites, gamma, clipping, noise, settings)
     if bad_sites.any():
-        signal = signal.copy() if signal is measured else signal
+        signal = signal.copy() if signal is mosaic.signal else signal
         rows, columns = blocks.places
         signal[rows[bad_sites], columns[bad_sites]] = _mended(blocks, bad_sites, gamma)
     progress.advance()
-    if signal is measured:
+    if signal is mosaic.signal:
         return mosaic
     signal.flags.writeable = False
     return replace(mosaic, samples=signal)
@@ -75,14 +76,12 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def _find_panchromatic(
-    mosaic: Mosaic, signal: FloatArray, noise: NoiseModel | None, settings: DefectSettings, bad: BoolArray
-) -> None:
+def _find_panchromatic(mosaic: Mosaic, noise: NoiseModel | None, settings: DefectSettings, bad: BoolArray) -> None:
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
     gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
     found = bad.copy()
-    find_outliers(signal, gains, settings.contrast, settings.deviations, settings.floor, figures, found)
+    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, settings.floor, figures, found)
     if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:
         bad[:] = found
 

@@ -34,19 +34,17 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
         luminance, change = fill(signal, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
         progress.solved("luminance", settings.iterations, change)
         return luminance
-    pieces = [rows[start : start + _PIECE] for start in range(0, len(rows), _PIECE)]
-    progress.stage("luminance", len(pieces))
-    luminance = signal.copy()
+    progress.stage("luminance", -(-len(rows) // _PIECE))
+    luminance, changes = signal.copy(), np.empty(len(rows), np.float32)
     change = _fill_margins(luminance, signal, pattern, (rows, columns), thresholds)
     holes = np.array([site[:2] for site in pattern.sites])
     extent, response = pattern.block_shape, _response(pattern.block_shape, holes)
-    for piece in pieces:
-        first, blocks = (int(piece[0]), int(columns[0])), (len(piece), len(columns))
-        changes = np.empty(len(piece), np.float32)
-        fill_blocks(signal, luminance, first, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, changes)
-        change = max(change, float(changes.max()))
+    for start in range(0, len(rows), _PIECE):
+        piece = changes[start : start + _PIECE]
+        first, blocks = (int(rows[start]), int(columns[0])), (len(piece), len(columns))
+        fill_blocks(signal, luminance, first, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
         progress.advance()
-    progress.solved("luminance", settings.iterations, change)
+    progress.solved("luminance", settings.iterations, max(change, float(changes.max())))
     return luminance
 
 
@@ -84,11 +82,7 @@ def _holes(pattern: CfaPattern, shape: tuple[int, int], first: tuple[int, int] =
 
 
 def _fill_margins(
-    luminance: FloatArray,
-    signal: FloatArray,
-    pattern: CfaPattern,
-    isolated: tuple[IndexArray, IndexArray],
-    thresholds: FloatArray,
+    luminance: FloatArray, signal: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray
 ) -> float:
     """Fill the blocks near the frame's edge, which are mirrored there. They lie in four margins, each filled like a whole plane.
 
@@ -96,17 +90,17 @@ def _fill_margins(
     transposed, so that their rows are long. Returns the largest change of a sample in the last iteration.
     """
     (height, width), (rows, columns), (down, across) = signal.shape, isolated, pattern.block_shape
-    changes = []
+    largest = 0.0
     for start, stop in ((0, int(rows[0])), (int(rows[-1]) + down, height)):
         holes = _holes(pattern, (stop - start, width), (start, 0))
         luminance[start:stop], change = fill(signal[start:stop], holes, thresholds)
-        changes.append(change)
+        largest = max(largest, change)
     for start, stop in ((0, int(columns[0])), (int(columns[-1]) + across, width)):
         holes = _holes(pattern, (height, stop - start), (0, start))
         turned, change = fill(signal[:, start:stop].T, holes.T, thresholds)
         luminance[:, start:stop] = turned.T
-        changes.append(change)
-    return max(changes)
+        largest = max(largest, change)
+    return largest
 
 
 def _response(extent: tuple[int, int], holes: IndexArray) -> FloatArray:

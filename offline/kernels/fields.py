@@ -33,16 +33,14 @@ _PLANES = 4 + 1 + 2 + 4 * SOLVED
 @parallel_kernel
 def solve_regions(
     luminance: FloatArray,
-    rows: IndexArray,
-    columns: IndexArray,
+    places: tuple[IndexArray, IndexArray],
     patches: tuple[int, int, int],
     period: int,
     core: int,
     halo: int,
     pins: FloatArray,
     filters: tuple[FloatArray, FloatArray, IndexArray],
-    tolerance: float,
-    iterations: int,
+    limits: tuple[float, int],
     workers: int,
     fields: FloatArray,
     residuals: DoubleArray,
@@ -51,21 +49,21 @@ def solve_regions(
     """Solve the fields of some rows of patches.
 
     luminance: (H, W), scene units.
-    rows, columns: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
+    places: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
     patches: (first row, end row, columns) of the patches. Both rows are multiples of `core`, unless the domain ends there.
     period: K, pixels.
     core, halo: patches from one side of a core to the other, and around it.
     pins: (4, 2 period, 4 period + a region's columns + 3 LANES), from the domain's corner on, repeating in both directions: 1 at
         the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
     filters: (smooth, slope, radii) as `transmission` takes them.
-    tolerance: of the norm of the residual relative to that of the right-hand side, both scaled.
-    iterations: at most this many.
+    limits: (tolerance, iterations) of conjugate gradients: norm of the residual relative to that of the right-hand side, both
+        scaled, and the most iterations.
     workers: how many regions are solved at a time.
     fields: (4, pixel rows, domain columns), written.
     residuals: (regions,), written: the relative residual of the worst field of each region.
     used: (regions,), written: the iterations that each region used.
     """
-    first, end, across = patches
+    (rows, columns), (first, end, across), (tolerance, iterations) = places, patches, limits
     reach = filters[0].shape[1] - 1
     height = len(rows) - 2 * reach
     along = (across + core - 1) // core
@@ -307,19 +305,9 @@ def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, part
         a1, b1, c1 = _three(planes, field, row, start + _LANES)
         for column in range(_MARGIN, _MARGIN + columns, _LANES):
             a2, b2, c2 = _three(planes, field, row, column + _LANES)
-            product = b1 - _around(
-                weights,
-                row,
-                column,
-                shifted(b1, b2, 1),
-                shifted(b0, b1, _LAST),
-                c1,
-                a1,
-                shifted(c1, c2, 1),
-                shifted(a0, a1, _LAST),
-                shifted(c0, c1, _LAST),
-                shifted(a1, a2, 1),
-            )
+            right, below_right, above_right = shifted(b1, b2, 1), shifted(c1, c2, 1), shifted(a1, a2, 1)
+            left, below_left, above_left = shifted(b0, b1, _LAST), shifted(c0, c1, _LAST), shifted(a0, a1, _LAST)
+            product = b1 - _around(weights, row, column, right, left, c1, a1, below_right, above_left, below_left, above_right)
             store(planes, (_APPLIED + field, row, column), product)
             curvature += b1 * product
             applied += product * product

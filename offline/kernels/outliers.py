@@ -59,10 +59,7 @@ def find_outliers(
             ordered = np.sort(around[:count])
             if beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed:
                 found[row, column] = True
-    for row in prange(height):
-        for column in range(width):
-            if found[row, column]:
-                bad[row, column] = True
+    bad |= found
 
 
 @kernel

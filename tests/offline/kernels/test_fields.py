@@ -1,11 +1,12 @@
 """Fields of many regions against those of the whole frame."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline import affinity as product
 from offline.affinity import solve_affinities
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import AffinitySettings
 from offline.tiling import Band, core_patches
 from shared import CfaPattern
@@ -55,21 +56,16 @@ def test_regions_equal_the_whole_frame(period: int, shape: tuple[int, int]) -> N
 
 
 @pytest.mark.parametrize("period", [3, 6])
-def test_rows_of_patches_and_threads_leave_no_trace(period: int) -> None:
+def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_count: Iterator[int]) -> None:
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = light_of(shape)
     entire = solve_affinities(light, pattern, AffinitySettings(), whole(pattern, shape))
     (down, _), core = pattern.grid(shape).patches, core_patches(period)
     assert down > 2 * core
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            parts = [
-                solve_affinities(light, pattern, AffinitySettings(), Band((first, min(first + core, down)), (0, 0), 0))
-                for first in range(0, down, core)
-            ]
-            assert np.array_equal(np.concatenate(parts, axis=2), entire)
-    finally:
-        use_threads(before)
+    for _ in each_thread_count:
+        parts = [
+            solve_affinities(light, pattern, AffinitySettings(), Band((first, min(first + core, down)), (0, 0), 0))
+            for first in range(0, down, core)
+        ]
+        assert np.array_equal(np.concatenate(parts, axis=2), entire)
     assert_close(entire.sum(axis=(0, 1)), np.ones(entire.shape[2:]), SUM)
