@@ -78,15 +78,16 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as bands float32 (rows, W, C).
 
-    Memory: at most 12 bytes per pixel while luminance is measured, 4 bytes per pixel (luminance) while bands are made; everything
-    else exists for one band at a time (`rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did.
+    Memory: about 13 bytes per pixel while luminance is measured, then 4 bytes per pixel (luminance); everything else exists for one
+    band at a time (see `rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did.
 
     >>> import numpy as np
     >>> from offline import PAPER, render_bands
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
     >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> [band.shape for band in render_bands(grey, PAPER)]
-    [(233, 40, 3), (67, 40, 3)]
+    >>> bands = list(render_bands(grey, PAPER))
+    >>> len(bands), sum(len(band) for band in bands)
+    (2, 300)
     """
     luminance, blocks = measure(mosaic, settings, progress)
     for rows, chromaticity in spread(mosaic, luminance, blocks, settings, progress):
