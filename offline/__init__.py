@@ -1,19 +1,24 @@
-"""The full-quality render: `render(mosaic, PAPER).rgb` is the scene, (H, W, C) float32; `render_bands` makes it row by row."""
+"""The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
 
-from .kernels.compile import available_threads, compilation, threads, use_threads
-from .render import Rendering, band_rows, render, render_bands
+from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
+from .memory import rendering_memory
+from .render import Rendering, render, render_bands
 from .settings import BEST, PAPER, RenderSettings
+from .solvers import Solved, SolverLog
 
 __all__ = [
     "BEST",
     "PAPER",
     "RenderSettings",
     "Rendering",
+    "Solved",
+    "SolverLog",
     "available_threads",
-    "band_rows",
     "compilation",
+    "kernel_cache",
     "render",
     "render_bands",
+    "rendering_memory",
     "threads",
     "use_threads",
 ]

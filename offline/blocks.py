@@ -1,4 +1,4 @@
-"""What the whole colour blocks of a frame read, each site by itself, and the panchromatic samples around them."""
+"""The samples of all whole colour blocks of a frame, site by site, and the panchromatic samples around them."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,13 @@ from .kernels.outliers import surroundings
 class BlockSamples:
     """The blocks of `BlockGrid` that lie wholly inside the frame: B = (rows, columns) of them, with S sites each.
 
-    origins: frame rows and columns of their first pixels; places: frame places of all sites, two of (*B, S); channels: (S,).
-    samples: float64 (*B, S); light: luminance there, interpolated from the panchromatic samples around the block, float64 (*B, S);
-    lowest, highest: of those, float64 B. panchromatic: (K, K), the pattern from the frame's corner on.
+    origins: frame rows, and frame columns, of the blocks' first pixels.
+    places: frame rows, and frame columns, of all sites, (*B, S) each.
+    channels: (S,), channel index of each site.
+    samples: float64 (*B, S), scene units.
+    light: luminance at the sites, interpolated from the panchromatic samples around the block, float64 (*B, S), scene units.
+    lowest, highest: range of the panchromatic samples around each block, float64 B, scene units.
+    panchromatic: bool (K, K), the pattern from the frame's corner on.
     """
 
     origins: tuple[IndexArray, IndexArray]
@@ -30,7 +34,7 @@ class BlockSamples:
 
 
 def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
-    """The blocks of `signal`, which has the mosaic's shape and pattern."""
+    """Collect the blocks of `signal`, (H, W), scene units, which has the mosaic's shape and pattern."""
     pattern, grid = mosaic.pattern, mosaic.pattern.grid(mosaic.shape)
     origins = grid.whole_rows, grid.whole_columns
     sites = np.array(pattern.sites)
@@ -45,5 +49,5 @@ def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
 
 
 def tile(mosaic: Mosaic) -> BoolArray:
-    """Which pixels are panchromatic, (K, K), from the frame's corner on."""
+    """Which pixels are panchromatic, bool (K, K), from the frame's corner on."""
     return np.ascontiguousarray(mosaic.pattern.panchromatic_mask((mosaic.pattern.period, mosaic.pattern.period)))

@@ -11,9 +11,9 @@ from .detail import give_back
 from .kernels.medians import SLACK, oriented_median
 from .settings import ChromaticitySettings
 
-# Least sigma_z of the regularisation, scene units: keeps a block without light defined (it is grey) and moves no other.
+# Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
-_LEAST_TOTAL = 0.5  # of sum_i gamma_i c_i, for scaling to be harmless
+_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i from which on scaling is harmless
 
 
 def estimate_chromaticities(
@@ -21,35 +21,37 @@ def estimate_chromaticities(
 ) -> FloatArray:
     """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1 in each.
 
-    Blocks that the frame's edge cuts or leaves out take the value of the nearest whole one.
+    Blocks that lie partly or wholly outside the frame take the value of the nearest whole block.
+
+    luminance: (H, W), scene units.
     """
     progress.stage("chromaticity", settings.repetitions)
     grid = mosaic.pattern.grid(mosaic.shape)
     gamma = np.array(mosaic.calibration.gamma)
-    weight, product, sigma = block_sums(mosaic, luminance, grid)
-    chromaticity = solve_constrained(weight, product, sigma, gamma)
-    own = chromaticity
+    sums = block_sums(mosaic, luminance, grid)
+    chromaticity = solve_constrained(*sums, gamma)
+    unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
-    # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back, but far off the plane,
-    # where the estimates are wild (darkness), it would blow them up: there the plane's nearest point is the safe way back.
+    # Medians of single channels leave the constraint's plane (errata). Scaling brings the vectors back. Far off the plane, where
+    # estimates are wild (darkness), scaling would blow them up: there the nearest point of the plane is the safe way back.
     total = (chromaticity @ gamma)[..., None]
     scaled = chromaticity / np.where(total > _LEAST_TOTAL, total, 1)
     if total.min() <= _LEAST_TOTAL:
         projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
         scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
     if settings.trust:
-        scaled = give_back(own, scaled, weight, product, sigma, gamma, settings.trust)
+        scaled = give_back(unfiltered, scaled, sums, gamma, settings.trust)
     return grid.extend(scaled.astype(np.float32))
 
 
 def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[DoubleArray, DoubleArray, float]:
-    """What Eqs. 8-9 need of each whole block: sum l^2 and sum l m per channel, float64 (rows, columns, C), and sigma_z."""
+    """The sums of Eqs. 8-9 of each whole block: sum l^2 and sum l m per channel, both float64 (rows, columns, C), and sigma_z."""
     shape = len(grid.whole_rows), len(grid.whole_columns), len(mosaic.pattern.channels)
-    weight, product = np.zeros(shape), np.zeros(shape)
+    weight, product, signal = np.zeros(shape), np.zeros(shape), mosaic.signal
     level = 0.0
     for channel, *site in block_sites(mosaic.pattern, grid):
-        light, sample = luminance[*site].astype(np.float64), mosaic.signal[*site]
+        light, sample = luminance[*site].astype(np.float64), signal[*site]
         weight[..., channel] += light**2
         product[..., channel] += light * sample
         level += float(sample.mean()) / len(mosaic.pattern.sites)
@@ -59,7 +61,7 @@ def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[
 
 
 def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, slice]]:
-    """(channel, rows, columns) per colour site of a block: the slices of the frame that hold it in all whole blocks."""
+    """(channel, rows, columns) for each colour site of a block: the slices of the frame that hold this site of all whole blocks."""
     rows, columns = grid.whole_rows, grid.whole_columns
     return [
         (channel, _every(rows + row, grid.period), _every(columns + column, grid.period)) for row, column, channel in pattern.sites
@@ -67,14 +69,18 @@ def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, 
 
 
 def _every(places: IndexArray, period: int) -> slice:
-    """The slice that takes these places, a period apart."""
+    """The slice that selects `places`, which are one period apart."""
     return slice(int(places[0]), int(places[-1]) + 1, period)
 
 
 def solve_constrained(weight: DoubleArray, product: DoubleArray, sigma: float, gamma: DoubleArray) -> DoubleArray:
     """The exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a Lagrange multiplier, for any number of channels C.
 
-    weight: sum l^2, product: sum l m over the sites of each channel, (..., C); sigma: sigma_z > 0; gamma: (C,). Returns (..., C).
+    weight: sum l^2 over the sites of each channel, (..., C).
+    product: sum l m over the sites of each channel, (..., C).
+    sigma: sigma_z > 0, in the units of l.
+    gamma: (C,), the weights of Eq. 7.
+    Returns chromaticities, (..., C).
     """
     a = weight + sigma**2
     free = (product + sigma**2 / gamma.sum()) / a  # Eqs. 8-9 without the constraint, pulled towards grey
@@ -84,18 +90,21 @@ def solve_constrained(weight: DoubleArray, product: DoubleArray, sigma: float, g
 
 
 def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT) -> DoubleArray:
-    """Of the 1-D medians along four orientations the one nearest to the value before, till nothing changes.
+    """Replace each vector by the nearest of its 1-D medians along four orientations, and repeat until nothing changes.
 
-    chromaticity: (rows, columns, C), the coarse image; it is mirrored at its border. Channels are filtered one by one.
+    chromaticity: (rows, columns, C), the coarse image, mirrored at its border. Channels are filtered one by one.
+    taps: length of the medians, odd, 3 or more.
+    repetitions: at most this many.
     """
     (rows, columns), half = chromaticity.shape[:2], taps // 2
+    iterations = 0
     wide = np.pad(chromaticity.transpose(2, 0, 1), ((0, 0), (0, 0), (half, half + SLACK)), mode=BORDER)
     before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
     after = np.empty_like(before)
-    for _ in range(repetitions):
+    while iterations < repetitions and changed.any():
         changed = oriented_median(before, after, columns, taps, changed)
         before, after = after, before
+        iterations += 1
         progress.advance()
-        if not changed.any():
-            break
+    progress.solved("medians", iterations, float(changed.mean()))
     return np.ascontiguousarray(before[:, :, half : half + columns].transpose(1, 2, 0))

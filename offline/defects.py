@@ -1,12 +1,13 @@
-"""Samples that do not measure light, known beforehand or found by how they stand out, replaced by what those around them say.
+"""Replace defective samples, listed in the calibration or detected as outliers, by what their surroundings predict.
 
-A panchromatic sample is judged by its neighbours. A colour sample has none of its kind, but it has company: what the channels of a
-block read has to add up to the luminance around it (Eq. 7), and where it does not, the sample that differs from what the blocks
-around predict is to blame. So texture and small bright things, which all samples of a block see, stay.
+A panchromatic sample is judged by its neighbours. A colour sample has no neighbours of its own filter. But by Eq. 7 the channels of
+its block must add up to the luminance around the block; if they do not, the sample that deviates most from the neighbouring
+blocks' prediction is the defective one. So texture and small bright objects, which all samples of a block see, stay.
 
-A replaced colour sample is what its block says without it, and so adds nothing to the sums of Eqs. 8-9 but its own agreement.
+A defective colour sample is replaced by what the rest of its block predicts, so it carries no information of its own into Eqs. 8-9.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,19 +21,22 @@ from .blocks import BlockSamples, gather, tile
 from .kernels.outliers import find_outliers, mend_panchromatic
 from .settings import DefectSettings
 
-_LEAST_LIGHT = 1e-4  # scene units: darker blocks say nothing of chromaticity
-_FEWEST = 3  # blocks around one, without which it cannot be judged
-_MOST = 0.01  # part of the samples: where more stand out, it is the picture that is so
+_LEAST_LIGHT = 1e-4  # scene units: darker blocks hold no information about chromaticity
+_FEWEST = 3  # neighbouring blocks that it takes to judge a block
+_MOST = 0.01  # fraction of the samples: if more stand out, they belong to the picture
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
 
 
 def mend_defects(
     mosaic: Mosaic, clipping: float, noise: NoiseModel | None, settings: DefectSettings, progress: Progress = SILENT
 ) -> Mosaic:
-    """The mosaic with defective samples replaced; itself where there is nothing to do.
+    """The mosaic with defective samples replaced; the mosaic itself where there are none.
 
-    clipping: scene units, from which on samples are at their limit; noise: of the mosaic, None = unknown. Defects are those of the
-    calibration's list (places outside the frame are nobody's) and, blindly, single outliers.
+    Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
+
+    mosaic: in scene units (`Mosaic.in_scene_units`).
+    clipping: scene units from which on samples are saturated.
+    noise: noise of the mosaic; None = unknown.
     """
     if not settings.listed and settings.contrast == 0:
         return mosaic
@@ -61,7 +65,7 @@ def mend_defects(
     if signal is mosaic.signal:
         return mosaic
     signal.flags.writeable = False
-    return Mosaic(signal, mosaic.pattern, mosaic.calibration, mosaic.metadata)
+    return replace(mosaic, samples=signal)
 
 
 def _listed(mosaic: Mosaic) -> BoolArray:
@@ -93,8 +97,8 @@ def _panchromatic_places(bad: BoolArray, mosaic: Mosaic) -> tuple[IndexArray, In
 def _find_in_blocks(
     blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray, clipping: float, noise: NoiseModel | None, settings: DefectSettings
 ) -> None:
-    """Add to `bad`, (*B, S), the sites that alone keep their block from adding up to its luminance."""
-    share = (gamma / np.bincount(blocks.channels))[blocks.channels]  # of each site in what Eq. 7 adds up
+    """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around it."""
+    share = (gamma / np.bincount(blocks.channels))[blocks.channels]  # weight of each site in the sum of Eq. 7
     surplus = blocks.samples @ share - blocks.light @ share / gamma.sum()
     odd = np.abs(surplus) > _tolerance(blocks, share, noise, settings)
     odd &= (blocks.highest < clipping) & ~bad.any(axis=2)
@@ -103,7 +107,7 @@ def _find_in_blocks(
     where = np.nonzero(odd)
     around = _around(blocks, bad, where, 1 / float(gamma.sum()))
     light, surplus = blocks.light[where], surplus[where]
-    # The sample to blame explains the surplus, and is outside all that the blocks around read.
+    # The defective sample explains the surplus, and lies outside the range of the neighbouring blocks.
     excess = share * (blocks.samples[where] - around.middle * light)
     guilty = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
     ratio = (blocks.samples[where] / np.maximum(light, _LEAST_LIGHT))[guilty]
@@ -114,40 +118,44 @@ def _find_in_blocks(
 
 
 def _tolerance(blocks: BlockSamples, share: DoubleArray, noise: NoiseModel | None, settings: DefectSettings) -> DoubleArray:
-    """How far what a block's channels add up to may be from the luminance around it, scene units."""
+    """How far the sum of a block's channels may be from the luminance around it, scene units, float64 B."""
     tolerance = settings.contrast / 2 * (blocks.highest - blocks.lowest) + settings.floor
     if noise is None:
         return tolerance
-    shot, read = np.array(noise.shot), np.array(noise.read)
-    fixed = share**2 @ read[blocks.channels] ** 2 + read[-1] ** 2
+    shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
+    fixed = share**2 @ variance[blocks.channels] + variance[-1]
     tolerance += settings.deviations * np.sqrt(fixed + shot.max() * np.maximum(blocks.light.mean(axis=2), 0))
     return tolerance
 
 
 def _mended(blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray) -> FloatArray:
-    """What to read at the bad sites: what the block says without them, else what the blocks around do."""
+    """Values for the bad sites: what the rest of the block predicts, else what the neighbouring blocks predict."""
     *where, site = np.nonzero(bad)
     around = _around(blocks, bad, tuple(where), 1 / float(gamma.sum()))
     each, channels = np.arange(len(site)), np.arange(len(gamma))
     light, good = blocks.light[*where], ~bad[*where]
-    here, own = light[each, site], blocks.channels[site]
+    here, channel = light[each, site], blocks.channels[site]
     of_channel = good[:, None] & (blocks.channels == channels[:, None])  # (bad sites, C, S)
     seen = of_channel.any(axis=2)
     ratio = (of_channel * blocks.samples[*where][:, None]).sum(axis=2)
     ratio /= np.maximum((of_channel * light[:, None]).sum(axis=2), _LEAST_LIGHT)
-    # Eq. 7: what the other channels leave of the luminance. As doubtful as that is uneven; the blocks around, as they differ.
-    others = channels != own[:, None]
-    left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[own] * here
+    # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks predict. The first is as uncertain as
+    # luminance varies around the block, the second as the neighbouring blocks differ.
+    others = channels != channel[:, None]
+    left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[channel] * here
     predicted = around.middle[each, site] * here
-    doubt = ((blocks.highest - blocks.lowest)[*where] / gamma[own]) ** 2 + _LEAST_LIGHT**2
+    doubt = ((blocks.highest - blocks.lowest)[*where] / gamma[channel]) ** 2 + _LEAST_LIGHT**2
     doubt_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + _LEAST_LIGHT**2
     balanced = (left * doubt_around + predicted * doubt) / (doubt + doubt_around)
-    alone = np.where((seen | ~others).all(axis=1), balanced, predicted)
-    return np.where(seen[each, own], ratio[each, own] * here, alone).astype(np.float32)
+    unseen = np.where((seen | ~others).all(axis=1), balanced, predicted)
+    return np.where(seen[each, channel], ratio[each, channel] * here, unseen).astype(np.float32)
 
 
 class _Around(NamedTuple):
-    """Relative readings, sample over luminance, of each site in the blocks around some: all (blocks, S)."""
+    """Ratios of sample to luminance of each site in the eight neighbours of some blocks; all (blocks, S).
+
+    middle, lowest, highest: median and range of the ratios. known: how many of the neighbours have a good sample there.
+    """
 
     middle: DoubleArray
     lowest: DoubleArray
@@ -156,7 +164,7 @@ class _Around(NamedTuple):
 
 
 def _around(blocks: BlockSamples, bad: BoolArray, where: tuple[IndexArray, ...], grey: float) -> _Around:
-    """Of the blocks at `where`; without any good one around, grey."""
+    """The neighbourhoods of the blocks at `where`; a site without a good neighbour is `grey`."""
     ratios = np.where(bad, np.nan, blocks.samples / np.maximum(blocks.light, _LEAST_LIGHT))
     wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])

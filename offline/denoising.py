@@ -1,9 +1,9 @@
-"""Denoising luminance as far as the sensor's noise goes: sliding-window DCTs, and a share of non-local means.
+"""Denoise luminance by the amount of the sensor's noise: sliding-window DCTs, mixed with non-local means.
 
-Shrinkage of overlapping DCT blocks is as old as Yaroslavsky's sliding window (1996); weights by how few coefficients a block needs,
-and a second pass with Wiener gains from the first one's result, are usual since. Small blocks suit edges, large ones gradients: the
-estimates of several sizes are averaged with those same weights. What it loses is texture that hardly rises above the noise. There
-the samples of similar surroundings still tell (Buades, Coll and Morel 2005), all the better as the surroundings compared are clean.
+Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996). Weighting blocks by how few coefficients they
+need, and a second pass with Wiener gains from the first result, are standard since. Small blocks suit edges, large ones gradients:
+estimates of several sizes are averaged with those weights. This loses texture that hardly rises above the noise. There, the mean of
+samples with similar surroundings keeps more (Buades, Coll and Morel 2005), and the surroundings compared here are already clean.
 """
 
 import numpy as np
@@ -13,25 +13,26 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
+from .gaussian import gaussian
 from .kernels.averaging import average
 from .kernels.compile import threads
 from .kernels.denoising import denoise
-from .refinement import gaussian
 from .settings import DenoisingSettings
 
-_PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels worked on between two reports of progress, and rows
-_AROUND = 1.0  # pixels: standard deviation of the Gaussian that weighs surroundings
-# Standard deviations added to the guide: the average weighs by light (Eq. 16), which so far up is the same for all.
+_PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels between two reports of progress, and the least number of rows
+_AROUND = 1.0  # pixels: standard deviation of the Gaussian that weights surroundings
+# Standard deviations added to the guide: the average weights by light (Eq. 16), which is almost the same everywhere that far up.
 _BRIGHT = 1000
 
 
 def denoise_luminance(
     luminance: FloatArray, mosaic: Mosaic, noise: NoiseModel | None, settings: DenoisingSettings, progress: Progress = SILENT
 ) -> FloatArray:
-    """l[n] without noise, float32 (H, W), scene units; `luminance` itself where there is none to take away.
+    """l[n] without noise, float32 (H, W), scene units; `luminance` itself where there is no noise to remove.
 
-    luminance: of `recover_luminance`, whose filled samples count as uncertain: what follows sees the first pass in their place.
-    noise: of the mosaic; None: unknown, and taken for none.
+    luminance: (H, W), what `recover_luminance` returns. Its filled samples count as uncertain: the second pass replaces them by the
+        result of the first.
+    noise: noise of the mosaic; None = unknown, treated as none.
     """
     height, width = luminance.shape
     shot, read = (settings.strength**2 * noise.shot[-1], settings.strength * noise.read[-1]) if noise else (0.0, 0.0)
@@ -50,7 +51,7 @@ def denoise_luminance(
         model = np.float32(shot), np.float32(read), np.float32(settings.threshold)
         denoise(luminance, uncertain, rows, sizes, transforms, *model, threads(), result)
         progress.advance()
-    # In place, piece by piece: above a piece, what lay there before the last one.
+    # In place, piece by piece; `above` keeps the rows above a piece as they were before they were changed.
     reach = settings.radius + len(gaussian(_AROUND)) // 2
     above = result[:0]
     for top, bottom in pieces:
@@ -68,10 +69,15 @@ def denoise_luminance(
 def similar_mean(
     samples: FloatArray, guide: FloatArray, rows: tuple[int, int], shot: float, read: float, settings: DenoisingSettings
 ) -> FloatArray:
-    """Non-local means of `samples`, (rows[1] - rows[0], W), with the surroundings of `guide` compared; both (H, W), scene units.
+    """Non-local means of some rows of `samples`, float32 (rows[1] - rows[0], W).
 
-    The weight of a pixel is exp(-d / (2 similarity^2)), d the mean of squared differences in standard deviations of the noise. So
-    they are, at any brightness, after the transform that makes Poisson-Gaussian noise even.
+    samples: (H, W), scene units; what is averaged.
+    guide: (H, W), scene units; its surroundings are compared.
+    rows: first and end row of the result.
+    shot, read: variance of the noise = shot * signal + read**2.
+
+    The weight of a pixel is exp(-d / (2 similarity^2)), d the mean of squared differences in standard deviations of the noise. A
+    transform of the guide gives Poisson-Gaussian noise the same standard deviation at any brightness.
     """
     if shot > 0:
         even = (2 / shot) * np.sqrt(np.maximum(shot * guide.astype(np.float64) + read**2, 0))
@@ -86,7 +92,7 @@ def similar_mean(
 
 
 def cosines(size: int) -> FloatArray:
-    """The orthonormal DCT-II of `size` samples, float32 (size, size): [frequency, sample]."""
+    """The matrix of the orthonormal DCT-II of `size` samples, float32 (size, size): [frequency, sample]."""
     frequency, place = np.arange(size)[:, None], np.arange(size) + 0.5
     matrix: DoubleArray = np.sqrt(2 / size) * np.cos(np.pi * frequency * place / size)
     matrix[0] = np.sqrt(1 / size)

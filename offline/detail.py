@@ -1,51 +1,37 @@
-"""Detail of colour that the oriented medians took, given back where the blocks vouch for it.
+"""Return the detail of colour that the oriented medians removed, where the blocks show that it was detail.
 
-Medians take what a block's neighbours do not share: errors, and fine detail of colour. Errors of a block's chromaticity, from noise
-and from luminance that was filled wrongly, also keep its channels from adding up to its luminance (Eq. 7); detail does not. So
-around each block what the medians took is compared with what is missing from the sum: the more it exceeds that, the more of it was
-detail. Both are weighed by light, as they will be seen, and where noise alone explains what was taken, nothing is given back.
+Medians remove what a block's neighbours do not share: errors, and fine detail of colour. Errors of a block's chromaticity, from
+noise and from wrongly filled luminance, also violate Eq. 7: the block's channels do not add up to its luminance. Detail does not
+violate it. So around each block, what the medians removed is compared with the violation: the more it exceeds the violation, the
+more of it was detail. Both are weighted by light, as they will be seen. Where noise alone explains what was removed, nothing is
+returned.
 """
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray
+from shared.arrays import DoubleArray
 
-from .refinement import gaussian
+from .gaussian import smoothed
 
 _WIDTH = 2.0  # blocks: standard deviation of the neighbourhood that is compared
 _TINY = 1e-30
 
 
 def give_back(
-    own: DoubleArray,
-    smooth: DoubleArray,
-    weight: DoubleArray,
-    product: DoubleArray,
-    sigma: float,
-    gamma: DoubleArray,
-    trust: float,
+    unfiltered: DoubleArray, smooth: DoubleArray, sums: tuple[DoubleArray, DoubleArray, float], gamma: DoubleArray, trust: float
 ) -> DoubleArray:
-    """Chromaticities between `smooth`, those after the medians, and `own`, those before; all (rows, columns, C).
+    """Chromaticities between those after the medians and those before, (rows, columns, C).
 
-    weight, product, sigma: of `block_sums`; gamma: (C,). trust: more than 0; the squared error of the sum over this is what errors
-    are taken to have added to the squared difference.
+    unfiltered, smooth: chromaticities before and after the medians, (rows, columns, C).
+    sums: what `block_sums` returns.
+    gamma: (C,), the weights of Eq. 7.
+    trust: > 0. The estimated error energy is (squared violation of Eq. 7) / trust; larger values return more detail.
     """
+    weight, product, sigma = sums
     light = weight.mean(axis=2)
     missing = ((product + sigma**2 / gamma.sum()) / (weight + sigma**2)) @ gamma - 1
-    error = _around(light * missing**2)
-    noise = _around((sigma**2 * light[..., None] / (weight + sigma**2)).sum(axis=2))
-    taken = _around(light * ((own - smooth) ** 2).sum(axis=2))
-    share = np.clip(1 - (error / trust + noise) / np.maximum(taken, _TINY), 0, 1)
-    return smooth + share[..., None] * (own - smooth)
-
-
-def _around(plane: DoubleArray) -> DoubleArray:
-    """(rows, columns) under a Gaussian, mirrored at the border."""
-    taps = gaussian(_WIDTH)
-    for _ in range(2):
-        wide = np.pad(plane, ((len(taps) // 2,) * 2, (0, 0)), mode=BORDER)
-        total = np.zeros_like(plane)
-        for start, tap in enumerate(taps):
-            total += tap * wide[start : start + len(plane)]
-        plane = total.T
-    return plane
+    error = smoothed(light * missing**2, _WIDTH)
+    noise = smoothed((sigma**2 * light[..., None] / (weight + sigma**2)).sum(axis=2), _WIDTH)
+    removed = smoothed(light * ((unfiltered - smooth) ** 2).sum(axis=2), _WIDTH)
+    share: DoubleArray = np.clip(1 - (error / trust + noise) / np.maximum(removed, _TINY), 0, 1)
+    return smooth + share[..., None] * (unfiltered - smooth)

@@ -1,9 +1,11 @@
-"""Luminance past the limit of the panchromatic samples, from the colour samples, which saturate later.
+"""Luminance beyond full scale, from the colour samples, which saturate later than the panchromatic ones.
 
 A panchromatic pixel reads all channels together and so reaches full scale about a stop and a half before a colour pixel does. Each
-block measures every channel: by Eq. 7 they add up to the luminance that the clipped samples around it would have read. What channel
-clips as well is what a white surface would read there, and where all do, it is white at the limit of the last of them.
+block measures every channel: by Eq. 7 they add up to the luminance that the clipped samples around it would have read. A channel
+that is clipped too is taken to read what a white surface would; where all are clipped, the block is white at the limit of the last.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,39 +17,39 @@ from .blocks import gather
 from .kernels.highlights import interpolate, raise_clipped
 from .settings import HighlightSettings
 
-_WIDTH = 1 / 3  # periods: standard deviation of what an unclipped sample has to say of its surroundings
+_WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings
 _REACH = 3  # standard deviations
-_BRIGHT = 0.6  # of the limit: what is darker beside a clipped sample is something else
-_APART = 0.4  # of the limit: and what differs so much from the blocks, too
-_RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation asks two
-_FAINT = 0.05  # of an unclipped neighbour's weight: so much says that the blocks are right
+_BRIGHT = 0.6  # of the limit: darker samples beside a clipped one belong to another surface
+_TOLERANCE = 0.4  # of the limit: so do samples that differ by more than this from what the blocks predict
+_RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation needs two
+_FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour
 
 
 def clipping_level(mosaic: Mosaic) -> float:
-    """Scene units from which on a sample says no more than "at least so much"; infinite for samples that are not sensor codes."""
+    """Scene units from which on a sample counts as saturated; infinite for samples that are not sensor codes."""
     if mosaic.samples.dtype != np.uint16:
         return np.inf
     return mosaic.calibration.full_scale - 0.5 * float(mosaic.calibration.scale().max())
 
 
-def restore_highlights(sound: Mosaic, clipping: float, settings: HighlightSettings, progress: Progress = SILENT) -> Mosaic:
-    """The mosaic with samples from `clipping` on (scene units) replaced by estimates that exceed it; itself without any.
+def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSettings, progress: Progress = SILENT) -> Mosaic:
+    """Replace samples that reach `clipping` (scene units) by estimates above it; without such samples, return the mosaic itself.
 
-    sound: without defects; one hot colour sample would pass for light.
+    mosaic: free of defects: a single hot colour sample would pass for light.
     """
-    if not settings.restored or not sound.signal.max() >= clipping:
-        return sound
+    signal = mosaic.signal
+    if not settings.restored or not signal.max() >= clipping:
+        return mosaic
     progress.stage("highlights", 1)
-    pattern, signal, gamma = sound.pattern, sound.signal, np.array(sound.calibration.gamma)
-    blocks = gather(sound, signal)
+    pattern, gamma = mosaic.pattern, np.array(mosaic.calibration.gamma)
+    blocks = gather(mosaic, signal)
     count = np.bincount(blocks.channels)
     means = np.stack([blocks.samples[..., blocks.channels == channel].mean(axis=2) for channel in range(len(count))], axis=2)
-    whole = unclipped(means, clipping, sound.calibration.neutral or (1.0,) * len(gamma), settings.shoulder)
+    whole = unclipped(means, clipping, mosaic.calibration.neutral or (1.0,) * len(gamma), settings.shoulder)
     result = signal.copy()
-    # In proportion, so that two sites of a channel keep their difference.
+    # In proportion, so that two sites of one channel keep their difference.
     result[blocks.places] = blocks.samples * (whole / np.where(means > 0, means, 1))[..., blocks.channels]
-    light = whole @ gamma
-    light = spread(light, blocks.lowest >= _BRIGHT * clipping)
+    light = replace_dark(whole @ gamma, blocks.lowest >= _BRIGHT * clipping)
     middle = [float(origins[0]) + (size - 1) / 2 for origins, size in zip(blocks.origins, pattern.block_shape, strict=True)]
     width = _WIDTH * pattern.period
     fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
@@ -60,18 +62,18 @@ def restore_highlights(sound: Mosaic, clipping: float, settings: HighlightSettin
         plane, raised = np.empty_like(seen), seen.copy()
         interpolate(light.astype(np.float32), (middle[0] - top, middle[1]), pattern.period, plane)
         panchromatic = np.roll(blocks.panchromatic, -top, axis=0)
-        raise_clipped(seen, panchromatic, clipping, _APART * clipping, plane, fall, _FAINT, raised)
+        raise_clipped(seen, panchromatic, clipping, _TOLERANCE * clipping, plane, fall, _FAINT, raised)
         clear = pattern.panchromatic_mask((inner.stop - inner.start, signal.shape[1]), (inner.start, 0))
         np.copyto(result[inner], raised[inner.start - top : inner.stop - top], where=clear)
     progress.advance()
     result.flags.writeable = False
-    return Mosaic(result, pattern, sound.calibration, sound.metadata)
+    return replace(mosaic, samples=result)
 
 
-def spread(light: DoubleArray, bright: BoolArray) -> DoubleArray:
-    """`light` of blocks (rows, columns) with those that are not `bright` replaced by the mean of the bright ones near them.
+def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
+    """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of the bright ones near it.
 
-    A dark block beside a clipped region is beyond an edge; interpolating towards it would darken the region's rim.
+    A dark block beside a clipped region lies beyond an edge: interpolating towards it would darken the rim of the region.
     """
     known, values = bright.astype(np.float64), np.where(bright, light, 0)
     for _ in range(_RINGS):
@@ -90,10 +92,12 @@ def _three_by_three(plane: DoubleArray) -> DoubleArray:
 
 
 def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...], shoulder: float) -> DoubleArray:
-    """Readings of the channels (..., C) with clipped ones raised to what white would read beside the others, same units.
+    """Raise clipped readings to what a white surface would read, given the other channels; nothing is lowered.
 
-    clipping: their limit; neutral: what white reads in each channel, up to scale; shoulder: the part of the range below the limit
-    over which a reading goes from measured to clipped. Nothing is lowered.
+    readings: (..., C), scene units.
+    clipping: the limit of the readings.
+    neutral: what white reads in each channel, up to scale.
+    shoulder: the fraction of the range, below the limit, over which a reading goes from measured to clipped, 0 to 1.
     """
     white = np.array(neutral)
     gone = np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)

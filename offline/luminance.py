@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import BORDER, BoolArray, FloatArray, IndexArray
+from shared.arrays import BORDER, BoolArray, FloatArray, IndexArray, strips
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
@@ -18,37 +18,43 @@ LOW: FloatArray = np.array([(1 + _ROOT3) / 8, (3 + _ROOT3) / 8, (3 - _ROOT3) / 8
 HIGH: FloatArray = (LOW[::-1] * [1, -1, 1, -1]).astype(np.float32)
 _TAPS: FloatArray = np.stack([LOW, HIGH])
 
-_PIECE = 128  # rows of blocks filled between two reports of progress
+_PIECE = 128  # rows of blocks that are filled between two reports of progress
 
 
 def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Progress = SILENT) -> FloatArray:
     """l[n] in scene units, float32 (H, W): the measured samples, and between them the minimiser of Eqs. 1-2.
 
-    Fifty rounds of shrinking and restoring (Eqs. 3-5) with a threshold that falls by beta each time.
+    Each iteration shrinks wavelet coefficients and restores the measured samples (Eqs. 3-5); the threshold falls by beta each time.
     """
     pattern, signal = mosaic.pattern, mosaic.signal
     thresholds = (settings.threshold * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
-    rows, columns = (_alone(pattern, mosaic.shape, axis) for axis in (0, 1))
+    rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) == 0 or len(columns) == 0:
         progress.stage("luminance", settings.iterations)
-        return fill(signal, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
-    pieces = [rows[start : start + _PIECE] for start in range(0, len(rows), _PIECE)]
-    progress.stage("luminance", len(pieces))
-    luminance = signal.copy()
-    _fill_margins(luminance, signal, pattern, (rows, columns), thresholds)
+        luminance, change = fill(signal, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
+        progress.solved("luminance", settings.iterations, change)
+        return luminance
+    progress.stage("luminance", -(-len(rows) // _PIECE))
+    luminance, changes = signal.copy(), np.empty(len(rows), np.float32)
+    change = _fill_margins(luminance, signal, pattern, (rows, columns), thresholds)
     holes = np.array([site[:2] for site in pattern.sites])
-    response = _response(pattern.block_shape, holes)
-    for piece in pieces:
-        first, blocks = (int(piece[0]), int(columns[0])), (len(piece), len(columns))
-        fill_blocks(signal, luminance, first, blocks, pattern.period, pattern.block_shape, holes, response, _TAPS, thresholds)
+    extent, response = pattern.block_shape, _response(pattern.block_shape, holes)
+    for start in range(0, len(rows), _PIECE):
+        piece = changes[start : start + _PIECE]
+        first, blocks = (int(rows[start]), int(columns[0])), (len(piece), len(columns))
+        fill_blocks(signal, luminance, first, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
         progress.advance()
+    progress.solved("luminance", settings.iterations, max(change, float(changes.max())))
     return luminance
 
 
-def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress: Progress = SILENT) -> FloatArray:
-    """`signal` (H, W) with its holes filled by one iteration of Eqs. 3-5 per threshold over the whole plane.
+def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress: Progress = SILENT) -> tuple[FloatArray, float]:
+    """Fill the holes of a plane by one iteration of Eqs. 3-5 per threshold.
 
-    holes: where they are, bool (rows, W), of rows that repeat.
+    signal: (H, W), scene units.
+    holes: where they are, bool (rows, W); the rows repeat down the plane.
+    thresholds: one per iteration, scene units.
+    Returns the filled plane, float32 (H, W), and the largest change of a sample in the last iteration.
     """
     width = signal.shape[1]
     plane = np.ascontiguousarray(np.pad(signal, ((0, 0), (REACH, REACH + SLACK)), mode=BORDER))
@@ -58,11 +64,12 @@ def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress:
         shrink_once(plane, result, width, where, _TAPS, threshold)
         plane, result = result, plane
         progress.advance()
-    return plane[:, REACH : REACH + width].copy()
+    change = max(float(np.abs(plane[rows] - result[rows]).max()) for rows in strips(len(plane)))
+    return plane[:, REACH : REACH + width].copy(), change
 
 
-def _alone(pattern: CfaPattern, shape: tuple[int, int], axis: int) -> IndexArray:
-    """First rows (axis 0) or columns (1) of the blocks in whose surroundings is neither another block nor the frame's edge."""
+def _isolated(pattern: CfaPattern, shape: tuple[int, int], axis: int) -> IndexArray:
+    """First rows (axis 0) or columns (axis 1) of the isolated blocks: no other block and no frame edge within `REACH` pixels."""
     grid = pattern.grid(shape)
     size, origins = pattern.block_shape[axis], (grid.rows, grid.columns)[axis]
     if pattern.period < size + REACH:
@@ -75,28 +82,29 @@ def _holes(pattern: CfaPattern, shape: tuple[int, int], first: tuple[int, int] =
 
 
 def _fill_margins(
-    luminance: FloatArray,
-    signal: FloatArray,
-    pattern: CfaPattern,
-    alone: tuple[IndexArray, IndexArray],
-    thresholds: FloatArray,
-) -> None:
-    """Fill the blocks that see themselves in the mirror at the frame's edge: they lie in four margins, filled like whole planes.
+    luminance: FloatArray, signal: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray
+) -> float:
+    """Fill the blocks near the frame's edge, which are mirrored there. They lie in four margins, each filled like a whole plane.
 
-    A margin ends where the blocks that are alone begin, farther from its own holes than they reach. Those at the sides are turned,
-    so that their rows are long.
+    A margin ends where the isolated blocks begin, farther from its own holes than they reach. The margins at the sides are
+    transposed, so that their rows are long. Returns the largest change of a sample in the last iteration.
     """
-    (height, width), (rows, columns), (down, across) = signal.shape, alone, pattern.block_shape
+    (height, width), (rows, columns), (down, across) = signal.shape, isolated, pattern.block_shape
+    largest = 0.0
     for start, stop in ((0, int(rows[0])), (int(rows[-1]) + down, height)):
         holes = _holes(pattern, (stop - start, width), (start, 0))
-        luminance[start:stop] = fill(signal[start:stop], holes, thresholds)
+        luminance[start:stop], change = fill(signal[start:stop], holes, thresholds)
+        largest = max(largest, change)
     for start, stop in ((0, int(columns[0])), (int(columns[-1]) + across, width)):
         holes = _holes(pattern, (height, stop - start), (0, start))
-        luminance[:, start:stop] = fill(signal[:, start:stop].T, holes.T, thresholds).T
+        turned, change = fill(signal[:, start:stop].T, holes.T, thresholds)
+        luminance[:, start:stop] = turned.T
+        largest = max(largest, change)
+    return largest
 
 
 def _response(extent: tuple[int, int], holes: IndexArray) -> FloatArray:
-    """What a unit in each hole of a block adds to the high-pass coefficients that see it, as `fill_blocks` wants it."""
+    """How much a sample of 1 in each hole of a block adds to the high-pass coefficients that see it, as `fill_blocks` takes it."""
     (low_down, high_down), (low_across, high_across) = (
         np.stack([_seen(taps, size) for taps in _TAPS])[:, :, places] for size, places in zip(extent, holes.T, strict=True)
     )
@@ -106,7 +114,7 @@ def _response(extent: tuple[int, int], holes: IndexArray) -> FloatArray:
 
 
 def _seen(taps: FloatArray, size: int) -> FloatArray:
-    """[coefficient, pixel]: which tap it is that a pixel of a row of `size` meets, for all coefficients that see one."""
+    """[coefficient, pixel]: the tap that multiplies a pixel in each coefficient that sees any pixel of a row of `size`."""
     seen = np.zeros((size + 3, size), np.float32)
     for pixel in range(size):
         seen[pixel : pixel + 4, pixel] = taps[::-1]

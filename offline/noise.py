@@ -1,8 +1,8 @@
-"""How noisy a mosaic is: as its calibration says, or as its own smooth parts show.
+"""The noise of a mosaic: from its calibration, or estimated from its own smooth parts.
 
 Estimation looks at rows and columns that are panchromatic throughout (every pattern has them). A high-pass filter along them leaves
-noise, and texture: so of many small tiles those count that vary least among the ones of their brightness, and a line through
-(brightness, variance) is a Poisson-Gaussian model.
+noise and texture. So only those of many small tiles count that vary least among tiles of similar brightness, and a line through
+(brightness, variance) is the Poisson-Gaussian model.
 """
 
 import numpy as np
@@ -14,42 +14,47 @@ from shared.mosaic import Mosaic
 from .settings import NoiseSettings
 
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)  # blind to cubic shading; keeps the variance of noise
-_LINES, _LENGTH = 8, 16  # of a tile
-_MOST_LINES = 2048  # of each direction looked at
-_CLIPPED = 0.95  # of full scale: noise is cut off above
-_BINS, _LEAST_TILES = 16, 20  # of brightness, and tiles in each
-_SHARE = 0.1  # of the tiles of a bin that vary less than the figure taken for it
-_NORMAL_QUANTILE = -1.2816  # standard deviations from the mean of a normal distribution below which that share lies
-_TEXTURED = 1.5  # times the variance of the line: a bin without smooth tiles
+_LINES, _LENGTH = 8, 16  # rows and columns of a tile
+_MOST_LINES = 2048  # lines of each direction that are looked at
+_CLIPPED = 0.95  # of full scale: above it clipping cuts noise off
+_BINS, _LEAST_TILES = 16, 20  # bins of brightness, and the least number of tiles in each
+_SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth tiles
+_NORMAL_QUANTILE = -1.2816  # that quantile of the standard normal distribution
+_TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth tiles
 _ROUNDS = 4
 
 
 def noise_of(mosaic: Mosaic, settings: NoiseSettings) -> NoiseModel | None:
-    """The calibration's noise model; where it has none, an estimate if the settings want one, otherwise None: unknown."""
+    """The calibration's noise model; where it has none, an estimate if the settings ask for one, otherwise None: unknown."""
     known = mosaic.calibration.noise
     return estimate_noise(mosaic) if known is None and settings.estimate else known
 
 
 def estimate_noise(mosaic: Mosaic) -> NoiseModel | None:
-    """The same model for all planes, scene units, from the panchromatic samples; None for a frame too small to tell.
+    """Estimate one noise model for all planes, scene units, from the panchromatic samples; None if the frame is too small.
 
-    Fine texture all over the frame counts as noise: the estimate is too high then, never too low by more than its own scatter.
+    Fine texture all over the frame counts as noise and makes the estimate too high. It is never too low by more than its scatter.
     """
     clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
     limit = _CLIPPED * mosaic.calibration.full_scale
-    across = _tiles(mosaic.signal, np.flatnonzero(clear.all(axis=1)), limit)
-    down = _tiles(mosaic.signal.T, np.flatnonzero(clear.all(axis=0)), limit)
+    signal = mosaic.signal
+    across = _tiles(signal, np.flatnonzero(clear.all(axis=1)), limit)
+    down = _tiles(signal.T, np.flatnonzero(clear.all(axis=0)), limit)
     mean, variance = np.concatenate([across, down], axis=1)
     if mean.size < _LEAST_TILES:
         return None
     levels, variances = _quietest(mean, variance)
-    shot, read = _line(levels, variances)
+    slope, intercept = _line(levels, variances)
     planes = len(mosaic.pattern.planes)
-    return NoiseModel((shot,) * planes, (read**0.5,) * planes)
+    return NoiseModel((slope,) * planes, (intercept**0.5,) * planes)
 
 
 def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:
-    """Mean, and variance of what is left of the filter, of tiles of `lines` (rows of `signal`) that lie next to each other."""
+    """Mean, and variance after the high-pass filter, of tiles: float64 (2, tiles).
+
+    lines: panchromatic rows of `signal`; a tile is `_LINES` consecutive ones of them.
+    limit: scene units; tiles that reach it are left out.
+    """
     count = len(lines) // _LINES
     step = max(1, count * _LINES // _MOST_LINES)
     width = (signal.shape[1] - len(_FILTER) + 1) // _LENGTH * _LENGTH
@@ -65,8 +70,8 @@ def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:
 
 
 def _quietest(mean: DoubleArray, variance: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """Brightness and variance of flat tiles in bins of brightness."""
-    # The filter's outputs along a line are not independent: so many are.
+    """Brightness, and variance of the smooth tiles, of bins of brightness: float64 (bins,) each."""
+    # The filter's outputs along a line are not independent: this is the number of independent ones.
     overlap = np.correlate(_FILTER, _FILTER, "full").astype(np.float64)
     freedom = _LINES * _LENGTH / np.square(overlap).sum()
     # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over its mean.
@@ -78,7 +83,7 @@ def _quietest(mean: DoubleArray, variance: DoubleArray) -> tuple[DoubleArray, Do
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:
-    """Slope and intercept, neither negative, of the line that bins of smooth tiles lie on: least squares of relative error."""
+    """Slope and intercept, neither negative, of the line through the bins of smooth tiles: least squares of relative error."""
     expected = np.maximum(variances, np.finfo(np.float32).tiny)
     kept = np.ones(len(levels), bool)
     slope, intercept = 0.0, float(np.median(variances))

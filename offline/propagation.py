@@ -4,10 +4,11 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.pattern import CfaPattern
+from shared.progress import SILENT, Progress
 
 from .kernels.mixing import mix
-from .settings import PAPER, PropagationSettings
-from .tiling import domain_places
+from .settings import PropagationSettings
+from .tiling import Band, domain_places
 
 
 def propagate(
@@ -15,29 +16,22 @@ def propagate(
     affinity: FloatArray,
     luminance: FloatArray,
     pattern: CfaPattern,
-    settings: PropagationSettings = PAPER.propagation,
-) -> FloatArray:
-    """c[n], float32 (H, W, C), from block chromaticities (block rows, block columns, C) and the fields of `solve_affinities`."""
-    return propagate_patches(blocks, affinity, luminance, pattern, settings, first=0)
-
-
-def propagate_patches(
-    blocks: FloatArray,
-    affinity: FloatArray,
-    luminance: FloatArray,
-    pattern: CfaPattern,
     settings: PropagationSettings,
-    first: int,
+    band: Band,
+    progress: Progress = SILENT,
 ) -> FloatArray:
-    """`propagate` for the rows of patches that the fields are of, of which `first` is the first: float32 (their rows, W, C).
+    """c[n] of the rows of the frame that the band's patches cover, float32 (rows, W, C).
 
-    blocks and luminance: of the whole frame. Rows of the domain outside the frame are left out.
+    blocks: chromaticity of every block of the frame, (block rows, block columns, C).
+    affinity: the fields that `solve_affinities` returns for the same band.
+    luminance: (H, W), the whole frame.
     """
+    progress.part("propagation")
     height, width = luminance.shape
     grid = pattern.grid((height, width))
     (above, _), (left, _) = grid.padding
     rows, columns = domain_places(grid)
-    fields = affinity.reshape(4, *affinity.shape[2:])
+    fields, first = affinity.reshape(4, *affinity.shape[2:]), band.patches[0]
     top = max(first * grid.period - above, 0)
     bottom = min(first * grid.period + fields.shape[1] - above, height)
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)

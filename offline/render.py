@@ -1,11 +1,11 @@
 """The full-quality render on one page: mosaic -> luminance -> chromaticity -> affinity -> propagation -> refinement -> RGB.
 
-Mending, restoring, denoising and pooling are not of the paper: they are what the preset BEST adds for defective samples, for too
-much light and for too little.
+Mending, restoring, denoising and pooling are not in the paper: the preset BEST adds them for defective samples, for too much light
+and for too little.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from shared.arrays import FloatArray
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from .affinity import core_patches, solve_affinities, solve_patches
+from .affinity import solve_affinities
 from .chromaticity import estimate_chromaticities
 from .defects import mend_defects
 from .denoising import denoise_luminance
@@ -21,81 +21,103 @@ from .highlights import clipping_level, restore_highlights
 from .luminance import recover_luminance
 from .noise import noise_of
 from .pooling import pool_blocks
-from .propagation import propagate, propagate_patches
-from .refinement import noise_level, reach, refine, refine_rows
+from .propagation import propagate
+from .refinement import noise_level, reach, refine
 from .settings import BEST, RenderSettings
-from .tiling import Band, bands
+from .solvers import Solved, SolverLog
+from .tiling import bands
 
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
     """A rendered mosaic, in scene units.
 
-    rgb: float32 (H, W, C), one plane per channel of the pattern, unclipped; luminance: float32 (H, W), the panchromatic reading of
-    every pixel; chromaticity: float32 (H, W, C), rgb = chromaticity * luminance and sum_i gamma_i chromaticity_i = 1.
+    rgb: float32 (H, W, C), one plane per channel of the pattern, not clipped; rgb = chromaticity * luminance.
+    luminance: float32 (H, W), what a panchromatic pixel reads at every place.
+    chromaticity: float32 (H, W, C), sum_i gamma_i chromaticity_i = 1.
+    solvers: iterations and residual of each iterative solver, the worst of all parts of the frame:
+        "luminance" (Eqs. 3-5), residual: largest change of a sample in the last iteration, scene units;
+        "medians" (end of section 3.2), residual: share of the rows of blocks that the last iteration still changed, 0 to 1;
+        "affinity" (Eqs. 11-13), residual: norm of the residual relative to the right-hand side.
+
+    >>> import numpy as np
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> from offline import render
+    >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> rendering = render(mosaic)
+    >>> rendering.luminance.shape, rendering.chromaticity.shape
+    ((24, 24), (24, 24, 3))
+    >>> rendering.solvers["affinity"].residual <= 1e-3
+    True
     """
 
     rgb: FloatArray
     luminance: FloatArray
     chromaticity: FloatArray
+    solvers: Mapping[str, Solved] = field(default_factory=dict)
 
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
-    """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance."""
-    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
-    mended = mend_defects(mosaic, clipping, noise, settings.defects, progress)
-    sound = restore_highlights(mended, clipping, settings.highlights, progress)
-    filled = recover_luminance(sound, settings.luminance, progress)  # l, Eqs. 1-5
-    luminance = denoise_luminance(filled, sound, noise, settings.denoising, progress)
-    measured = estimate_chromaticities(sound, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
-    blocks = pool_blocks(measured, sound, luminance, noise, settings.pooling, progress)
-    affinity = solve_affinities(luminance, mosaic.pattern, settings.affinity, progress)  # alpha, Eqs. 11-13
-    initial = propagate(blocks, affinity, luminance, mosaic.pattern, settings.propagation)  # c, Eqs. 10 and 14
-    refined = refine(initial, luminance, mosaic, settings.refinement, progress)  # c+, Eqs. 15-16
-    return Rendering(refined * luminance[..., None], luminance, refined)  # Eq. 17
+    """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance.
+
+    >>> import numpy as np
+    >>> from offline import PAPER, render
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> render(grey, PAPER).rgb.shape
+    (30, 40, 3)
+    """
+    log = SolverLog(progress)
+    luminance, blocks = measure(mosaic, settings, log)
+    chromaticity = np.empty((*mosaic.shape, blocks.shape[2]), np.float32)
+    for rows, part in spread(mosaic, luminance, blocks, settings, log):
+        chromaticity[rows] = part
+    return Rendering(chromaticity * luminance[..., None], luminance, chromaticity, log.solvers)  # Eq. 17
 
 
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
-    """The rows of `render(mosaic, settings).rgb` from top to bottom, to the bit, as bands float32 (rows, W, C).
+    """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as bands float32 (rows, W, C).
 
-    Beside the mosaic only the luminance is there as a whole, and a mended copy of the samples if there was anything to mend: eight
-    or twelve bytes a pixel with the mosaic's signal.
+    Memory: about 13 bytes per pixel while luminance is measured, then 4 bytes per pixel (luminance); everything else exists for one
+    band at a time (see `rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did.
+
+    >>> import numpy as np
+    >>> from offline import PAPER, render_bands
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((300, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> bands = list(render_bands(grey, PAPER))
+    >>> len(bands), sum(len(band) for band in bands)
+    (2, 300)
     """
-    noise, clipping = noise_of(mosaic, settings.noise), clipping_level(mosaic)
-    mended = mend_defects(mosaic, clipping, noise, settings.defects, progress)
-    if mended is not mosaic:
-        mosaic.forget()
-    mosaic = restore_highlights(mended, clipping, settings.highlights, progress)
-    if mosaic is not mended:
-        mended.forget()
-    del mended
-    luminance = recover_luminance(mosaic, settings.luminance, progress)
-    luminance = denoise_luminance(luminance, mosaic, noise, settings.denoising, progress)
-    blocks = estimate_chromaticities(mosaic, luminance, settings.chromaticity, progress)
-    blocks = pool_blocks(blocks, mosaic, luminance, noise, settings.pooling, progress)
-    sigma = noise_level(luminance, mosaic)
-    pattern = mosaic.pattern
-    steps = _bands(mosaic, settings)
+    luminance, blocks = measure(mosaic, settings, progress)
+    for rows, chromaticity in spread(mosaic, luminance, blocks, settings, progress):
+        yield chromaticity * luminance[rows, :, None]  # Eq. 17
+
+
+def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> tuple[FloatArray, FloatArray]:
+    """Luminance of every pixel, float32 (H, W), and chromaticity of every block, float32 (block rows, block columns, C)."""
+    clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
+    noise = noise_of(samples, settings.noise)
+    samples = mend_defects(samples, clipping, noise, settings.defects, progress)
+    samples = restore_highlights(samples, clipping, settings.highlights, progress)
+    luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
+    luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
+    blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
+    return luminance, pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
+
+
+def spread(
+    mosaic: Mosaic, luminance: FloatArray, blocks: FloatArray, settings: RenderSettings, progress: Progress
+) -> Iterator[tuple[slice, FloatArray]]:
+    """Spread the chromaticity of blocks to pixels, band by band: yield rows of the frame and theirs, float32 (rows, W, C)."""
+    pattern, sigma = mosaic.pattern, noise_level(luminance, mosaic)
+    steps = bands(pattern.grid(mosaic.shape), reach(pattern.period, settings.refinement))
     progress.stage("colour", len(steps))
     initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
     for band in steps:
-        affinity = solve_patches(luminance, pattern, settings.affinity, band.patches)
-        following = propagate_patches(blocks, affinity, luminance, pattern, settings.propagation, band.patches[0])
-        initial = np.concatenate([initial, following])
-        refined = refine_rows(initial, first, luminance, pattern.period, sigma, settings.refinement, band.rows)
-        initial, first = initial[band.kept - first :].copy(), band.kept
+        affinity = solve_affinities(luminance, pattern, settings.affinity, band, progress)  # alpha, Eqs. 11-13
+        below = propagate(blocks, affinity, luminance, pattern, settings.propagation, band, progress)  # c, Eqs. 10 and 14
+        initial, first = np.concatenate([initial[band.first - first :], below]), band.first
+        if band.rows[0] < band.rows[1]:
+            yield slice(*band.rows), refine(initial, luminance, pattern.period, sigma, settings.refinement, band, progress)  # c+
         progress.advance()
-        if len(refined):
-            yield refined * luminance[slice(*band.rows), :, None]
-
-
-def band_rows(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
-    """At most so many rows does `render_bands` work on at a time: what it needs beside whole planes grows with them."""
-    period = mosaic.pattern.period
-    look = 2 * reach(period, settings.refinement)
-    return max((band.patches[1] - band.patches[0]) * period for band in _bands(mosaic, settings)) + look
-
-
-def _bands(mosaic: Mosaic, settings: RenderSettings) -> list[Band]:
-    pattern = mosaic.pattern
-    return bands(pattern.grid(mosaic.shape), core_patches(pattern.period), reach(pattern.period, settings.refinement))

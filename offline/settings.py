@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from shared.errors import InputError
 
-_LARGEST = 32  # pixels of a DCT block
-_FARTHEST = 16  # pixels that non-local means look in every direction
-_WIDEST = 64  # blocks that pooling looks in every direction
+_LARGEST = 32  # pixels: side of a DCT block
+_FARTHEST = 16  # pixels: radius of non-local means
+_WIDEST = 64  # blocks: radius of pooling
 
 
 def _require(holds: bool, name: str, value: object, expected: str) -> None:
@@ -19,9 +20,13 @@ def _require(holds: bool, name: str, value: object, expected: str) -> None:
 class DefectSettings:
     """Samples that do not measure light.
 
-    listed: replace those of the calibration's list. contrast: how many times the local contrast a sample has to stand out to be
-    taken for defective unlisted, 0 = none is; deviations: and how many standard deviations of the noise, where it is known;
-    floor: and at least so much, scene units.
+    An unlisted sample is defective if it lies outside its neighbours' range by more than contrast x local contrast + deviations x
+    noise sigma + floor.
+
+    listed: replace the samples in the calibration's list of defects.
+    contrast: multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
+    deviations: standard deviations of the noise, where it is known, 0 or more.
+    floor: scene units, > 0.
     """
 
     listed: bool = False
@@ -39,8 +44,8 @@ class DefectSettings:
 class HighlightSettings:
     """Panchromatic samples at the sensor's limit.
 
-    restored: take luminance there from the colour samples; shoulder: the uppermost part of these samples' own range, in which what
-    they say of colour fades.
+    restored: take luminance there from the colour samples.
+    shoulder: the uppermost fraction of the colour samples' own range, in which they gradually count as clipped, 0 to 1.
     """
 
     restored: bool = False
@@ -54,8 +59,9 @@ class HighlightSettings:
 class LuminanceSettings:
     """Hole filling, Eqs. 1-5.
 
-    iterations: 50 in the paper; decay: beta, 2^(-1/4) in the paper; threshold: the shrinkage at the first iteration, scene units
-    (beta^0 = 1 in the paper, whose intensities are scene units too).
+    iterations: 50 in the paper.
+    decay: beta, 2^(-1/4) in the paper.
+    threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too).
     """
 
     iterations: int = 50
@@ -70,9 +76,9 @@ class LuminanceSettings:
 
 @dataclass(frozen=True)
 class NoiseSettings:
-    """Where the noise is known from.
+    """Where the noise model comes from.
 
-    estimate: from the mosaic itself where the calibration does not say; otherwise unknown noise is taken for none, as in the paper.
+    estimate: estimate it from the mosaic where the calibration has none. If not set, unknown noise is treated as none (the paper).
     """
 
     estimate: bool = False
@@ -82,9 +88,12 @@ class NoiseSettings:
 class DenoisingSettings:
     """Denoising of luminance; the paper has none.
 
-    strength: noise taken away, as a multiple of the noise there is; 0: none. sizes: of the DCT blocks, pixels, multiples of 4;
-    threshold: of the first pass, in standard deviations of the noise. share: of non-local means in the result, 0 to 1; similarity:
-    how far apart surroundings may be in them, in standard deviations; radius: of their window, pixels.
+    strength: how much noise to remove, as a multiple of the noise there is; 0 = none.
+    sizes: sides of the DCT blocks, pixels, multiples of 4.
+    threshold: of the first pass, in standard deviations of the noise.
+    share: weight of non-local means in the result, 0 to 1.
+    similarity: standard deviations by which surroundings may differ in non-local means.
+    radius: radius of their window, pixels.
     """
 
     strength: float = 0.0
@@ -108,8 +117,9 @@ class DenoisingSettings:
 class ChromaticitySettings:
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
-    taps: length of the 1-D medians, 5 in the paper, 1 = none; repetitions: at most so many ("till convergence" in the paper).
-    trust: in blocks that add up to their luminance; the more, the more detail that the medians took is given back. 0 = none.
+    taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
+    repetitions: at most this many ("till convergence" in the paper).
+    trust: how much detail that the medians removed is returned where blocks add up to their luminance (see `detail`); 0 = none.
     """
 
     taps: int = 5
@@ -122,23 +132,35 @@ class ChromaticitySettings:
         _require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
 
 
-@dataclass(frozen=True)
-class PoolingSettings:
-    """Averaging of the sums of Eqs. 8-9 over blocks of like chromaticity; the paper has none.
+class PoolingPass(NamedTuple):
+    """One pass of pooling.
 
-    passes: of each the standard deviation of the Gaussian that smooths the chromaticities compared, in blocks; how far apart they
-    may be, as a multiple of the variance of their difference; and the radius of the window, in blocks. None: no pooling. light:
-    how far apart in luminance, standard deviation of its natural logarithm. doubt: error of filled luminance, as a multiple of its
-    curvature there.
+    blur: standard deviation of the Gaussian that smooths the chromaticities compared, blocks, 0 or more.
+    tolerance: how much chromaticities may differ, as a multiple of the variance of their difference, > 0.
+    radius: radius of the window, blocks.
     """
 
-    passes: tuple[tuple[float, float, int], ...] = ()
+    blur: float
+    tolerance: float
+    radius: int
+
+
+@dataclass(frozen=True)
+class PoolingSettings:
+    """Averaging of the sums of Eqs. 8-9 over blocks of similar chromaticity; the paper has none.
+
+    passes: one `PoolingPass` each; empty = no pooling.
+    light: difference of luminance at which blocks count as dissimilar: standard deviation of its natural logarithm, > 0.
+    doubt: error of filled luminance, as a multiple of its curvature there, 0 or more.
+    """
+
+    passes: tuple[PoolingPass, ...] = ()
     light: float = 0.3
     doubt: float = 0.3
 
     def __post_init__(self) -> None:
         allowed = all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in self.passes)
-        expected = f"threes of a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}"
+        expected = f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}"
         _require(allowed, "pooling.passes", self.passes, expected)
         _require(self.light > 0, "pooling.light", self.light, "more than 0")
         _require(self.doubt >= 0, "pooling.doubt", self.doubt, "0 or more")
@@ -148,8 +170,9 @@ class PoolingSettings:
 class AffinitySettings:
     """Affinity maps, Eqs. 11-13.
 
-    scales: standard deviations of the derivative filters, pixels (the paper gives none: errata). tolerance: of the
-    conjugate-gradient solver, residual relative to the right-hand side; iterations: at most so many.
+    scales: standard deviations of the derivative filters, pixels (the paper gives none: errata).
+    tolerance: residual of conjugate gradients relative to the right-hand side, 0 to 1.
+    iterations: at most this many.
     """
 
     scales: tuple[float, ...] = (0.5, 1.0)
@@ -166,8 +189,8 @@ class AffinitySettings:
 class PropagationSettings:
     """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
 
-    softness: alpha (alpha + softness) is what a block weighs, where the paper has alpha^2: more of it mixes evenly shaded colours
-    more evenly, and has less faith in edges.
+    softness: a block's weight is alpha (alpha + softness) where the paper has alpha^2. Larger values mix evenly shaded colours more
+        evenly, and rely less on edges. 0 or more.
     """
 
     softness: float = 0.0
@@ -180,8 +203,10 @@ class PropagationSettings:
 class RefinementSettings:
     """Non-local averaging of chromaticity, Eqs. 15-16.
 
-    strength: lambda of h = lambda sigma_z, 40 in the paper; floor: the least h, scene units, which keeps sigma_z = 0 defined and
-    the average harmless; blur: standard deviation of G in periods (K/8 in the paper); repetitions: "multiple times" in the paper.
+    strength: lambda in h = lambda sigma_z, 40 in the paper.
+    floor: the least h, scene units, > 0; it makes sigma_z = 0 defined and the average harmless there.
+    blur: standard deviation of G in periods (K/8 in the paper).
+    repetitions: 0 or more ("multiple times" in the paper).
     """
 
     strength: float = 40.0
@@ -198,7 +223,14 @@ class RefinementSettings:
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """All settings of a render, one part per stage."""
+    """All settings of a render, one part per stage, in order of execution. The presets are `PAPER` and `BEST`.
+
+    >>> from dataclasses import replace
+    >>> from offline import BEST, PAPER
+    >>> sharp = replace(BEST, denoising=replace(BEST.denoising, strength=0.5))
+    >>> sharp.denoising.strength, PAPER.luminance.iterations
+    (0.5, 50)
+    """
 
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     defects: DefectSettings = field(default_factory=DefectSettings)
@@ -217,10 +249,10 @@ BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
     defects=DefectSettings(listed=True, contrast=5.0),
     highlights=HighlightSettings(restored=True),
-    luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights are brighter than 1: the start is further off
+    luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights exceed 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(trust=3.0),
-    pooling=PoolingSettings(passes=((0.7, 0.3, 10), (0.4, 0.12, 10), (0.3, 0.05, 20))),
+    pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
-    refinement=RefinementSettings(repetitions=0),  # of chromaticities that have no noise left it takes detail alone
+    refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
 )

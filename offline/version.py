@@ -1,7 +1,7 @@
-"""Which algorithm renders: what tells an archive whether its pictures are still those that it would get now."""
+"""The version of the algorithm, by which an archive knows whether rendering again would change its pictures."""
 
 ALGORITHM = 1
-"""Goes up by one whenever the same mosaic, with the same settings, gives another picture than before: with any change of results,
-however small, in `offline/` and in how a picture is coloured. Batches make pictures of another number anew. A change that is
-invisible to the last bit leaves it; `tests/golden/` holds what this number stands for, and fails when either moves alone.
+"""Increase it by one whenever the same mosaic with the same settings gives a different picture: with any change of results, however
+small, in `offline/` or in how a picture is coloured. `render --resume` then renders the pictures of older versions again. A change
+that keeps every bit keeps the number. `tests/golden/` holds the pictures of this number, and fails when either changes alone.
 """

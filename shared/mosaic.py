@@ -1,7 +1,6 @@
 """The mosaic: what the sensor measured, with everything needed to make sense of it."""
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -62,25 +61,31 @@ class Mosaic:
         """(rows, columns)."""
         return self.samples.shape[0], self.samples.shape[1]
 
-    @cached_property
+    @property
     def signal(self) -> FloatArray:
-        """m[n] in scene units, float32 (H, W): black subtracted, `calibration.full_scale` at the white level."""
+        """m[n] in scene units, float32 (H, W): black subtracted, `calibration.full_scale` at the white level.
+
+        Computed from sensor codes on every access: keep it in a variable, or use `in_scene_units`.
+        """
         if self.samples.dtype == np.float32:
             return self.samples  # type: ignore[return-value]
-        # A code is one of few: look its value up. Double precision costs nothing so, and white reads full scale to the last bit.
+        # There are few codes: look their values up. Double precision is free then, and white reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
         values = ((every - self.calibration.black_level) * self.calibration.scale()).astype(np.float32)
         signal = np.empty(self.shape, np.float32)
-        for rows in strips(self.shape[0]):  # looking up takes eight bytes a pixel
+        for rows in strips(self.shape[0]):  # the look-up takes eight bytes per pixel
             signal[rows] = values[:, -1][self.samples[rows]]
         for channel, *lattice in self.pattern.lattices:
             signal[*lattice] = values[:, channel][self.samples[*lattice]]
         signal.flags.writeable = False
         return signal
 
-    @cached_property
+    @property
     def codes(self) -> CodeArray:
-        """Sensor codes, uint16 (H, W): the samples themselves, or scene units quantised and held within the code range."""
+        """Sensor codes, uint16 (H, W): the samples themselves, or scene units quantised and clipped to the code range.
+
+        Computed from scene units on every access: keep it in a variable.
+        """
         if self.samples.dtype == np.uint16:
             return self.samples  # type: ignore[return-value]
         codes = np.empty(self.shape, np.uint16)
@@ -91,14 +96,13 @@ class Mosaic:
         codes.flags.writeable = False
         return codes
 
-    def forget(self) -> None:
-        """Free what `signal` or `codes` have computed, up to four bytes a pixel; they compute it again when asked."""
-        for name in ("signal", "codes"):
-            self.__dict__.pop(name, None)
+    def in_scene_units(self) -> "Mosaic":
+        """The same mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
+        return self if self.samples.dtype == np.float32 else replace(self, samples=self.signal)
 
     def _quantised(self, signal: NDArray[Any], plane: int) -> NDArray[np.float32]:
         """Scene units of one plane -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
-        with np.errstate(over="ignore"):  # what is past every number is past the highest code too
+        with np.errstate(over="ignore"):  # what overflows is past the highest code too
             codes = signal * np.float32(1 / self.calibration.scale()[plane])
         codes += np.float32(self.calibration.black_level[plane])
         return np.rint(codes, out=codes).clip(0, (1 << self.calibration.bits) - 1, out=codes)

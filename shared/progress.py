@@ -1,29 +1,24 @@
-"""How long computations report their progress, to whoever listens or to nobody."""
-
-from typing import Protocol
+"""How long work reports how far it is, without knowing who listens."""
 
 
-class Progress(Protocol):
-    """A listener: `stage` is called when a stage begins, `advance` when steps of it are done.
+class Progress:
+    """A listener to long work. Every method does nothing here: override those that matter to you.
 
-    Implementations show it (a bar, a line) or count it (tests). They must be cheap, because `advance` is called from inner loops.
+    Methods must be cheap: they are called from inner loops.
     """
 
     def stage(self, name: str, steps: int) -> None:
-        """A stage of `steps` steps begins; the one before it has ended."""
+        """A stage of `steps` steps begins; the stage before it has ended."""
 
     def advance(self, steps: int = 1) -> None:
-        """Another `steps` steps of the current stage are done."""
+        """`steps` more steps of the current stage are done."""
+
+    def part(self, name: str) -> None:
+        """A part of the current step begins; the part before it has ended. Stages whose steps have no parts never call this."""
+
+    def solved(self, solver: str, iterations: int, residual: float) -> None:
+        """An iterative solver has finished, for the whole frame or for one band of it: how many iterations, and what is left."""
 
 
-class Silent:
-    """A listener that ignores everything."""
-
-    def stage(self, name: str, steps: int) -> None:
-        """Ignore it."""
-
-    def advance(self, steps: int = 1) -> None:
-        """Ignore it."""
-
-
-SILENT: Progress = Silent()
+SILENT = Progress()
+"""Ignores everything."""

@@ -1,8 +1,9 @@
 """Non-local averaging of chromaticity (Eqs. 15-16), in windows that stay in the cache.
 
-Weights are made once, for half the offsets: the distance of n' from n is that of n from n'. They are kept only as long as some row
-still needs them: with each row of weights one row of every repetition can be done, the second `radius` rows behind the first, and
-so on. A window is a strip of rows and some columns; around it the repetitions before the last are done again, as far as it sees.
+Weights are computed once, for half the offsets: the distance from n' to n equals that from n to n'. They live in a ring buffer.
+When row r's weights are ready, repetition i can process row r - i * radius; all repetitions therefore advance together, one row at
+a time. A window is a strip of rows and a range of columns; around it, repetitions before the last are computed again as far as the
+window reaches.
 """
 
 import numpy as np
@@ -33,17 +34,25 @@ def average(
     workers: int,
     out: FloatArray,
 ) -> None:
-    """Write rows[0] up to rows[1] of the frame to `out`, (rows, W, C), from the chromaticities of Eq. 10.
+    """Average the chromaticities of Eq. 10 over rows[0] to rows[1] of the frame.
 
-    initial: (rows, W, C), the frame's from row `first` on, at least radius * repetitions more than are asked for on either side,
-    or to the frame's edge; luminance: (H, W); radius: of the square window around n; blur: the Gaussian's taps, an odd number;
-    falloff: -1 / (2 h^2); repetitions: 1 or more; workers: how many windows are worked on at a time.
+    initial: (rows, W, C), chromaticities from row `first` of the frame on: radius * repetitions rows more than `rows` on both
+        sides, or to the frame's edge.
+    first: the frame's row at initial[0].
+    luminance: (H, W), scene units.
+    rows: first and end row of the frame to compute.
+    radius: radius of the square window around n, pixels.
+    blur: taps of the Gaussian, an odd number.
+    falloff: -1 / (2 h^2).
+    repetitions: 1 or more.
+    workers: how many windows are computed at a time.
+    out: (rows[1] - rows[0], W, C), written.
     """
     width = luminance.shape[1]
     along = (width + _COLUMNS - 1) // _COLUMNS
     windows = (rows[1] - rows[0] + _STRIP - 1) // _STRIP * along
     for worker in prange(workers):
-        # Memory is taken once per worker, in rows long enough for the widest window.
+        # Memory is allocated once per worker, in rows long enough for the widest window.
         span = (_COLUMNS + 2 * repetitions * radius + 2 * _LANES) // _LANES * _LANES
         offsets = radius * (2 * radius + 1) + radius
         planes = (initial.shape[2] + _TOGETHER) // _TOGETHER * _TOGETHER
@@ -75,7 +84,7 @@ def _window(
     colour: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Rows area[0] up to area[1], columns area[2] up to area[3]. Rows go round in `weights` and `colour`, each by its number."""
+    """Average one window. area: first and end row, first and end column. `weights` and `colour` are ring buffers of rows."""
     height, width = luminance.shape
     top, bottom, left, right = area
     repetitions, ring = colour.shape[0], colour.shape[1]
@@ -120,9 +129,9 @@ def _weigh(
     blurred: FloatArray,
     weights: FloatArray,
 ) -> None:
-    """Eq. 16 without the light, for a batch of rows, offset by offset. Past an exponent of -87 it is nothing.
+    """Compute the weights of Eq. 16, without the light, for a batch of rows, offset by offset; 0 below an exponent of -87.
 
-    known: how many of the rows blurred for the batch before are also the first of this one: 0, or all but one of the taps.
+    known: how many of the rows blurred for the previous batch are the first rows of this one: 0, or one less than there are taps.
     """
     height = len(luminance)
     reach = len(blur) // 2
@@ -136,7 +145,7 @@ def _weigh(
             if known:
                 blurred[offset, :known] = blurred[offset, _BATCH : _BATCH + known]
             for row in range(known, count):
-                # Squared differences with what lies at the offset, in the row that the blurred ones of the batch leave free.
+                # Squared differences from the pixel at the offset, stored in the row after the batch's blurred rows.
                 for column in range(0, columns + 2 * reach, _LANES):
                     difference = load(light, (row + down, column + radius + across)) - load(light, (row, column + radius))
                     store(blurred, (offset, count, column), difference * difference)
@@ -159,7 +168,7 @@ def _weigh(
 
 @kernel
 def _colour(initial: FloatArray, luminance: FloatArray, edge: int, columns: int, radius: int, colour: FloatArray) -> None:
-    """Light and light times chromaticity along a row: Eq. 16 multiplies each weight by the light of the other pixel."""
+    """Store light, and light times chromaticity, of a row: Eq. 16 multiplies each weight by the light of the other pixel."""
     width = len(luminance)
     start, stop = max(edge - radius, 0), min(edge + columns + radius, width)
     for place in range(start, stop):
@@ -174,7 +183,7 @@ def _colour(initial: FloatArray, luminance: FloatArray, edge: int, columns: int,
 def _sum(
     weights: FloatArray, colour: FloatArray, row: int, height: int, start: int, stop: int, radius: int, sums: FloatArray
 ) -> None:
-    """Both sums of Eq. 15 along a row. Each weight counts twice: for the pixel at its offset, and for the one opposite."""
+    """Compute both sums of Eq. 15 along a row. Each weight is used twice: for the pixel at its offset and for the opposite one."""
     kept, ring = len(weights), len(colour)
     here, at = row % kept, row % ring
     slots = np.empty((radius + 1, 3), np.intp)
@@ -212,7 +221,7 @@ def _sum(
 
 @kernel
 def _finish(sums: FloatArray, initial: FloatArray, start: int, stop: int, edge: int, out: FloatArray) -> None:
-    """Eq. 15; where there is no light, what was there before."""
+    """Divide the sums of Eq. 15 and write them to `out`; a pixel without light keeps its initial chromaticity."""
     for column in range(start, stop, _LANES):
         share = quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
         for channel in range(out.shape[1]):
@@ -231,7 +240,7 @@ def _finish(sums: FloatArray, initial: FloatArray, start: int, stop: int, edge: 
 
 @kernel
 def _pass_on(sums: FloatArray, colour: FloatArray, start: int, stop: int, radius: int, following: FloatArray) -> None:
-    """The same, times light again, for the next repetition: a pixel without light counts for none."""
+    """Divide the sums of Eq. 15 and multiply by light again, for the next repetition; a pixel without light has no weight there."""
     for column in range(start, stop, _LANES):
         light = load(colour, (0, column + radius))
         share = light * quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
@@ -242,7 +251,7 @@ def _pass_on(sums: FloatArray, colour: FloatArray, start: int, stop: int, radius
 
 @kernel
 def _mirror(colour: FloatArray, edge: int, width: int, start: int, stop: int, radius: int) -> None:
-    """Past the frame's edges, if a row ends there."""
+    """Mirror a row beyond the frame's edges, if it ends there."""
     for step in range(1, radius + 1):
         if start + edge == 0:
             colour[:, radius - edge - step] = colour[:, radius - edge + mirrored(-step, width)]

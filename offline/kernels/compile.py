@@ -1,4 +1,4 @@
-"""Numba's decorators with the options that all kernels share, typed; how many threads there are; who is compiling now."""
+"""Numba's decorators with the options that all kernels share, typed; the number of threads; notice of compilation."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from numba.extending import intrinsic as _intrinsic
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# Fused multiply-add, and nothing that changes the order of a sum: what a kernel computes must not depend on where a row begins.
+# Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend on where a row begins.
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 _SOURCES = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
 
@@ -21,7 +21,7 @@ prange: type[range] = numba.prange
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache on disk, which asks only whether a kernel's own file has changed: here, whether any of the kernels' has."""
+    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed, this when any file of the kernels has."""
 
     def _index_key(self, *args: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*args), _SOURCES)
@@ -33,12 +33,12 @@ def kernel(function: F) -> F:
 
 
 def parallel_kernel(function: F) -> F:
-    """The same, and share its `prange` loops among the threads."""
+    """Compile a function when it is first called, once per machine, and share its `prange` loops among the threads."""
     return _compiled(function, parallel=True)
 
 
 def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
-    """A function of kernels that writes its own instructions; `literal`: and has to know the constants among its arguments."""
+    """Make a function for kernels that generates its own instructions. literal: it needs constant arguments as constants."""
     return _intrinsic(prefer_literal=literal)(function)
 
 
@@ -49,23 +49,61 @@ def _compiled(function: F, *, parallel: bool) -> F:
 
 
 def available_threads() -> int:
-    """How many threads kernels may be given."""
+    """The largest number of threads that `use_threads` accepts.
+
+    >>> from offline import available_threads
+    >>> available_threads() >= 1
+    True
+    """
     return int(numba.config.NUMBA_NUM_THREADS)
 
 
 def threads() -> int:
-    """How many threads kernels share now. Passed to those that divide work and memory themselves."""
+    """The number of threads that kernels called from this thread use.
+
+    >>> from offline import available_threads, threads
+    >>> 1 <= threads() <= available_threads()
+    True
+    """
     return int(numba.get_num_threads())
 
 
 def use_threads(count: int) -> None:
-    """How many threads the kernels called from this thread share, 1 to `available_threads()`; for programs, never for libraries."""
+    """Set the number of threads for kernels called from this thread, 1 to `available_threads()`. The result is the same for any.
+
+    For programs: libraries should leave this choice to them. Raises ValueError for any other number.
+
+    >>> from offline import threads, use_threads
+    >>> before = threads()
+    >>> use_threads(1)
+    >>> threads()
+    1
+    >>> use_threads(before)
+    """
     numba.set_num_threads(count)
+
+
+def kernel_cache() -> Path:
+    """The folder in which compiled kernels are kept. Raises RuntimeError when there is no folder that can be written.
+
+    >>> from offline import kernel_cache
+    >>> kernel_cache().is_absolute()
+    True
+    """
+    return Path(_Cache(kernel).cache_path)
 
 
 @contextmanager
 def compilation(begins: Callable[[str], None]) -> Iterator[None]:
-    """Tell `begins` the name of every kernel that has to be compiled meanwhile, because this machine has not run it yet."""
+    """Call `begins` with the name of every kernel that is compiled inside the `with` block, because it is new to this machine.
+
+    >>> import numpy as np
+    >>> from offline import PAPER, compilation, render
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> with compilation(lambda kernel: print("compiling", kernel)):  # prints nothing when all kernels are in the cache
+    ...     rendering = render(mosaic, PAPER)
+    """
     with event.install_listener("numba:compile", _Listener(begins)):
         yield
 

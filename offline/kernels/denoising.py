@@ -1,12 +1,12 @@
 """Shrinkage of sliding-window DCT coefficients in two passes, in windows that stay in the cache.
 
-Every n x n block of pixels is transformed, at every place and for each size n: first with a hard threshold, and again with the
-Wiener gains that the first result suggests. Blocks that need few coefficients say more, and count more where they overlap.
+Every n x n block of pixels is transformed, at every place and for each size n: first with a hard threshold, then again with Wiener
+gains from the first result. Blocks that need few coefficients are more certain, and get more weight where blocks overlap.
 
-The transform is separable. Its vertical half is that of a row of blocks, done once per column; what the blocks of a row add to
-the picture is summed in that half-transformed state, and taken back once per column, too. Sixteen blocks lie side by side in
-lanes, each one pixel to the right of the one before. A DCT's rows are even or odd, so sums and differences of opposite pixels
-halve the products.
+The transform is separable. Its vertical half is computed for a row of blocks, once per column; what the blocks of a row add to the
+picture is summed in this half-transformed state and transformed back once per column, too. Sixteen blocks lie side by side in
+lanes, each one pixel to the right of the one before. The rows of a DCT are even or odd, so sums and differences of opposite pixels
+halve the number of products.
 """
 
 import numpy as np
@@ -37,12 +37,17 @@ def denoise(
     workers: int,
     out: FloatArray,
 ) -> None:
-    """Write rows[0] up to rows[1] of the denoised frame to the same rows of `out`, (H, W).
+    """Denoise rows[0] to rows[1] of a frame.
 
-    noisy: (H, W); uncertain: bool (H, W), samples that the second pass replaces by the first's result; sizes: n of each kind of
-    block, multiples of 4; transforms: (sizes, most, most), in the first n rows and columns of each the orthonormal DCT-II matrix
-    [frequency, pixel]; shot, read: the noise, variance = shot * signal + read**2; threshold: of the first pass, in standard
-    deviations; workers: how many windows are worked on at a time.
+    noisy: (H, W), scene units.
+    uncertain: bool (H, W), samples that the second pass replaces by the first pass's result.
+    rows: first and end row to compute.
+    sizes: n of each kind of block, multiples of 4.
+    transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
+    shot, read: variance of the noise = shot * signal + read**2.
+    threshold: of the first pass, in standard deviations of the noise.
+    workers: how many windows are computed at a time.
+    out: (H, W), the computed rows are written.
     """
     height, width = noisy.shape
     most = transforms.shape[1]
@@ -96,7 +101,7 @@ def _aggregate(
     halves: FloatArray,
     block: FloatArray,
 ) -> None:
-    """Weighted sums of all shrunk blocks within rows area[0] up to area[1], columns area[2] up to area[3], and their weights."""
+    """Sum all shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column."""
     sums[:] = _NONE
     weights[:] = _NONE
     most = transforms.shape[1]
@@ -118,7 +123,7 @@ def _aggregate(
                     weight = _wiener(block, size, shot, read)
                 else:
                     weight = _hard(block, size, shot, read, threshold)
-                # Lanes past the last block are of no block.
+                # Lanes beyond the last block get no weight.
                 last = area[3] - size
                 if column + _LANES - 1 > last:
                     for lane in range(_LANES):
@@ -132,7 +137,7 @@ def _aggregate(
 
 @kernel
 def _down(plane: FloatArray, row: int, area: tuple[int, int, int, int], size: int, transform: FloatArray, out: FloatArray) -> None:
-    """The vertical DCT of rows row .. row + size - 1 at every column."""
+    """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     half = size // 2
     for column in range(area[2], area[3], _LANES):
         for k in range(0, size, 2):
@@ -147,7 +152,7 @@ def _down(plane: FloatArray, row: int, area: tuple[int, int, int, int], size: in
 
 @kernel
 def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
-    """The horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
+    """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
     half = size // 2
     for first in range(0, size, _TOGETHER):
         for i in range(half):
@@ -181,7 +186,7 @@ def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, f
 
 @kernel
 def _hard(block: FloatArray, size: int, shot: Scalar, read: Scalar, threshold: Scalar) -> Lanes:
-    """Drop the coefficients below the threshold; the weight, pixels over kept variance. The mean stays."""
+    """Set the coefficients below the threshold to 0, except the mean. Returns the weight, pixels over remaining variance."""
     mean = load(block, (0, 0, 0))
     variance = _variance(mean, size, shot, read)
     limit = variance * (threshold * threshold)
@@ -196,7 +201,7 @@ def _hard(block: FloatArray, size: int, shot: Scalar, read: Scalar, threshold: S
 
 @kernel
 def _wiener(block: FloatArray, size: int, shot: Scalar, read: Scalar) -> Lanes:
-    """Scale coefficients by expected energy over expected energy and noise; the weight. The mean stays."""
+    """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight."""
     variance = _variance(load(block, (2, 0, 0)), size, shot, read)
     kept = variance * _NONE + _ONE
     for place in range(1, size * size):
@@ -210,7 +215,7 @@ def _wiener(block: FloatArray, size: int, shot: Scalar, read: Scalar) -> Lanes:
 
 @kernel
 def _variance(mean: Lanes, size: int, shot: Scalar, read: Scalar) -> Lanes:
-    """Of a sample of a block with this first coefficient."""
+    """Noise variance of the samples of a block, given its DC coefficient `mean`."""
     return greater(greater(mean, _NONE) * (shot / np.float32(size)) + read * read, _LEAST)
 
 
@@ -218,7 +223,7 @@ def _variance(mean: Lanes, size: int, shot: Scalar, read: Scalar) -> Lanes:
 def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weight: Lanes, out: FloatArray) -> None:
     """Add sixteen weighted blocks, transformed back horizontally, to the half-transformed row.
 
-    Pixel by pixel, all frequencies of each: stores that overlap the one before would wait for it.
+    The loop goes pixel by pixel, with all frequencies of each: a store that overlaps the previous one would wait for it.
     """
     half = size // 2
     for i in range(half):

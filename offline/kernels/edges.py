@@ -1,7 +1,7 @@
-"""What luminance edges let through: exp(-e) of Eqs. 12-13 for the horizontal and vertical neighbours of every pixel of a window.
+"""Transmission of luminance edges: exp(-e) of Eqs. 12-13, horizontal and vertical, for every pixel of a window.
 
-The weight between neighbours n and n' is exp(-max(e[n], e[n'])), that is the lesser of the two figures made here: whoever needs
-weights takes minima, and an exponential is computed once per pixel and direction, not once per pair.
+The weight between neighbours n and n' is exp(-max(e[n], e[n'])), the lesser of their two transmissions. So weights are minima, and
+an exponential is computed once per pixel and direction, not once per pair.
 """
 
 import numpy as np
@@ -22,11 +22,13 @@ _ONE = np.float32(1)
 def transmission(
     light: FloatArray, period: int, smooth: FloatArray, slope: FloatArray, radii: NDArray[np.intp], through: FloatArray
 ) -> None:
-    """Write exp(-e_h) and exp(-e_v) into `through`, (2, rows + 2, LANES + columns + 2 LANES), from row 1, column LANES on.
+    """Compute exp(-e_h) and exp(-e_v) of a window of whole patches. A patch without gradients has a transmission of 1.
 
-    light: the window's luminance with `reach` more pixels on every side and 3 LANES columns of slack at the right; the window is
-    whole patches, `period` each way. smooth, slope: (scales, reach + 1), a Gaussian and its slope at distances 0, 1, ...; radii:
-    (scales,), where each ends. A patch without gradients lets everything through.
+    light: luminance of the window, with `reach` more pixels on every side and 3 LANES columns of slack at the right.
+    period: K, rows and columns of a patch.
+    smooth, slope: (scales, reach + 1), a Gaussian and its slope at distances 0, 1, ...
+    radii: (scales,), the radius at which each ends.
+    through: (2, rows + 2, LANES + columns + 2 LANES), written from row 1, column LANES on.
     """
     reach = smooth.shape[1] - 1
     rows, columns = light.shape[0] - 2 * reach, light.shape[1] - 2 * reach - 3 * _LANES
@@ -60,7 +62,9 @@ def _filter_down(
     smoothed: FloatArray,
     sloped: FloatArray,
 ) -> None:
-    """The vertical halves of both filters for one row. Differences of pairs, so that nothing is exactly nothing."""
+    """Apply the vertical halves of both filters to one row. Written as differences of symmetric pairs, so that flat input gives
+    exactly 0.
+    """
     for column in range(0, columns, _LANES):
         sum_ = smooth[0] * load(light, (row, column))
         difference = _NONE * load(light, (row, column))
@@ -84,7 +88,7 @@ def _add_energy(
     energy: FloatArray,
     row: int,
 ) -> None:
-    """The horizontal halves: |G_hs * l|^2 to plane 0 of `energy`, |G_vs * l|^2 to plane 1."""
+    """Apply the horizontal halves: add |G_hs * l|^2 to plane 0 of `energy`, |G_vs * l|^2 to plane 1."""
     for column in range(0, columns, _LANES):
         across = _NONE * load(smoothed, column)
         down = smooth[0] * load(sloped, column + reach)
@@ -97,7 +101,7 @@ def _add_energy(
 
 @kernel
 def _over_mean(energy: FloatArray, columns: int, period: int, relative: FloatArray) -> None:
-    """-1 over the mean of each patch of a row of patches, at each of its columns (errata: the mean, not the sum)."""
+    """Write -1 over the mean energy of each patch in a row of patches to all its columns (errata: the mean, not the sum)."""
     for axis in range(2):
         for left in range(0, columns, period):
             total = _NONE

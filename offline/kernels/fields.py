@@ -1,11 +1,11 @@
 """Harmonic fields on the graph of neighbouring pixels (Eqs. 11-13): conjugate gradients, region by region, three fields together.
 
-A region is a core of patches and a halo of patches around it, cut where the domain ends. What lies beyond a halo is left out:
-blocks pin the fields at every corner of every patch, so that influence falls about tenfold with each patch it has to cross.
+A region is a core of patches and a halo of patches around it, cut where the domain ends. Pixels beyond the halo are ignored: blocks
+pin the fields at every corner of every patch, so influence falls about tenfold with each patch it has to cross.
 
-The system is scaled by the roots of its diagonal, which is the usual diagonal preconditioning, but without a diagonal to read. An
-iteration goes through the rows once: it updates a row of solution, residual and direction, then applies the matrix to the row above
-it, whose three rows of direction are still in the cache.
+The system is scaled by the square roots of its diagonal. This is the usual diagonal preconditioning, without a diagonal to read. An
+iteration passes over the rows once: it updates a row of solution, residual and direction, then applies the matrix to the row above,
+whose three rows of directions are still in the cache.
 """
 
 import math
@@ -20,10 +20,10 @@ from .functions import zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, lesser, load, quotient, shifted, square_root, store, total
 
 SOLVED = 3
-"""Fields solved; the fourth is what they leave to one."""
+"""Fields that are solved; the fourth is one minus their sum."""
 _LANES = WIDTH
 _LAST = WIDTH - 1
-_MARGIN = WIDTH  # of the planes of a region, left of its first column; as many and a part of a lane follow its last
+_MARGIN = WIDTH  # columns of a region's planes left of its first column; as many and up to one vector more follow its last
 _NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _LEAST = np.float32(1e-37)
 _RESIDUAL, _DIRECTION, _APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED  # planes of the unknowns, after the solutions
@@ -33,31 +33,37 @@ _PLANES = 4 + 1 + 2 + 4 * SOLVED
 @parallel_kernel
 def solve_regions(
     luminance: FloatArray,
-    rows: IndexArray,
-    columns: IndexArray,
+    places: tuple[IndexArray, IndexArray],
     patches: tuple[int, int, int],
     period: int,
     core: int,
     halo: int,
     pins: FloatArray,
     filters: tuple[FloatArray, FloatArray, IndexArray],
-    tolerance: float,
-    iterations: int,
+    limits: tuple[float, int],
     workers: int,
     fields: FloatArray,
-    reached: DoubleArray,
+    residuals: DoubleArray,
+    used: IndexArray,
 ) -> None:
-    """Write the fields of the patches of some rows of the domain into `fields`, (4, their pixel rows, domain columns).
+    """Solve the fields of some rows of patches.
 
-    luminance: (H, W); rows, columns: the frame's row and column at each row and column of the domain, with the filters' reach
-    before and after it. patches: (first row, end row, columns of patches), the first a multiple of `core` and the end one too,
-    unless the domain ends there; core, halo: patches. pins: (4, 2 period, 4 period + a region's columns + 3 LANES), rows and
-    columns that repeat, from the domain's corner on: 1 at the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
-    filters: (smooth, slope, radii) as `transmission` wants them. tolerance: of the residual relative to the right-hand side, both
-    scaled; iterations: at most so many; workers: how many regions are worked on at a time. reached: (regions,), the relative
-    residual of the worst field of each.
+    luminance: (H, W), scene units.
+    places: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
+    patches: (first row, end row, columns) of the patches. Both rows are multiples of `core`, unless the domain ends there.
+    period: K, pixels.
+    core, halo: patches from one side of a core to the other, and around it.
+    pins: (4, 2 period, 4 period + a region's columns + 3 LANES), from the domain's corner on, repeating in both directions: 1 at
+        the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
+    filters: (smooth, slope, radii) as `transmission` takes them.
+    limits: (tolerance, iterations) of conjugate gradients: norm of the residual relative to that of the right-hand side, both
+        scaled, and the most iterations.
+    workers: how many regions are solved at a time.
+    fields: (4, pixel rows, domain columns), written.
+    residuals: (regions,), written: the relative residual of the worst field of each region.
+    used: (regions,), written: the iterations that each region used.
     """
-    first, end, across = patches
+    (rows, columns), (first, end, across), (tolerance, iterations) = places, patches, limits
     reach = filters[0].shape[1] - 1
     height = len(rows) - 2 * reach
     along = (across + core - 1) // core
@@ -85,7 +91,7 @@ def solve_regions(
             transmission(light, period, filters[0], filters[1], filters[2], through)
             _weigh(through, place, size, pins, weights, scale)
             norm = _start(weights, scale, pins, place, size, unknowns)
-            reached[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
+            residuals[region], used[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
             inner = (top - above) * period, (left - before) * period
             extent = (bottom - top) * period, (right - left) * period
             out = fields[:, (top - first) * period : (bottom - first) * period, left * period : right * period]
@@ -94,7 +100,7 @@ def solve_regions(
 
 @kernel
 def _width(columns: int) -> int:
-    """Of the planes of a region with so many columns."""
+    """Columns of the planes of a region that has `columns` of its own."""
     return _MARGIN + (columns + _LANES - 1) // _LANES * _LANES + _MARGIN
 
 
@@ -102,10 +108,11 @@ def _width(columns: int) -> int:
 def _weigh(
     through: FloatArray, place: tuple[int, int], size: tuple[int, int], pins: FloatArray, weights: FloatArray, scale: FloatArray
 ) -> None:
-    """c[n, n'] of Eq. 12 to the right, below, below right and below left, and d^(-1/2), d their sum over all eight; 0 where pinned.
+    """Compute the weights of Eq. 12 and the scaling of the system. All planes are a region in a frame of zeros.
 
-    through: (2, rows + 2, width), of `transmission`; weights: (4, rows + 2, width); scale: (rows + 2, width). All are a region in a
-    frame of zeros.
+    through: (2, rows + 2, width), from `transmission`.
+    weights: (4, rows + 2, width), written: c[n, n'] to the right, below, below right and below left.
+    scale: (rows + 2, width), written: d^(-1/2), d the sum of c over all eight neighbours; 0 where pinned.
     """
     period = pins.shape[1] // 2
     through[:, :, _MARGIN + size[1] :] = _NONE  # no neighbours past the end
@@ -131,7 +138,7 @@ def _weigh(
 
 @kernel
 def _phase(place: tuple[int, int], period: int) -> int:
-    """Where in a row of pins a region's first column is found, with more to its left."""
+    """The column of `pins` that belongs to a region's first column; there are further columns to its left."""
     return 2 * period + place[1] % (2 * period)
 
 
@@ -166,9 +173,10 @@ def _around(
 def _start(
     weights: FloatArray, scale: FloatArray, pins: FloatArray, place: tuple[int, int], size: tuple[int, int], planes: FloatArray
 ) -> float:
-    """Residuals where every free pixel starts at a quarter, the squared norm of the greatest right-hand side; scales the weights.
+    """Compute the residuals of the start, a quarter at every free pixel, and scale the weights.
 
-    All four fields alike: a pixel that edges cut off from every block is then shared by all, not left to the fourth.
+    The start is the same in all four fields: a pixel that edges cut off from every block is then shared by all, not left to the
+    fourth. Returns the largest squared norm of a right-hand side.
     """
     period2 = pins.shape[1]
     phase = _phase(place, period2 // 2)
@@ -200,7 +208,7 @@ def _start(
 def _pulled(
     weights: FloatArray, row: int, column: int, pins: FloatArray, field: int, above: int, at: int, below: int, x: int
 ) -> Lanes:
-    """How much the pinned neighbours of free pixels pull."""
+    """The sum over the pinned neighbours of c[n, n'] times their value: the right-hand side, before scaling."""
     return _around(
         weights,
         row,
@@ -219,50 +227,52 @@ def _pulled(
 @kernel
 def _conjugate_gradients(
     weights: FloatArray, size: tuple[int, int], planes: FloatArray, norm: float, tolerance: float, iterations: int
-) -> float:
-    """Solve, from the residuals in planes[1], and return the greatest relative residual.
+) -> tuple[float, int]:
+    """Solve, starting from the residuals in `planes`. Returns the largest relative residual, and the iterations used.
 
-    planes: of the three fields each, solution, residual, direction and the matrix times the direction, (12, rows + 2, width).
+    planes: solution, residual, direction and the matrix times the direction, three fields each, (12, rows + 2, width).
+    norm: the largest squared norm of a right-hand side.
     """
     target = tolerance * tolerance * norm
-    alpha, beta = np.zeros(SOLVED, np.float32), np.zeros(SOLVED, np.float32)
+    steps, turns = np.zeros(SOLVED, np.float32), np.zeros(SOLVED, np.float32)
     sums = np.empty((SOLVED, 4))
-    worst = 0.0
-    for _ in range(iterations):
-        _sweep(weights, size, planes, alpha, beta, sums)
+    worst, used = 0.0, 0
+    while used < iterations:
+        _sweep(weights, size, planes, steps, turns, sums)
         worst = sums[:, 0].max()
         if worst <= target:
-            return math.sqrt(worst / norm) if norm > 0 else 0.0
+            return math.sqrt(worst / norm) if norm > 0 else 0.0, used
+        used += 1
         certain = True
         worst = 0.0
         for field in range(SOLVED):
             squared, curvature, applied, mixed = sums[field]
             step = squared / curvature if curvature > 0 else 0.0
-            # The next residual's squared norm, before there is a next residual: this is what makes one pass enough.
+            # The squared norm of the next residual, before it is computed: this makes one pass per iteration enough.
             following = max(squared - 2 * step * mixed + step * step * applied, 0.0)
             certain = certain and (squared <= target or following > 1e-3 * squared)
             worst = max(worst, following)
-            alpha[field], beta[field] = step, following / squared if squared > 0 else 0.0
-        if worst <= target and certain:  # otherwise rounding may have made it small: the next sweep sees
+            steps[field], turns[field] = step, following / squared if squared > 0 else 0.0
+        if worst <= target and certain:  # if it is not certain, rounding may have made it small: the next sweep measures it
             break
     for field in range(SOLVED):
         for row in range(1, size[0] + 1):
             for column in range(_MARGIN, _MARGIN + size[1], _LANES):
-                step = alpha[field] * load(planes, (_DIRECTION + field, row, column))
+                step = steps[field] * load(planes, (_DIRECTION + field, row, column))
                 store(planes, (field, row, column), load(planes, (field, row, column)) + step)
-    return math.sqrt(worst / norm)
+    return math.sqrt(worst / norm), used
 
 
 @kernel
 def _sweep(
-    weights: FloatArray, size: tuple[int, int], planes: FloatArray, alpha: FloatArray, beta: FloatArray, sums: DoubleArray
+    weights: FloatArray, size: tuple[int, int], planes: FloatArray, steps: FloatArray, turns: FloatArray, sums: DoubleArray
 ) -> None:
-    """One iteration; sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
+    """Run one iteration. sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
     parts = zeros(SOLVED * 4 * _LANES).reshape(SOLVED, 4, _LANES)
-    _update(planes, 1, size[1], alpha, beta, parts)
+    _update(planes, 1, size[1], steps, turns, parts)
     for row in range(1, size[0] + 1):
         if row < size[0]:
-            _update(planes, row + 1, size[1], alpha, beta, parts)
+            _update(planes, row + 1, size[1], steps, turns, parts)
         _apply(weights, planes, row, size[1], parts)
     for field in range(SOLVED):
         for part in range(4):
@@ -270,9 +280,10 @@ def _sweep(
 
 
 @kernel
-def _update(planes: FloatArray, row: int, columns: int, alpha: FloatArray, beta: FloatArray, parts: FloatArray) -> None:
+def _update(planes: FloatArray, row: int, columns: int, steps: FloatArray, turns: FloatArray, parts: FloatArray) -> None:
+    """Advance solution, residual and direction of one row, and add its (r, r) to `parts`."""
     for field in range(SOLVED):
-        step, turn = alpha[field], beta[field]
+        step, turn = steps[field], turns[field]
         squared = load(parts, (field, 0, 0))
         for column in range(_MARGIN, _MARGIN + columns, _LANES):
             direction = load(planes, (_DIRECTION + field, row, column))
@@ -286,6 +297,7 @@ def _update(planes: FloatArray, row: int, columns: int, alpha: FloatArray, beta:
 
 @kernel
 def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
+    """Apply the matrix to the directions of one row, and add its other three products to `parts`."""
     for field in range(SOLVED):
         curvature, applied, mixed = load(parts, (field, 1, 0)), load(parts, (field, 2, 0)), load(parts, (field, 3, 0))
         start = _MARGIN - _LANES
@@ -293,19 +305,9 @@ def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, part
         a1, b1, c1 = _three(planes, field, row, start + _LANES)
         for column in range(_MARGIN, _MARGIN + columns, _LANES):
             a2, b2, c2 = _three(planes, field, row, column + _LANES)
-            product = b1 - _around(
-                weights,
-                row,
-                column,
-                shifted(b1, b2, 1),
-                shifted(b0, b1, _LAST),
-                c1,
-                a1,
-                shifted(c1, c2, 1),
-                shifted(a0, a1, _LAST),
-                shifted(c0, c1, _LAST),
-                shifted(a1, a2, 1),
-            )
+            right, below_right, above_right = shifted(b1, b2, 1), shifted(c1, c2, 1), shifted(a1, a2, 1)
+            left, below_left, above_left = shifted(b0, b1, _LAST), shifted(c0, c1, _LAST), shifted(a0, a1, _LAST)
+            product = b1 - _around(weights, row, column, right, left, c1, a1, below_right, above_left, below_left, above_right)
             store(planes, (_APPLIED + field, row, column), product)
             curvature += b1 * product
             applied += product * product
@@ -319,7 +321,7 @@ def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, part
 
 @kernel
 def _three(planes: FloatArray, field: int, row: int, column: int) -> tuple[Lanes, Lanes, Lanes]:
-    """Directions above each other."""
+    """The directions at a pixel's column in the row above, its own row and the row below."""
     return (
         load(planes, (_DIRECTION + field, row - 1, column)),
         load(planes, (_DIRECTION + field, row, column)),
@@ -337,7 +339,7 @@ def _finish(
     extent: tuple[int, int],
     out: FloatArray,
 ) -> None:
-    """The four fields of a core, not below zero and with a sum of one whatever rounding and tolerance left."""
+    """Write the four fields of a core: not below zero, and scaled to a sum of one, despite rounding and tolerance."""
     period2 = pins.shape[1]
     phase = _phase(place, period2 // 2)
     first = _MARGIN + inner[1]

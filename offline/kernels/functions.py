@@ -1,4 +1,4 @@
-"""Functions of one number or of lanes, and memory, that several kernels need."""
+"""Helpers shared by the kernels: fast exp and 1/sqrt, mirrored indexing, aligned buffers."""
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def exponential(x: Lanes) -> Lanes:
 
 @kernel
 def mirrored(index: int, size: int) -> int:
-    """The pixel of 0..size-1 seen at `index`: `shared.arrays.BORDER`, however far out."""
+    """The pixel 0..size-1 that `index` refers to: the border of `shared.arrays.BORDER`, however far outside."""
     if size == 1:
         return 0
     turn = 2 * size - 2
@@ -50,7 +50,7 @@ def mirrored(index: int, size: int) -> int:
 
 @kernel
 def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -> None:
-    """target[i] = what is seen at row[first + i], for i in 0..count-1: before and after the row its mirror image."""
+    """Set target[i] = row[first + i] for i in 0..count-1, with the mirror image of the row before and after it."""
     start, stop = min(max(-first, 0), count), max(min(len(row) - first, count), 0)
     for place in range(start):
         target[place] = row[mirrored(first + place, len(row))]
@@ -61,7 +61,7 @@ def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -
 
 @kernel
 def zeros(size: int) -> FloatArray:
-    """float32 zeros that begin on a boundary of lanes, where reading them is fastest."""
+    """`size` float32 zeros, aligned to the size of a vector, where reading them is fastest."""
     buffer = np.zeros(size + _BYTES // _ITEM, np.float32)
     first = -(buffer.ctypes.data // _ITEM) % (_BYTES // _ITEM)
     return buffer[first : first + size]

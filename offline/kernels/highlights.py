@@ -1,4 +1,4 @@
-"""Luminance where the panchromatic samples are at their limit: interpolated between blocks, and made to meet what is measured."""
+"""Luminance where the panchromatic samples are clipped: interpolated between blocks, and corrected to meet unclipped samples."""
 
 import numpy as np
 
@@ -11,9 +11,10 @@ _TAPS = 4
 
 @parallel_kernel
 def interpolate(values: FloatArray, first: tuple[float, float], period: int, plane: FloatArray) -> None:
-    """Write to `plane` (H, W) what values (rows, columns), `period` pixels apart from the place `first` on, are between them.
+    """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
-    By cubic convolution (Keys 1981, a = -1/2); beyond the outermost values those.
+    values: (rows, columns), the samples; the first lies at the pixel `first`.
+    plane: (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
     """
     height, width = plane.shape
     rows, columns = values.shape
@@ -34,7 +35,7 @@ def interpolate(values: FloatArray, first: tuple[float, float], period: int, pla
 
 @kernel
 def _taps(place: float) -> tuple[int, tuple[float, float, float, float]]:
-    """The first of four neighbours, and their weights."""
+    """The index of the first of four neighbours of a place between samples, and the weights of the four."""
     before = int(np.floor(place))
     t = place - before
     return before - 1, (
@@ -50,18 +51,25 @@ def raise_clipped(
     signal: FloatArray,
     panchromatic: BoolArray,
     clipping: float,
-    apart: float,
+    tolerance: float,
     plane: FloatArray,
     fall: DoubleArray,
     faint: float,
     result: FloatArray,
 ) -> None:
-    """Write to `result` what the clipped panchromatic samples would have read.
+    """Estimate what the clipped panchromatic samples would have read; never less than the clipped sample.
 
-    signal, plane, result: (H, W); result equals signal elsewhere. plane: luminance as the blocks tell it. What unclipped samples
-    differ from it, weighted by fall[rows away] fall[columns away], is added; `faint` is the weight of no difference. The more they
-    differ the less they say, and from `apart` (scene units) on nothing: they belong to something else. Never less than the clipped
-    sample itself.
+    The estimate is the blocks' prediction plus the mean difference of nearby unclipped samples from it, weighted by distance. The
+    larger a sample's difference, the smaller its weight; from `tolerance` on it is 0: the sample belongs to another surface.
+
+    signal: (H, W), scene units.
+    panchromatic: bool (K, K), the pattern from the frame's corner on.
+    clipping: scene units from which on a sample is clipped.
+    tolerance: scene units, > 0; see above.
+    plane: (H, W), luminance that the blocks predict.
+    fall: weight at each distance; a sample has fall[rows away] * fall[columns away].
+    faint: weight of a difference of 0, which is always added.
+    result: (H, W), equal to `signal`; the clipped panchromatic samples are written.
     """
     height, width = signal.shape
     period, reach = len(panchromatic), len(fall) - 1
@@ -73,8 +81,8 @@ def raise_clipped(
             for y in range(max(row - reach, 0), min(row + reach + 1, height)):
                 for x in range(max(column - reach, 0), min(column + reach + 1, width)):
                     difference = signal[y, x] - plane[y, x]
-                    if panchromatic[y % period, x % period] and signal[y, x] < clipping and abs(difference) < apart:
-                        weight = fall[abs(y - row)] * fall[abs(x - column)] * (1.0 - abs(difference) / apart)
+                    if panchromatic[y % period, x % period] and signal[y, x] < clipping and abs(difference) < tolerance:
+                        weight = fall[abs(y - row)] * fall[abs(x - column)] * (1.0 - abs(difference) / tolerance)
                         total += weight * difference
                         weights += weight
             result[row, column] = max(signal[row, column], np.float32(plane[row, column] + total / weights))

@@ -1,9 +1,9 @@
-"""Filling blocks of holes that do not touch each other's surroundings (Eqs. 3-5): sixteen blocks at a time, all iterations at once.
+"""Fill isolated blocks of holes (Eqs. 3-5): sixteen blocks at a time, all iterations at once.
 
-What Eq. 3 gives a hole depends on the pixels up to four away from it. Where no other block lies within four pixels of a block, its
-few unknown pixels are a problem of their own: the coefficients of all else are computed once, and each iteration adds to them what
-the holes contribute. The frame is tight (synthesis undoes analysis), so instead of synthesising what shrinkage leaves, what it
-takes away is synthesised and taken off the holes.
+The value that Eq. 3 gives a hole depends on the pixels up to four away from it. If no other block lies within four pixels of a
+block, its few unknown pixels are a separate problem: the coefficients of all known pixels are computed once, and each iteration
+adds what the holes contribute. The wavelet frame is tight (synthesis undoes analysis), so instead of synthesising what shrinkage
+leaves, the kernel synthesises what shrinkage removes and subtracts it from the holes.
 """
 
 import numpy as np
@@ -16,9 +16,9 @@ from .functions import scaled_reciprocal_root, zeros
 from .lanes import WIDTH, Lanes, lesser, load, store
 
 REACH = 4
-"""Pixels around a hole on which its new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
+"""Radius in pixels of the area on which a hole's new value depends: three for the taps, one for the neighbourhood of Eq. 2."""
 CHUNK = 4
-"""The columns of `response` come in multiples of this."""
+"""The number of columns of `response` is a multiple of this."""
 _BANDS = 3
 _ONE = np.float32(1)
 _NONE = np.float32(0)
@@ -37,13 +37,20 @@ def fill_blocks(
     response: FloatArray,
     taps: FloatArray,
     thresholds: FloatArray,
+    changes: FloatArray,
 ) -> None:
-    """Write the holes of `blocks` (rows, columns) blocks into `luminance`, from the samples in `signal`, both (H, W).
+    """Write the filled holes of `blocks` (rows, columns) blocks to `luminance`.
 
-    first: pixel (row, column) of the first block's first corner, `REACH` or more from the frame's edges, as all the blocks must be;
-    period: pixels from one block to the next, at least `extent` + `REACH` in both directions; extent: (rows, columns) of a block;
-    holes: (holes, 2), their places in it; response: (3 (rows + 3) (columns + 3), at least holes), what a unit in each hole adds to
-    the high-pass coefficients that see it; taps: (2, 4), low-pass and high-pass; thresholds: one per iteration.
+    signal, luminance: (H, W), scene units.
+    first: pixel (row, column) of the first block's first corner. All blocks lie `REACH` or more pixels from the frame's edges.
+    period: pixels from one block to the next, at least `extent` + `REACH` in both directions.
+    extent: (rows, columns) of a block.
+    holes: (holes, 2), row and column of each hole in a block.
+    response: (3 (rows + 3) (columns + 3), holes rounded up to a multiple of `CHUNK`), what a sample of 1 in each hole adds to the
+        high-pass coefficients that see it.
+    taps: (2, 4), low-pass and high-pass.
+    thresholds: one per iteration, at least one, scene units.
+    changes: (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
     rows, columns = extent
     bands = _BANDS * (rows + 3) * (columns + 3)
@@ -53,15 +60,18 @@ def fill_blocks(
         fixed = zeros(bands * _LANES).reshape(bands, _LANES)
         removed = zeros(bands * _LANES).reshape(bands, _LANES)
         values = zeros(response.shape[1] * _LANES).reshape(response.shape[1], _LANES)
+        before = zeros(response.shape[1] * _LANES).reshape(response.shape[1], _LANES)
+        changes[row] = _NONE
         for group in range(0, blocks[1], _LANES):
-            # The last group's spare lanes repeat the last block.
+            # The spare lanes of the last group repeat the last block.
             places = first[1] + period * np.minimum(np.arange(group, group + _LANES), blocks[1] - 1)
             top = first[0] + row * period
             _gather(signal, top, places, holes, window, values)
             _decompose(window, taps, fixed, energy)
-            _iterate(fixed, energy, response, thresholds, removed, values)
+            _iterate(fixed, energy, response, thresholds, removed, values, before)
             for hole in range(len(holes)):
                 for lane in range(_LANES):
+                    changes[row] = max(changes[row], abs(values[hole, lane] - before[hole, lane]))
                     luminance[top + holes[hole, 0], places[lane] + holes[hole, 1]] = values[hole, lane]
 
 
@@ -69,7 +79,7 @@ def fill_blocks(
 def _gather(
     signal: FloatArray, top: int, places: NDArray[np.intp], holes: NDArray[np.intp], window: FloatArray, values: FloatArray
 ) -> None:
-    """The surroundings of the blocks at row `top`, a block per lane, with the holes' own samples apart."""
+    """Copy the surroundings of the blocks at row `top` to `window`, one block per lane, and the samples of holes to `values`."""
     for down in range(window.shape[0]):
         for across in range(window.shape[1]):
             for lane in range(_LANES):
@@ -83,7 +93,7 @@ def _gather(
 
 @kernel
 def _decompose(window: FloatArray, taps: FloatArray, fixed: FloatArray, energy: FloatArray) -> None:
-    """High-pass coefficients without the holes: where holes will add to them, themselves, and the squares of all."""
+    """Compute the high-pass coefficients without the holes: to `fixed` those that holes add to, to `energy` the squares of all."""
     rows, columns = energy.shape[1:3]
     place = 0
     for band in range(_BANDS):
@@ -108,9 +118,13 @@ def _iterate(
     thresholds: FloatArray,
     removed: FloatArray,
     values: FloatArray,
+    before: FloatArray,
 ) -> None:
+    """Run Eqs. 3-5 on the `values` of the holes, one iteration per threshold; `before`: what they were before the last one."""
     rows, columns = energy.shape[1] - 2, energy.shape[2] - 2
-    for threshold in thresholds:
+    for iteration in range(len(thresholds)):
+        threshold = thresholds[iteration]
+        before[:] = values
         for chunk in range(0, len(values), CHUNK):
             source = removed if chunk else fixed
             h0, h1, h2, h3 = (
@@ -134,7 +148,7 @@ def _iterate(
                 left, middle = _down(energy, band, row, 0), _down(energy, band, row, 1)
                 for column in range(columns):
                     right = _down(energy, band, row, column + 2)
-                    # Eq. 5: what shrinkage takes away is the threshold's part of the neighbourhood's size, all if it is smaller.
+                    # Eq. 5: shrinkage removes the fraction threshold / (norm of the neighbourhood), at most everything.
                     part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
                     store(removed, (place, 0), load(removed, (place, 0)) * part)
                     left, middle = middle, right
@@ -160,7 +174,7 @@ def _iterate(
 
 @kernel
 def _down(energy: FloatArray, band: int, row: int, column: int) -> Lanes:
-    """Three squares below each other."""
+    """Sum of three vertically adjacent squares."""
     return (
         load(energy, (band, row, column, 0)) + load(energy, (band, row + 1, column, 0)) + load(energy, (band, row + 2, column, 0))
     )

@@ -1,10 +1,10 @@
-"""Numbers side by side: one register's worth of neighbours of an array, on which kernels calculate as on one number.
+"""Explicit SIMD for kernels: a vector of neighbouring array elements that is used like one number.
 
-A `Lanes` holds 16 float32 or 8 float64. Inside a kernel `load(array, index)` reads the elements from `index` on along the last
-axis, +, - and * work on lanes and with a scalar of their type, `store(array, index, lanes)` writes them. Loops over single elements
-would be left to the compiler to widen, which it does or does not, and not for the short ones: this is ten times as fast.
+A `Lanes` holds 16 float32 or 8 float64. Inside a kernel, `load(array, index)` reads the elements from `index` on along the last
+axis; +, - and * work on lanes and with a scalar of their type; `store(array, index, lanes)` writes them. Loops over single elements
+rely on the compiler's vectoriser, which often fails, and always on short loops: explicit vectors are ten times as fast there.
 
-Nothing is checked: an array must have room for all lanes behind every index used.
+Nothing is checked: an array must have room for all lanes at every index that is used.
 """
 
 import operator
@@ -23,7 +23,7 @@ from .compile import intrinsic
 
 BYTES = 64
 WIDTH = BYTES // 4
-"""float32 lanes; half as many of float64."""
+"""Number of lanes of float32; float64 has half as many."""
 
 Values: TypeAlias = NDArray[np.float32] | NDArray[np.float64]
 Index: TypeAlias = int | tuple[int, ...]
@@ -31,7 +31,7 @@ Scalar: TypeAlias = float | np.floating[Any]
 
 
 class Lanes:
-    """What a kernel can do with lanes; there are none outside."""
+    """The operations that kernels can apply to lanes, for type checkers; lanes exist inside kernels only."""
 
     if TYPE_CHECKING:
 
@@ -44,7 +44,7 @@ class Lanes:
 
 
 class LanesType(types.Type):  # type: ignore[misc]
-    """The type inside kernels."""
+    """Numba's type of lanes."""
 
     def __init__(self, element: Any) -> None:
         self.element = element
@@ -60,8 +60,8 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 
 _SINGLE, _DOUBLE = LanesType(types.float32), LanesType(types.float64)
 _KINDS = {types.float32: _SINGLE, types.float64: _DOUBLE}
-# As `kernel`: a product and a sum may become one instruction. Never anything that assumes away infinities: lanes past the end of a
-# row hold whatever lay there.
+# As in `kernel`: a product and a sum may become one instruction. Never an option that assumes there are no infinities: lanes beyond
+# the end of a row hold arbitrary values.
 _FLAGS = ("contract",)
 
 
@@ -75,7 +75,7 @@ def _integers(kind: LanesType) -> ir.VectorType:
 
 
 def _operands(builder: Any, sig: Any, args: Any) -> list[Any]:
-    """All as lanes: scalars repeated."""
+    """All operands as lanes: scalars are repeated."""
     kind = next(each for each in sig.args if isinstance(each, LanesType))
     places = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
     undefined = ir.Constant(_vector(kind), ir.Undefined)
@@ -88,14 +88,14 @@ def _operands(builder: Any, sig: Any, args: Any) -> list[Any]:
 
 
 def _kind(*args: Any) -> LanesType | None:
-    """The one kind of lanes among arguments that may stand together, if they may."""
+    """The type of lanes of an operation on these arguments; None if they cannot be combined."""
     kinds = {each if isinstance(each, LanesType) else _KINDS.get(each) for each in args}
     lanes = any(isinstance(each, LanesType) for each in args)
     return kinds.pop() if lanes and len(kinds) == 1 else None
 
 
 def _define(operation: Callable[..., Any], instruction: str) -> None:
-    """An arithmetic operator on lanes."""
+    """Define an arithmetic operator on lanes."""
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
@@ -118,7 +118,7 @@ for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul")):
 
 
 def _pointer(context: Any, builder: Any, sig: Any, args: Any, kind: LanesType) -> Any:
-    """Where the lanes of (array, index, ...) lie."""
+    """Pointer to the lanes at args[1], an index, of args[0], an array."""
     array = make_array(sig.args[0])(context, builder, args[0])
     tuples = isinstance(sig.args[1], types.BaseTuple)
     index = cgutils.unpack_tuple(builder, args[1]) if tuples else [args[1]]
@@ -131,7 +131,7 @@ def _pointer(context: Any, builder: Any, sig: Any, args: Any, kind: LanesType) -
 
 
 def _stored(array: Any, index: Any) -> LanesType:
-    """The lanes of an array, which must have its last axis in one piece and an index for each."""
+    """The type of lanes in an array, which must be C-contiguous and have one index per axis. Raises TypeError otherwise."""
     axes = len(index) if isinstance(index, types.BaseTuple) else 1
     if not isinstance(array, types.Array) or array.layout != "C" or array.ndim != axes or array.dtype not in _KINDS:
         raise TypeError(f"no lanes in {array} at {index}")
@@ -244,12 +244,12 @@ greater: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_pick("
 where_less: "Callable[[Lanes | Scalar, Lanes | Scalar, Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_where_less)
 """(a, b, yes, no): yes where a < b, no elsewhere."""
 shifted: "Callable[[Lanes, Lanes, int], Lanes]" = intrinsic(_shifted, literal=True)
-"""(first, second, count): the lanes from place `count`, a constant, on of two that follow each other."""
+"""(first, second, count): WIDTH lanes of `first` followed by `second`, starting at lane `count`, a constant."""
 total: "Callable[[Lanes], Any]" = intrinsic(_total)
 """The sum of the lanes, always in the same order."""
 quotient: "Callable[[Lanes | Scalar, Lanes | Scalar], Lanes]" = intrinsic(_quotient)
 square_root: "Callable[[Lanes], Lanes]" = intrinsic(_square_root)
 root_seed: "Callable[[Lanes], Lanes]" = intrinsic(_root_seed)
-"""float32 > 0: about x^(-1/2), by halving the exponent as an integer."""
+"""An approximation of x^(-1/2) for float32 x > 0, by halving the exponent as an integer."""
 times_power: "Callable[[Lanes, Lanes], Lanes]" = intrinsic(_times_power)
 """(x, n + 1.5 * 2**23): x * 2**n for whole n, float32, by adding to the exponent."""

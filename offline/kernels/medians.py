@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray
+from shared.arrays import BoolArray, DoubleArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import mirrored
 from .lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
 
 SLACK = WIDTH
-"""Columns behind the mirrored border, for lanes to run over."""
+"""Columns after the mirrored border, so that the last vector stays inside the array."""
 _LANES = WIDTH // 2  # of float64: the chromaticities are solved in double
 _ORIENTATIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 _FIVE = 5
@@ -18,10 +18,13 @@ _FAR = np.float64(np.inf)
 
 @parallel_kernel
 def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray) -> BoolArray:
-    """Of the 1-D medians along four orientations write the one nearest to the value before; which rows it changed, bool (rows,).
+    """Replace each vector by whichever of its four oriented 1-D medians is nearest to it. Returns which rows changed, bool (rows,).
 
-    before, after: (C, rows, taps // 2 + columns + taps // 2 + SLACK), the columns of `before` mirrored, those of `after` too when
-    this returns. taps: odd, 3 or more. changed: rows of `before` that differ from the step before it; others need no new median.
+    before: (C, rows, taps // 2 + columns + taps // 2 + SLACK), with mirrored columns.
+    after: same shape, written, with mirrored columns.
+    columns: number of columns without the border.
+    taps: length of the medians, odd, 3 or more.
+    changed: bool (rows,), rows of `before` that the previous step changed; rows that see none of them are copied.
     """
     channels, rows = before.shape[:2]
     half = taps // 2
@@ -41,16 +44,14 @@ def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps:
 
 
 @kernel
-def _row_of_medians(
-    before: DoubleArray, after: DoubleArray, row: int, near: "np.ndarray[tuple[int], np.dtype[np.intp]]", columns: int, taps: int
-) -> None:
+def _row_of_medians(before: DoubleArray, after: DoubleArray, row: int, near: IndexArray, columns: int, taps: int) -> None:
     channels, half = before.shape[0], taps // 2
     medians = np.empty((channels, _LANES))
     line = np.empty((taps, _LANES))
     for column in range(half, half + columns, _LANES):
         nearest = load(before, (0, row, column)) * 0.0 + _FAR
         for down, across in _ORIENTATIONS:
-            apart = load(before, (0, row, column)) * 0.0
+            distance = load(before, (0, row, column)) * 0.0
             for channel in range(channels):
                 if taps == _FIVE:
                     median = _median_of_five(
@@ -66,16 +67,16 @@ def _row_of_medians(
                     median = _median(line)
                 store(medians, (channel, 0), median)
                 away = median - load(before, (channel, row, column))
-                apart += away * away
+                distance += away * away
             for channel in range(channels):
                 kept = load(after, (channel, row, column))
-                store(after, (channel, row, column), where_less(apart, nearest, load(medians, (channel, 0)), kept))
-            nearest = lesser(apart, nearest)
+                store(after, (channel, row, column), where_less(distance, nearest, load(medians, (channel, 0)), kept))
+            nearest = lesser(distance, nearest)
 
 
 @kernel
 def _median_of_five(a: Lanes, b: Lanes, c: Lanes, d: Lanes, e: Lanes) -> Lanes:
-    """By a selection network: neither the least nor the greatest of the first four can be it."""
+    """Median of five by a selection network: neither the least nor the greatest of the first four can be the median."""
     low = greater(lesser(a, b), lesser(c, d))
     high = lesser(greater(a, b), greater(c, d))
     return greater(lesser(e, low), lesser(greater(e, low), high))
@@ -83,7 +84,7 @@ def _median_of_five(a: Lanes, b: Lanes, c: Lanes, d: Lanes, e: Lanes) -> Lanes:
 
 @kernel
 def _median(line: DoubleArray) -> Lanes:
-    """By letting the larger half rise to the end, one after the other."""
+    """Median of the rows of `line`, by bubble-sorting the larger half to the end."""
     taps = len(line)
     for end in range(taps - 1, taps // 2 - 1, -1):
         for place in range(end):

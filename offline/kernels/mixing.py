@@ -26,19 +26,23 @@ def mix(
     softness: float,
     out: FloatArray,
 ) -> None:
-    """Write the chromaticities of some rows of the frame to `out`, (rows, W, C).
+    """Compute the chromaticities of some rows of the frame (Eqs. 10 and 14).
 
-    fields: (4, pixel rows, domain columns), of whole rows of patches, of which `first` is the first; blocks: (block rows, block
-    columns, C), all of the grid; luminance: (H, W); rows, columns: the frame's row and column at each of the domain's;
-    corner: domain row, counted from the first of `fields`, and domain column of out[0, 0]. softness: alpha (alpha + softness) takes
-    the place of alpha^2 in Eq. 14.
+    fields: (4, pixel rows, domain columns), the fields of whole rows of patches.
+    blocks: (block rows, block columns, C), all blocks of the grid.
+    luminance: (H, W), the whole frame.
+    rows, columns: the frame's row at each row of the domain, and its column at each column.
+    first: index of the first row of patches in `fields`.
+    corner: row of `fields` and domain column that belong to out[0, 0].
+    softness: alpha (alpha + softness) replaces alpha^2 in Eq. 14.
+    out: (rows, W, C), written.
     """
     across = blocks.shape[1] - 1
     period = fields.shape[2] // across
     channels = blocks.shape[2]
     width = fields.shape[2] + _LANES
     for patch in prange(fields.shape[1] // period):
-        # A class is the same corner in every second patch only: its light and its chromaticity at every column.
+        # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
         light = zeros(_CLASSES * width).reshape(_CLASSES, width)
         colour = zeros((_CLASSES + 1) * channels * width).reshape(_CLASSES + 1, channels, width)
         _expand(blocks, luminance, rows, columns, first + patch, period, light, colour)
@@ -64,11 +68,11 @@ def _expand(
     light: FloatArray,
     colour: FloatArray,
 ) -> None:
-    """Light and colour of the corner of each class, repeated over its patch, and the plain mean of the four colours at last."""
+    """Repeat light and colour of each class's corner over its patch; the last plane of `colour` is the mean of the four corners."""
     for across in range(blocks.shape[1] - 1):
         left, right = across * period, (across + 1) * period
         for kind in range(_CLASSES):
-            down, over = (kind // 2 - patch) % 2, (kind % 2 - across) % 2  # which corner of this patch the class is
+            down, over = (kind // 2 - patch) % 2, (kind % 2 - across) % 2  # the corner of this patch that the class is at
             sample = luminance[rows[patch * period + down * (period - 1)], columns[left + over * (period - 1)]]  # l[n_j]
             light[kind, left:right] = max(sample, _NONE)
             for channel in range(blocks.shape[2]):
@@ -94,14 +98,14 @@ def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatAr
                 + kappa2 * load(colour, (2, channel, column))
                 + kappa3 * load(colour, (3, channel, column))
             )  # Eq. 10
-            # Where no corner has light there is nothing to weigh by: all count the same.
+            # Where no corner has light, all count the same.
             plain = load(colour, (_CLASSES, channel, column))
             store(line, (channel, column), where_less(_LEAST, total, mixed * share, plain))
 
 
 @kernel
 def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softness: Scalar) -> Lanes:
-    """Eq. 14, before the weights are scaled to a sum of one."""
+    """The weight of Eq. 14, before the four are scaled to a sum of one."""
     part = load(alpha, (kind, column))
-    part = greater(part, _MINUS * part)  # the solver leaves values a little below zero, too
+    part = greater(part, _MINUS * part)  # the solver also leaves values a little below zero
     return part * (part + softness) * load(light, (kind, column))

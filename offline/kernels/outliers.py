@@ -1,4 +1,4 @@
-"""Samples that stand out from all around them, what their neighbours say instead, and the panchromatic surroundings of a block."""
+"""Detection of outliers, their replacement from neighbours, and the panchromatic surroundings of a block."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 
-_NEAR, _WIDE = 1, 2  # pixels from a sample to those it must stand out from, and to those that tell the local contrast
-_FEWEST = 3  # neighbours without which a sample cannot be judged
-_GROWTH = 8  # pixels at most to the nearest good neighbour, where no pair of them lies opposite
+_NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast
+_FEWEST = 3  # neighbours that it takes to judge a sample
+_GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
 _MOST = (2 * _WIDE + 1) ** 2
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -23,14 +23,18 @@ def find_outliers(
     noise: tuple[float, float],
     bad: BoolArray,
 ) -> None:
-    """Set `bad` at panchromatic samples that are farther from all their neighbours than contrast and noise explain.
+    """Mark panchromatic samples that differ from all their neighbours by more than contrast and noise explain.
 
-    signal, bad: (H, W); what is bad beforehand is no neighbour. gains: (K, K), the pattern from the frame's corner on: gamma of a
-    colour site, 0 of a panchromatic one. A sample must lie outside the range of its 3 x 3 neighbours by `contrast` times the range
-    of its 5 x 5 neighbours (without the highest and the lowest of them: there may be a second outlier), plus so many standard
-    `deviations` of the noise, plus `floor`. Of a colour site is known that luminance is at least gamma times its sample: it is a
-    neighbour where that is more than the panchromatic ones read, so that a stroke which goes on under a block keeps its end.
-    noise: (shot, read) of the panchromatic plane, scene units.
+    A sample is marked if it lies outside the range of its 3 x 3 neighbours by more than contrast x (range of its 5 x 5 neighbours)
+    + deviations x noise sigma + floor. The highest and lowest of the 5 x 5 are left out: there may be a second outlier. A colour
+    sample times its gamma is a lower bound of luminance. Where that bound exceeds every panchromatic neighbour it counts as a
+    neighbour, so that the end of a thin stroke next to a block is not taken for a defect.
+
+    signal: (H, W), scene units.
+    gains: (K, K), the pattern from the frame's corner on: gamma at a colour site, 0 at a panchromatic one.
+    contrast, deviations, floor: see above and `DefectSettings`.
+    noise: (shot, read) of the panchromatic plane: variance = shot * signal + read**2.
+    bad: bool (H, W), samples known to be bad, which are no neighbours; marked samples are added.
     """
     period = len(gains)
     height, width = signal.shape
@@ -55,17 +59,14 @@ def find_outliers(
             ordered = np.sort(around[:count])
             if beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed:
                 found[row, column] = True
-    for row in prange(height):
-        for column in range(width):
-            if found[row, column]:
-                bad[row, column] = True
+    bad |= found
 
 
 @kernel
 def _neighbours(
     signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, column: int, reach: int, around: FloatArray
 ) -> int:
-    """Gather what the good samples at most `reach` from one say of luminance, itself left out; how many they are."""
+    """Collect luminance from the good samples at most `reach` pixels from one, without itself. Returns how many there are."""
     period, count = len(gains), 0
     top, bottom = max(row - reach, 0), min(row + reach + 1, signal.shape[0])
     left, right = max(column - reach, 0), min(column + reach + 1, signal.shape[1])
@@ -89,10 +90,10 @@ def _neighbours(
 def mend_panchromatic(
     signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, rows: IndexArray, columns: IndexArray, values: FloatArray
 ) -> None:
-    """What the good panchromatic samples around the places (rows, columns) say of each: written to `values`.
+    """Predict the samples at the places (rows, columns) from the good panchromatic samples around them, to `values`.
 
-    Means of opposite neighbours, of the direction along which luminance changes least above all; without a pair, the mean of the
-    nearest good ones. A place without any within eight pixels keeps its sample.
+    The prediction is a mean of opposite neighbours; directions along which luminance changes little have the largest weights.
+    Without an opposite pair it is the mean of the nearest good samples. A place with none within eight pixels keeps its sample.
     """
     for place in prange(len(rows)):
         row, column = rows[place], columns[place]
@@ -114,7 +115,7 @@ def mend_panchromatic(
 def _change_along(
     signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int, down: int, across: int
 ) -> float:
-    """Mean difference of neighbours along a direction, over the 5 x 5 pixels around a place; itself left out."""
+    """Mean absolute difference of good neighbours along a direction, within the 5 x 5 pixels around a place."""
     total, count = 0.0, 0
     for y in range(row - _WIDE, row + _WIDE + 1):
         for x in range(column - _WIDE, column + _WIDE + 1):
@@ -127,6 +128,7 @@ def _change_along(
 
 @kernel
 def _nearest(signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> float:
+    """Mean of the nearest good samples; the sample itself if there are none within `_GROWTH` pixels."""
     for reach in range(1, _GROWTH + 1):
         total, count = 0.0, 0
         for y in range(row - reach, row + reach + 1):
@@ -141,7 +143,7 @@ def _nearest(signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, row: i
 
 @kernel
 def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> bool:
-    """Whether there is a panchromatic sample that may be trusted."""
+    """Whether a place is inside the frame, panchromatic and not marked bad."""
     period = len(panchromatic)
     inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
@@ -159,10 +161,15 @@ def surroundings(
     lowest: DoubleArray,
     highest: DoubleArray,
 ) -> None:
-    """Luminance at the colour sites of blocks, from the panchromatic samples around them, and the range of those.
+    """Interpolate luminance at the colour sites of blocks from the panchromatic samples around each block.
 
-    rows, columns: of the blocks' first pixels; extent: (rows, columns) of a block; sites: (S, 2), places in it; light: (blocks
-    down, blocks across, S), means weighted by one over the squared distance; lowest, highest: (blocks down, blocks across).
+    signal: (H, W), scene units.
+    panchromatic: bool (K, K), the pattern from the frame's corner on.
+    rows, columns: the blocks' first rows, and first columns.
+    extent: (rows, columns) of a block.
+    sites: (S, 2), row and column of each site in a block.
+    light: (blocks down, blocks across, S), written: means weighted by one over the squared distance; 0 without samples.
+    lowest, highest: (blocks down, blocks across), written: the range of the samples.
     """
     period = len(panchromatic)
     for i in prange(len(rows)):

@@ -1,7 +1,7 @@
-"""One iteration of hole filling (Eqs. 3-5) for any pattern, over the whole plane: strips of rows, each band of a row made once.
+"""One iteration of hole filling (Eqs. 3-5) for any pattern, over the whole plane, in strips; each row of a band is computed once.
 
-The frame is tight (synthesis undoes analysis), so instead of synthesising what shrinkage leaves of the coefficients, what it takes
-away is synthesised and taken off the plane. Rows without a hole are not synthesised.
+The wavelet frame is tight (synthesis undoes analysis), so instead of synthesising what shrinkage leaves, the kernel synthesises
+what shrinkage removes and subtracts it from the plane. Rows without a hole are not synthesised.
 """
 
 import numpy as np
@@ -13,9 +13,9 @@ from .functions import mirrored, scaled_reciprocal_root, zeros
 from .lanes import WIDTH, Scalar, lesser, load, store
 
 REACH = 4
-"""Pixels around one on which its new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
+"""Radius in pixels of the area on which a new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
 SLACK = REACH + 2 * WIDTH
-"""Columns that the planes have beyond the mirrored border, for lanes to run over."""
+"""Columns of the planes after the mirrored border, so that the last vector stays inside the array."""
 _BANDS = 3
 _STRIP = 64
 _ONE = np.float32(1)
@@ -24,11 +24,14 @@ _LANES = WIDTH
 
 @parallel_kernel
 def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float) -> None:
-    """Give the holes of `result` what the shrinkage of `plane` by `threshold` makes of them.
+    """Shrink the coefficients of `plane` once, and write the new values of the holes to `result`.
 
-    plane, result: (H, REACH + columns + REACH + SLACK), the frame with its columns mirrored; equal but for the holes, of which the
-    mirrored ones are written too. holes: (period, columns + SLACK), 1 at a hole and 0 elsewhere, of rows that repeat. taps: (2, 4),
-    low-pass and high-pass.
+    plane: (H, REACH + columns + REACH + SLACK), the frame with mirrored columns.
+    result: same shape, equal to `plane` except in the holes; holes are written, mirrored ones too.
+    columns: number of columns without the border.
+    holes: (period, columns + SLACK), 1 at a hole and 0 elsewhere; the rows repeat.
+    taps: (2, 4), low-pass and high-pass.
+    threshold: scene units.
     """
     height = plane.shape[0]
     limit = np.float32(threshold)
@@ -64,7 +67,7 @@ def mirror_columns(row: FloatArray, columns: int) -> None:
 def _decompose(
     plane: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray, bands: FloatArray
 ) -> None:
-    """Row `row` of the three high-pass bands, four columns and a lane's slack more than the frame's."""
+    """Compute row `row` of the three high-pass bands, with four columns more than the frame, and slack for a vector."""
     r0, r1, r2, r3 = (
         mirrored(row - 4, len(plane)), mirrored(row - 3, len(plane)), mirrored(row - 2, len(plane)), mirrored(row - 1, len(plane))
     )  # fmt: skip
@@ -85,7 +88,7 @@ def _decompose(
 
 @kernel
 def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, squares: FloatArray, removed: FloatArray) -> None:
-    """What Eq. 5 takes away from row `row` of the bands; the rows above and below are there too."""
+    """Compute what Eq. 5 removes from row `row` of the bands; the rows above and below must be there too."""
     for band in range(_BANDS):
         for column in range(0, columns + REACH + 1, _LANES):
             b0, b1, b2 = load(bands, (band, 0, column)), load(bands, (band, 1, column)), load(bands, (band, 2, column))
@@ -98,7 +101,7 @@ def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, square
 
 @kernel
 def _synthesise(removed: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray) -> None:
-    """Row `row` of the frame from rows row + 1 .. row + 4 of the bands, into `low`; the taps run backwards."""
+    """Synthesise row `row` of the frame from rows row + 1 .. row + 4 of the bands, into `low`; the taps are reversed."""
     r0, r1, r2, r3 = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
     l3, l2, l1, l0 = taps[0]
     h3, h2, h1, h0 = taps[1]

@@ -28,7 +28,7 @@ from tests.data import ROOT
 from tests.tools.command import PROGRAM
 from tests.tools.rendering.examples import contents
 from tests.tools.rendering.test_remote import cluster
-from tools.host.console import StageProgress
+from tools.host.progress import StageProgress
 from tools.pictures.writer import PictureKind
 from tools.rendering.journal import NAME
 from tools.rendering.order import Order

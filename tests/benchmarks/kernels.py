@@ -16,9 +16,11 @@ from offline.chromaticity import block_sums, estimate_chromaticities, oriented_m
 from offline.kernels.functions import zeros
 from offline.luminance import fill, recover_luminance
 from offline.propagation import propagate
-from offline.refinement import refine
+from offline.refinement import noise_level, refine
+from offline.tiling import Band
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
+from tests.offline.scenes import whole
 from tools.evaluation.speed.material import Material, frame_shape
 
 Benchmark = Callable[..., object]
@@ -34,6 +36,7 @@ class Chain:
     blocks: FloatArray
     affinity: FloatArray
     initial: FloatArray
+    band: Band
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +46,10 @@ def chain() -> Chain:
     weight, product, sigma = block_sums(mosaic, luminance, mosaic.pattern.grid(mosaic.shape))
     raw = solve_constrained(weight, product, sigma, np.array(mosaic.calibration.gamma))
     blocks = estimate_chromaticities(mosaic, luminance, PAPER.chromaticity)
-    affinity = solve_affinities(luminance, mosaic.pattern, PAPER.affinity)
-    return Chain(mosaic, luminance, raw, blocks, affinity, propagate(blocks, affinity, luminance, mosaic.pattern))
+    band = whole(mosaic.pattern, mosaic.shape)
+    affinity = solve_affinities(luminance, mosaic.pattern, PAPER.affinity, band)
+    initial = propagate(blocks, affinity, luminance, mosaic.pattern, PAPER.propagation, band)
+    return Chain(mosaic, luminance, raw, blocks, affinity, initial, band)
 
 
 def test_holes_of_blocks_that_stand_alone(benchmark: Benchmark, chain: Chain) -> None:
@@ -63,15 +68,16 @@ def test_oriented_medians(benchmark: Benchmark, chain: Chain) -> None:
 
 
 def test_harmonic_fields(benchmark: Benchmark, chain: Chain) -> None:
-    benchmark(solve_affinities, chain.luminance, chain.mosaic.pattern, PAPER.affinity)
+    benchmark(solve_affinities, chain.luminance, chain.mosaic.pattern, PAPER.affinity, chain.band)
 
 
 def test_mixing(benchmark: Benchmark, chain: Chain) -> None:
-    benchmark(propagate, chain.blocks, chain.affinity, chain.luminance, chain.mosaic.pattern)
+    benchmark(propagate, chain.blocks, chain.affinity, chain.luminance, chain.mosaic.pattern, PAPER.propagation, chain.band)
 
 
 def test_averaging(benchmark: Benchmark, chain: Chain) -> None:
-    benchmark(refine, chain.initial, chain.luminance, chain.mosaic, PAPER.refinement)
+    sigma = noise_level(chain.luminance, chain.mosaic)
+    benchmark(refine, chain.initial, chain.luminance, chain.mosaic.pattern.period, sigma, PAPER.refinement, chain.band)
 
 
 def test_fresh_memory(benchmark: Benchmark, chain: Chain) -> None:

@@ -10,7 +10,7 @@ from offline.settings import AffinitySettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import ConvergenceError
-from tests.offline.scenes import CASES, every_case, gamma_of, materials
+from tests.offline.scenes import CASES, every_case, gamma_of, materials, whole
 from tests.reference import affinity as reference
 from tests.reference import geometry
 from tests.reference.compare import assert_close
@@ -30,6 +30,10 @@ def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> Floa
     return luminance_of(materials(shape, len(pattern.channels), seed), gamma_of(pattern)).astype(np.float32)
 
 
+def solve(light: FloatArray, pattern: CfaPattern, settings: AffinitySettings) -> FloatArray:
+    return solve_affinities(light, pattern, settings, whole(pattern, light.shape))
+
+
 def expected(luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ...] = PAPER.scales) -> DoubleArray:
     return reference.fields(luminance.astype(np.float64), pattern, scales)
 
@@ -37,10 +41,10 @@ def expected(luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ..
 @every_case
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     light = light_of(pattern, shape)
-    found = solve_affinities(light, pattern, TIGHT)
+    found = solve(light, pattern, TIGHT)
     assert found.dtype == np.float32
     assert_close(found, expected(light, pattern), SOLVED)
-    assert_close(solve_affinities(light, pattern, PAPER), found.astype(np.float64), RENDERED)
+    assert_close(solve(light, pattern, PAPER), found.astype(np.float64), RENDERED)
 
 
 @pytest.mark.parametrize("scales", [(0.5,), (1.5,), (0.4, 0.9, 2.0), (0.1,)])
@@ -48,19 +52,19 @@ def test_equals_the_reference_at_other_scales(scales: tuple[float, ...]) -> None
     """At a tenth of a pixel the derivative reaches no neighbour: no edges at all."""
     pattern, shape = CASES["odd"]
     light = light_of(pattern, shape)
-    assert_close(solve_affinities(light, pattern, AffinitySettings(scales, 1e-6)), expected(light, pattern, scales), SOLVED)
+    assert_close(solve(light, pattern, AffinitySettings(scales, 1e-6)), expected(light, pattern, scales), SOLVED)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.7, -1.0, 1e4])
 def test_equals_the_reference_without_edges(value: float) -> None:
     pattern, shape = CASES["odd"]
     light = np.full(shape, value, np.float32)
-    assert_close(solve_affinities(light, pattern, TIGHT), expected(light, pattern), SOLVED)
+    assert_close(solve(light, pattern, TIGHT), expected(light, pattern), SOLVED)
 
 
 @every_case
 def test_sums_to_one_within_bounds_and_holds_the_pins(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    found = solve_affinities(light_of(pattern, shape), pattern, PAPER)
+    found = solve(light_of(pattern, shape), pattern, PAPER)
     down, across = geometry.patch_counts(pattern, shape)
     assert found.shape == (2, 2, down * pattern.period, across * pattern.period)
     assert found.min() >= 0
@@ -76,14 +80,14 @@ def test_brightness_does_not_matter(scale: float) -> None:
     """e is a ratio."""
     pattern, shape = CASES["odd"]
     light = light_of(pattern, shape)
-    assert_close(solve_affinities(light * np.float32(scale), pattern, TIGHT), solve_affinities(light, pattern, TIGHT), SOLVED)
+    assert_close(solve(light * np.float32(scale), pattern, TIGHT), solve(light, pattern, TIGHT), SOLVED)
 
 
 def test_transposing_the_picture_transposes_the_fields() -> None:
     pattern = CfaPattern.bayer(6, origin=(4, 5))
     light = light_of(pattern, (23, 31))
-    found = solve_affinities(light, pattern, TIGHT)
-    turned = solve_affinities(light.T.copy(), CfaPattern.bayer(6, origin=(5, 4)), TIGHT)
+    found = solve(light, pattern, TIGHT)
+    turned = solve(light.T.copy(), CfaPattern.bayer(6, origin=(5, 4)), TIGHT)
     assert_close(turned, found.transpose(1, 0, 3, 2), SOLVED)
 
 
@@ -92,7 +96,7 @@ def test_affinity_stops_at_an_edge() -> None:
     pattern, shape = CfaPattern.bayer(6, origin=(5, 5)), (24, 24)  # patches begin at column 0, 6, 12, ...
     step = np.where(np.arange(24) < 9, 0.2, 1.0).astype(np.float32) * np.ones((24, 1), np.float32)
     even, edge = (
-        solve_affinities(light, pattern, TIGHT)[:, 1].sum(axis=0)[:, 6:12] for light in (np.ones(shape, np.float32), step)
+        solve(light, pattern, TIGHT)[:, 1].sum(axis=0)[:, 6:12] for light in (np.ones(shape, np.float32), step)
     )  # how far the second patch's pixels belong to its left blocks, whose column index is one
     within = slice(8, 10)  # rows away from the blocks, which are pinned
     assert (edge[within, :3] > even[within, :3] + 0.01).all()
@@ -103,7 +107,7 @@ def test_affinity_stops_at_an_edge() -> None:
 def test_too_few_iterations_are_an_error_that_says_how_far_it_came(iterations: int) -> None:
     pattern, shape = CASES["odd"]
     with pytest.raises(ConvergenceError, match=rf"relative residual of .* after {iterations} iterations, short of 1\.0e-03"):
-        solve_affinities(light_of(pattern, shape), pattern, AffinitySettings(iterations=iterations))
+        solve(light_of(pattern, shape), pattern, AffinitySettings(iterations=iterations))
 
 
 @pytest.mark.parametrize("period", [3, 6, 16])
@@ -118,7 +122,7 @@ def test_difficult_pictures_converge_in_the_papers_settings(kind: str, period: i
         "checkers": (row + column) % 2 * 1.0,
         "rounding": 0.7 + 1e-7 * random.normal(size=shape),
     }[kind].astype(np.float32)
-    found = solve_affinities(light, CfaPattern.bayer(period, origin=(1, 2)), PAPER)
+    found = solve(light, CfaPattern.bayer(period, origin=(1, 2)), PAPER)
     assert np.isfinite(found).all()
     assert_close(found.sum(axis=(0, 1)), np.ones(found.shape[2:]), SUM)
 
@@ -128,11 +132,11 @@ def test_shares_what_edges_cut_off_from_every_block() -> None:
     light = np.full((60, 60), 1.0, np.float32)
     light[:, :20], light[:, 20] = 0.0, 0.5
     pattern = CfaPattern.bayer(16)
-    assert_close(solve_affinities(light, pattern, PAPER), expected(light, pattern), 0.05)
+    assert_close(solve(light, pattern, PAPER), expected(light, pattern), 0.05)
 
 
 def test_solves_where_a_class_has_no_block() -> None:
     """One patch high, blocks one pixel high: those below the frame pin nothing."""
     pattern = CfaPattern.with_block(("RGB",), 6)
     light = light_of(pattern, (6, 40))
-    assert_close(solve_affinities(light, pattern, TIGHT), expected(light, pattern), SOLVED)
+    assert_close(solve(light, pattern, TIGHT), expected(light, pattern), SOLVED)

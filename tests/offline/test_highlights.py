@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.highlights import clipping_level, restore_highlights, spread, unclipped
+from offline.highlights import clipping_level, replace_dark, restore_highlights, unclipped
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_sensor
@@ -124,10 +124,10 @@ def test_readings_are_raised_to_white_and_never_lowered() -> None:
 def test_dark_blocks_take_the_light_of_bright_ones_near() -> None:
     light, bright = np.zeros((9, 9)), np.zeros((9, 9), bool)
     light[4, 4], bright[4, 4] = 5.0, True
-    found = spread(light, bright)
+    found = replace_dark(light, bright)
     assert np.array_equal(found[1:8, 1:8], np.full((7, 7), 5.0))
     assert found[0].max() == 0
-    assert np.array_equal(spread(light, np.ones((9, 9), bool)), light)
+    assert np.array_equal(replace_dark(light, np.ones((9, 9), bool)), light)
 
 
 def test_without_a_known_neutral_white_is_equal_readings() -> None:

@@ -26,7 +26,7 @@ PAPER = LuminanceSettings()
 
 def shrink(picture: FloatArray, threshold: float) -> FloatArray:
     """One iteration with holes everywhere: l*_t of Eq. 4."""
-    return fill(picture, np.ones_like(picture, bool), np.array([threshold], np.float32))
+    return fill(picture, np.ones_like(picture, bool), np.array([threshold], np.float32))[0]
 
 
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from offline.pooling import pool_blocks
-from offline.settings import BEST, PoolingSettings
+from offline.settings import BEST, PoolingPass, PoolingSettings
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import every_case, gamma_of, materials
@@ -17,6 +17,7 @@ from tests.reference.sensor import luminance_of, observe
 # Weighted means of float32 sums; the exponents of the weights are up to some tens.
 FLOAT32 = 2e-5
 SETTINGS = BEST.pooling
+ONE_PASS = PoolingSettings((PoolingPass(0.0, 0.5, 1),), light=0.1, doubt=1.0)
 
 
 def blocks_of(
@@ -41,7 +42,7 @@ def models(pattern: CfaPattern) -> list[NoiseModel]:
 
 
 @every_case
-@pytest.mark.parametrize("settings", [SETTINGS, PoolingSettings(((0.0, 0.5, 1),), light=0.1, doubt=1.0)], ids=["best", "one pass"])
+@pytest.mark.parametrize("settings", [SETTINGS, ONE_PASS], ids=["best", "one pass"])
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], settings: PoolingSettings) -> None:
     for noise in models(pattern):
         mosaic, light, coarse = blocks_of(pattern, shape, noise)

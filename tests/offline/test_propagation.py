@@ -7,7 +7,7 @@ from offline.propagation import propagate
 from offline.settings import PropagationSettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case
+from tests.offline.scenes import CASES, every_case, whole
 from tests.reference import geometry
 from tests.reference import propagation as reference
 from tests.reference.compare import assert_close
@@ -25,6 +25,10 @@ def case(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> tuple[Fl
     return blocks.astype(np.float32), (affinity / affinity.sum(axis=(0, 1))).astype(np.float32), light.astype(np.float32)
 
 
+def mixed(blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, softness: float = 0.0) -> FloatArray:
+    return propagate(blocks, affinity, light, pattern, PropagationSettings(softness), whole(pattern, light.shape))
+
+
 def expected(
     blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, softness: float = 0.0
 ) -> DoubleArray:
@@ -37,7 +41,7 @@ def expected(
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], softness: float) -> None:
     blocks, affinity, light = case(pattern, shape)
     affinity[0, 0, 1::3] = -0.01  # as a solver may leave it
-    found = propagate(blocks, affinity, light, pattern, PropagationSettings(softness))
+    found = mixed(blocks, affinity, light, pattern, softness)
     assert found.dtype == np.float32
     assert_close(found, expected(blocks, affinity, light, pattern, softness), FLOAT32)
 
@@ -47,7 +51,7 @@ def test_without_light_all_four_count_the_same(value: float) -> None:
     pattern, shape = CASES["odd"]
     blocks, affinity, _ = case(pattern, shape)
     light = np.full(shape, value, np.float32)
-    found = propagate(blocks, affinity, light, pattern)
+    found = mixed(blocks, affinity, light, pattern)
     assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
     top, left = geometry.first_patch(pattern)
     inside = found[: top + pattern.period, : left + pattern.period]
@@ -61,17 +65,17 @@ def test_one_lit_corner_takes_all() -> None:
     for corner, place in (((0, 0), (0, 0)), ((0, 1), (0, 5)), ((1, 0), (5, 0)), ((1, 1), (5, 5))):
         light = np.zeros((12, 12), np.float32)
         light[place] = 0.5
-        found = propagate(blocks, affinity, light, pattern)[:6, :6]
+        found = mixed(blocks, affinity, light, pattern)[:6, :6]
         assert_close(found, np.broadcast_to(blocks[corner], found.shape), FLOAT32)
 
 
 @every_case
 def test_is_a_convex_combination(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     blocks, affinity, light = case(pattern, shape)
-    found = propagate(blocks, affinity, light, pattern)
+    found = mixed(blocks, affinity, light, pattern)
     assert found.min() >= blocks.min() - FLOAT32
     assert found.max() <= blocks.max() + FLOAT32
-    even = propagate(np.full_like(blocks, 0.375), affinity, light, pattern)
+    even = mixed(np.full_like(blocks, 0.375), affinity, light, pattern)
     assert_close(even, np.full(even.shape, 0.375), FLOAT32)
 
 
@@ -79,7 +83,7 @@ def test_brightness_does_not_matter() -> None:
     pattern, shape = CASES["odd"]
     blocks, affinity, light = case(pattern, shape)
     for scale in (1e-12, 1e12):
-        found = propagate(blocks, affinity, light * np.float32(scale), pattern)
+        found = mixed(blocks, affinity, light * np.float32(scale), pattern)
         assert_close(found, expected(blocks, affinity, light, pattern), FLOAT32)
 
 
@@ -87,5 +91,5 @@ def test_inputs_are_left_as_they_were() -> None:
     pattern, shape = CASES["odd"]
     given = case(pattern, shape)
     copies = [array.copy() for array in given]
-    propagate(*given, pattern)
+    mixed(*given, pattern)
     assert all(np.array_equal(array, copy) for array, copy in zip(given, copies, strict=True))

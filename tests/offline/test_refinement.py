@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import refinement as product
-from offline.refinement import refine
+from offline.refinement import noise_level, reach, refine
 from offline.settings import RefinementSettings
+from offline.tiling import Band
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
+from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot, whole
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_light
@@ -26,6 +26,13 @@ def case(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02
     initial = np.random.default_rng(6).uniform(0.1, 1.0, (*shape, len(pattern.channels)))
     light = luminance_of(materials(shape, len(pattern.channels)), gamma_of(pattern))
     return initial.astype(np.float32), light.astype(np.float32), shot(pattern, shape, sigma)
+
+
+def refined(
+    initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings, band: Band | None = None
+) -> FloatArray:
+    period, sigma = mosaic.pattern.period, noise_level(light, mosaic)
+    return refine(initial, light, period, sigma, settings, band or whole(mosaic.pattern, mosaic.shape))
 
 
 def expected(initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings) -> DoubleArray:
@@ -44,7 +51,7 @@ def expected(initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: R
 @pytest.mark.parametrize("sigma", [None, 0.0005, 0.02])
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
     initial, light, mosaic = case(pattern, shape, sigma)
-    found = refine(initial, light, mosaic, PAPER)
+    found = refined(initial, light, mosaic, PAPER)
     assert found.dtype == np.float32
     assert_close(found, expected(initial, light, mosaic, PAPER), FLOAT32)
 
@@ -63,44 +70,45 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma
 )
 def test_equals_the_reference_at_other_settings(settings: RefinementSettings) -> None:
     initial, light, mosaic = case(*CASES["odd"])
-    assert_close(refine(initial, light, mosaic, settings), expected(initial, light, mosaic, settings), 2 * FLOAT32)
+    assert_close(refined(initial, light, mosaic, settings), expected(initial, light, mosaic, settings), 2 * FLOAT32)
 
 
 def test_equals_the_reference_where_light_is_black_or_below() -> None:
     initial, light, mosaic = case(*CASES["odd"])
     light[::3] = 0.0
     light[:, ::4] = -0.05
-    assert_close(refine(initial, light, mosaic, PAPER), expected(initial, light, mosaic, PAPER), FLOAT32)
+    assert_close(refined(initial, light, mosaic, PAPER), expected(initial, light, mosaic, PAPER), FLOAT32)
 
 
 @pytest.mark.parametrize("rows", [1, 5, 8, 1000])
-def test_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
+def test_bands_leave_no_trace(rows: int) -> None:
     initial, light, mosaic = case(*CASES["odd"])
-    whole = refine(initial, light, mosaic, PAPER)
-    monkeypatch.setattr(product, "_PIECE", rows)
-    assert np.array_equal(refine(initial, light, mosaic, PAPER), whole)
+    look, height = reach(mosaic.pattern.period, PAPER), len(light)
+    steps = [Band((0, 0), (top, min(top + rows, height)), max(top - look, 0)) for top in range(0, height, rows)]
+    parts = [refined(initial[band.first : band.rows[1] + look], light, mosaic, PAPER, band) for band in steps]
+    assert np.array_equal(np.concatenate(parts), refined(initial, light, mosaic, PAPER))
 
 
 def test_noise_is_panchromatic_noise_at_the_mean_luminance() -> None:
     initial, light, mosaic = case(*CASES["odd"])
     noise = NoiseModel((9.0, 9.0, 9.0, 3e-5), (9.0, 9.0, 9.0, 1e-3))
     loud = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=noise))
-    found = refine(initial, light, loud, PAPER)
+    found = refined(initial, light, loud, PAPER)
     assert_close(found, expected(initial, light, loud, PAPER), FLOAT32)
     sigma = float(np.hypot(1e-3, np.sqrt(3e-5 * light.mean(dtype=np.float64))))
     plain = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=NoiseModel.gaussian(sigma, 4)))
-    assert_close(found, refine(initial, light, plain, PAPER), FLOAT32)
+    assert_close(found, refined(initial, light, plain, PAPER), FLOAT32)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0])
 def test_without_light_nothing_changes(value: float) -> None:
     initial, _, mosaic = case(*CASES["odd"])
-    assert np.array_equal(refine(initial, np.full(mosaic.shape, value, np.float32), mosaic, PAPER), initial)
+    assert np.array_equal(refined(initial, np.full(mosaic.shape, value, np.float32), mosaic, PAPER), initial)
 
 
 def test_no_repetitions_change_nothing() -> None:
     initial, light, mosaic = case(*CASES["odd"])
-    assert np.array_equal(refine(initial, light, mosaic, RefinementSettings(repetitions=0)), initial)
+    assert np.array_equal(refined(initial, light, mosaic, RefinementSettings(repetitions=0)), initial)
 
 
 def test_without_noise_only_equals_are_averaged() -> None:
@@ -108,13 +116,13 @@ def test_without_noise_only_equals_are_averaged() -> None:
     pattern, shape = CASES["odd"]
     initial, _, mosaic = case(pattern, shape, sigma=0.0)
     light = np.random.default_rng(1).uniform(0.5, 1.0, shape).astype(np.float32)
-    assert_close(refine(initial, light, mosaic, PAPER), initial, FLOAT32)
+    assert_close(refined(initial, light, mosaic, PAPER), initial, FLOAT32)
 
 
 def test_even_light_is_a_plain_mean_over_the_window() -> None:
     pattern, shape = CASES["period 4"]
     initial, _, mosaic = case(pattern, shape)
-    found = refine(initial, np.ones(shape, np.float32), mosaic, RefinementSettings(repetitions=1))
+    found = refined(initial, np.ones(shape, np.float32), mosaic, RefinementSettings(repetitions=1))
     assert_close(found[6, 7], initial[4:9, 5:10].mean(axis=(0, 1), dtype=np.float64), FLOAT32)
 
 
@@ -124,14 +132,14 @@ def test_the_constraint_survives(pattern: CfaPattern, shape: tuple[int, int]) ->
     initial, light, mosaic = case(pattern, shape)
     gamma = np.array(gamma_of(pattern))
     initial = (initial / (initial @ gamma)[..., None]).astype(np.float32)
-    found = refine(initial, light, mosaic, PAPER)
+    found = refined(initial, light, mosaic, PAPER)
     assert_close(found @ gamma, np.ones(shape), FLOAT32)
 
 
 def test_inputs_are_left_as_they_were() -> None:
     initial, light, mosaic = case(*CASES["odd"])
     copies = initial.copy(), light.copy()
-    found = refine(initial, light, mosaic, PAPER)
+    found = refined(initial, light, mosaic, PAPER)
     assert np.array_equal(initial, copies[0])
     assert np.array_equal(light, copies[1])
     assert not np.shares_memory(found, initial)

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, RenderSettings, render
-from offline.settings import AffinitySettings
+from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
+from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings, PoolingPass
+from offline.tiling import Band
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError
+from shared.progress import Progress
 from shared.sensor import simulate_additive
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import render as reference
@@ -143,12 +145,13 @@ def test_the_presets() -> None:
     assert np.array_equal(render(mosaic).rgb, render(mosaic, BEST).rgb)
 
 
-class Listener:
+class Listener(Progress):
     """Notes what it is told."""
 
     def __init__(self) -> None:
         self.steps: dict[str, int] = {}
         self.done: Counter[str] = Counter()
+        self.parts: list[str] = []
 
     def stage(self, name: str, steps: int) -> None:
         assert name not in self.steps
@@ -157,15 +160,43 @@ class Listener:
     def advance(self, steps: int = 1) -> None:
         self.done[list(self.steps)[-1]] += steps
 
+    def part(self, name: str) -> None:
+        self.parts.append(name)
+
 
 def test_progress_is_reported_stage_by_stage() -> None:
     listener = Listener()
     mosaic = shot(*CASES["odd"])
     assert np.array_equal(render(mosaic, PAPER, listener).rgb, render(mosaic, PAPER).rgb)
-    assert list(listener.steps) == ["luminance", "chromaticity", "affinity", "refinement"]
+    assert list(listener.steps) == ["luminance", "chromaticity", "colour"]
+    assert listener.parts == ["affinity", "propagation", "refinement"] * listener.steps["colour"]
     assert listener.done["luminance"] == listener.steps["luminance"]
-    assert listener.done["refinement"] == listener.steps["refinement"]
+    assert listener.done["colour"] == listener.steps["colour"]
     assert all(0 < listener.done[name] <= steps for name, steps in listener.steps.items())
+
+
+@pytest.mark.parametrize("case", ["paper", "period 3"])
+def test_solvers_say_what_they_did(case: str) -> None:
+    """As often as they were asked to, or until nothing was left to do; the same for bands, of which the worst counts."""
+    pattern, _ = CASES[case]
+    mosaic, log = shot(pattern, (500, 40)), SolverLog()
+    found, bands = render(mosaic, PAPER).solvers, list(render_bands(mosaic, PAPER, log))
+    assert len(bands) > 1
+    assert found == log.solvers
+    assert list(found) == ["luminance", "medians", "affinity"]
+    assert found["luminance"].iterations == PAPER.luminance.iterations
+    assert 0 < found["luminance"].residual < FILLED
+    assert (found["medians"].residual == 0) == (found["medians"].iterations < PAPER.chromaticity.repetitions)
+    assert 0 < found["affinity"].residual <= PAPER.affinity.tolerance
+    tight = render(mosaic, TIGHT).solvers["affinity"]
+    assert found["affinity"].iterations < tight.iterations <= PAPER.affinity.iterations
+    assert tight.residual <= TIGHT.affinity.tolerance
+    few = render(
+        mosaic, replace(PAPER, luminance=LuminanceSettings(iterations=3), chromaticity=ChromaticitySettings(repetitions=1))
+    )
+    assert few.solvers["luminance"].residual > 10 * found["luminance"].residual
+    assert few.solvers["medians"].iterations == 1
+    assert 0 < few.solvers["medians"].residual <= 1
 
 
 # ---- no dead knobs, no dead stages
@@ -189,7 +220,7 @@ MOVED: dict[str, dict[str, Change]] = {
         "radius": (1, 0.2),
     },
     "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "trust": (1e3, None)},
-    "pooling": {"passes": (((1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "doubt": (0.0, 0.02)},
+    "pooling": {"passes": ((PoolingPass(1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "doubt": (0.0, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
@@ -252,9 +283,9 @@ def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> 
     assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
 
 
-def even_affinities(luminance: FloatArray, pattern: CfaPattern, *_: Any) -> FloatArray:
-    down, across = pattern.grid((luminance.shape[0], luminance.shape[1])).patches
-    return np.full((2, 2, down * pattern.period, across * pattern.period), 0.25, np.float32)
+def even_affinities(luminance: FloatArray, pattern: CfaPattern, _: Any, band: Band, *__: Any) -> FloatArray:
+    (first, end), across = band.patches, pattern.grid((luminance.shape[0], luminance.shape[1])).patches[1]
+    return np.full((2, 2, (end - first) * pattern.period, across * pattern.period), 0.25, np.float32)
 
 
 def grey_blocks(mosaic: Mosaic, *_: Any) -> FloatArray:
@@ -278,18 +309,20 @@ NEUTRAL: dict[str, Callable[..., Any]] = {
     "pool_blocks": lambda measured, *_: measured,
     "solve_affinities": even_affinities,
     "propagate": mean_block,
+    "noise_level": lambda *_: 0.0,
     "refine": lambda initial, *_: initial,
 }
 
 
 def test_every_stage_of_the_page_has_a_neutral_one() -> None:
-    called = {name for name in render.__code__.co_names if isfunction(getattr(PAGE, name, None))}
-    assert called == set(NEUTRAL)
+    named = {name for page in (PAGE.measure, PAGE.spread) for name in page.__code__.co_names}
+    cut = {"bands", "reach"}  # where bands are cut leaves no trace
+    assert {name for name in named if isfunction(getattr(PAGE, name, None))} == {*NEUTRAL, *cut}
 
 
 # In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
 DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
-IDLE = {"paper": {*DAMAGED, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"refine"}}
+IDLE = {"paper": {*DAMAGED, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
 
 
 @pytest.mark.parametrize(

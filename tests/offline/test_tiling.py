@@ -1,14 +1,14 @@
 """Rendered in bands: the same bytes, every row once."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, band_rows, render, render_bands
+from offline import BEST, PAPER, render, render_bands
 from offline import tiling as product
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import RefinementSettings, RenderSettings
 from offline.tiling import bands, domain_places
 from shared import CfaPattern, Mosaic
@@ -59,7 +59,7 @@ def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
 
 def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
     mosaic = shot(CfaPattern.bayer(6, origin=(1, 0)), (290, 3500))
-    assert band_rows(mosaic, PAPER) == 120 + 2 * 6
+    assert max(band.patches[1] - band.patches[0] for band in bands(mosaic.pattern.grid(mosaic.shape), 6)) == 120 // 6
     assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
@@ -73,27 +73,25 @@ def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
 
 @pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 @pytest.mark.parametrize("period", [4, 6])
-def test_threads_leave_no_trace(period: int, settings: RenderSettings) -> None:
+def test_threads_leave_no_trace(period: int, settings: RenderSettings, each_thread_count: Iterator[int]) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), (301, 290))
     whole = render(mosaic, settings)
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            again = render(mosaic, settings)
-            for name in ("rgb", "luminance", "chromaticity"):
-                assert np.array_equal(getattr(again, name), getattr(whole, name))
-            assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
-    finally:
-        use_threads(before)
+    for _ in each_thread_count:
+        again = render(mosaic, settings)
+        for name in ("rgb", "luminance", "chromaticity"):
+            assert np.array_equal(getattr(again, name), getattr(whole, name))
+        assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
 
 
 @pytest.mark.parametrize("reach", [0, 6, 300])
 @pytest.mark.parametrize("core", [8, 20, 44])
 @pytest.mark.parametrize(("pattern", "shape"), frames(12, 900, seed=6))
-def test_bands_cover_every_row_and_patch_once(pattern: CfaPattern, shape: tuple[int, int], core: int, reach: int) -> None:
+def test_bands_cover_every_row_and_patch_once(
+    pattern: CfaPattern, shape: tuple[int, int], core: int, reach: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     grid = pattern.grid(shape)
-    found = bands(grid, core, reach)
+    monkeypatch.setattr(product, "core_patches", lambda _: core)
+    found = bands(grid, reach)
     (above, _), _ = grid.padding
     assert (found[0].patches[0], found[-1].patches[1]) == (0, grid.patches[0])
     assert (found[0].rows[0], found[-1].rows[1]) == (0, shape[0])
@@ -103,7 +101,7 @@ def test_bands_cover_every_row_and_patch_once(pattern: CfaPattern, shape: tuple[
         assert (band.patches[1] - band.patches[0]) * grid.period >= product._BAND
         assert band.rows[0] <= band.rows[1] == following.rows[0]
         assert band.rows[1] + reach <= band.patches[1] * grid.period - above or band.rows[0] == band.rows[1]
-        assert band.kept == max(following.rows[0] - reach, 0)
+        assert following.first == max(following.rows[0] - reach, 0)
 
 
 def test_the_domain_is_the_frame_mirrored_twice() -> None:

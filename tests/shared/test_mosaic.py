@@ -43,6 +43,8 @@ def test_codes_and_scene_units_invert_each_other() -> None:
     again = Mosaic(mosaic.signal, PATTERN, CALIBRATION)
     assert np.array_equal(again.codes, mosaic.samples)
     assert np.array_equal(again.signal, mosaic.signal)
+    assert np.array_equal(mosaic.in_scene_units().samples, mosaic.signal)
+    assert again.in_scene_units() is again
 
 
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])

@@ -19,8 +19,8 @@ from tests.data import ROOT
 from tests.tools.command import PROGRAM, assert_refused, names, results, run, spawn
 from tools import cli
 from tools.commands import inspect
-from tools.host import console
 from tools.host.console import Console, one_line
+from tools.host.progress import LineProgress
 
 SHOT = "builtin-24x18.dng"
 
@@ -189,14 +189,14 @@ def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) 
 def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    begin = console.LineProgress.stage
+    begin = LineProgress.stage
 
-    def interrupted(self: console.LineProgress, name: str, steps: int) -> None:
+    def interrupted(self: LineProgress, name: str, steps: int) -> None:
         begin(self, name, steps)
         if name == stage:
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(console.LineProgress, "stage", interrupted)
+    monkeypatch.setattr(LineProgress, "stage", interrupted)
     outcome = run("render", shots / SHOT, "-o", out, "--json")
     assert outcome.code == 130
     assert outcome.out == ""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from .console import StageProgress
+from .progress import StageProgress
 
 
 @contextmanager

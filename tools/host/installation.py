@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
 
 from shared.errors import PanchromaError
 from shared.writing import write_durably
@@ -136,8 +135,9 @@ def _kernels() -> Iterator[Finding]:
     """Numba keeps compiled kernels beside the sources, in NUMBA_CACHE_DIR, or in the user's cache folder."""
     remedy = "set NUMBA_CACHE_DIR to a folder that you may write to: without it every run compiles again, for a minute"
     try:
-        kernels: Any = importlib.import_module("offline.kernels.medians")
-        folder = Path(kernels.oriented_median._cache.cache_path)
+        from offline import kernel_cache
+
+        folder = kernel_cache()
     except ModuleNotFoundError:  # reported with the packages
         return
     except Exception as error:  # Numba finds no place for its cache

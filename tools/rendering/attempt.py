@@ -4,15 +4,15 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
 
 from shared.errors import ForeignFileError, InputError, OutputError
 from tools.host.compilation import announced_compilation
-from tools.host.console import StageProgress
 from tools.host.jobs import file_status, identity, reason, refuse_existing
+from tools.host.progress import StageProgress
 
 from .journal import Entry, Journal, digest
 from .lock import output_lock
@@ -120,7 +120,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
             entry = Entry(order.name(output), digest(part) or "", existing.key, order.run, absolute)
             return _JOURNAL_WRITER.submit(_journal(order.folder).append, entry).result
 
-        render_to(
+        solved = render_to(
             output,
             mosaic,
             order.kind,
@@ -133,7 +133,9 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     seconds = time.monotonic() - start
     rows, columns = mosaic.shape
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
-    return Outcome("made", line, {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3)})
+    solvers = {name: asdict(each) for name, each in solved.items()}
+    facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3), "solvers": solvers}
+    return Outcome("made", line, facts)
 
 
 # Journal and picture are fsynced at the same time: for small pictures this is most of the time that a file takes.

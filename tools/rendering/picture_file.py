@@ -1,47 +1,41 @@
-"""One mosaic -> one picture file, within a limit of memory: TIFF in bands, straight to the disk, other formats as a whole."""
+"""Render a mosaic to a picture file within a limit of memory: TIFF band by band, straight to the disk, other formats as a whole."""
 
-from collections.abc import Iterator
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shared import Mosaic
-from shared.arrays import FloatArray, strips
 from shared.errors import InputError
+from shared.progress import Progress
 from shared.writing import OnComplete
-from tools.host.console import StageProgress
 from tools.host.memory import format_bytes
 from tools.pictures.band_writer import FORMAT, write_picture_bands
 from tools.pictures.writer import PictureKind, write_picture
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
+    from offline import RenderSettings, Solved
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
 _PROGRAM = 250 * 2**20  # with its libraries and kernels
-_MOSAIC, _LUMINANCE = 6.0, 5.0  # per pixel: codes and signal, and what is made of them
-_BLOCK = 220.0  # per colour block, while their chromaticities are estimated
-_BAND = 48.0, 28.0  # per pixel of a band, and per channel of it: four fields, then the same rows at several stages
+_MOSAIC = 2.0  # per pixel: sensor codes
 _ENCODING = {"png": 36.0, "jpg": 20.0, "dng": 30.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself
 
 
 def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings") -> int:
-    """Bytes that the program needs to render such a file of a mosaic, roughly, but rather more than it will."""
-    from offline import band_rows
+    """Bytes that the whole program needs to render a mosaic to such a file; rather more than it will use."""
+    from offline import rendering_memory
 
-    (height, width), channels = mosaic.shape, len(mosaic.pattern.channels)
-    pixels = height * width
-    picture = 0 if kind.format == FORMAT else 4 * channels * pixels
-    blocks = _BLOCK * pixels / mosaic.pattern.period**2
-    band = (_BAND[0] + _BAND[1] * channels) * min(band_rows(mosaic, settings), height) * width
-    rendering = _LUMINANCE * pixels + max(blocks, band)
+    pixels = mosaic.shape[0] * mosaic.shape[1]
+    picture = 0 if kind.format == FORMAT else 4 * len(mosaic.pattern.channels) * pixels
     encoding = _ENCODING.get(kind.format, 0.0) * pixels
-    return round(_PROGRAM + _MOSAIC * pixels + picture + max(rendering, encoding))
+    return round(_PROGRAM + _MOSAIC * pixels + picture + max(rendering_memory(mosaic, settings), encoding))
 
 
 def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int) -> None:
-    """Raise InputError when rendering such a file needs more than `limit` bytes."""
+    """Raise InputError when rendering a mosaic to such a file needs more than `limit` bytes."""
     need = needed_memory(mosaic, kind, settings)
     if need <= limit:
         return
@@ -61,67 +55,47 @@ def render_to(
     mosaic: Mosaic,
     kind: PictureKind,
     settings: "RenderSettings",
-    progress: StageProgress,
+    progress: Progress,
     *,
     exposure: float,
     overwrite: bool,
     on_complete: OnComplete | None = None,
-) -> None:
-    """Render a mosaic and write the picture, whole or not at all. on_complete: see `durable_file`."""
-    from offline import render_bands
+) -> "Mapping[str, Solved]":
+    """Render a mosaic and write the picture, whole or not at all. Returns what the solvers did (`offline.Rendering.solvers`).
 
-    bands = render_bands(mosaic, settings, progress)
-    calibration, metadata = mosaic.calibration, mosaic.metadata
+    exposure: stops by which the picture is brightened.
+    overwrite: replace an existing file.
+    on_complete: see `shared.writing.durable_file`.
+    """
+    from offline import SolverLog, render_bands
+
+    log = SolverLog(progress)
+    bands = render_bands(mosaic, settings, log)
     if kind.format == FORMAT:
-        write_picture_bands(
-            output,
-            bands,
-            mosaic.shape,
-            kind,
-            calibration=calibration,
-            metadata=metadata,
-            exposure=exposure,
-            overwrite=overwrite,
-            on_complete=on_complete,
-        )
-        return
-    rgb = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32)
-    _fill(rgb, bands)
-    progress.stage("writing", 1)
-    write_picture(
-        output,
-        rgb,
-        kind,
-        calibration=calibration,
-        metadata=metadata,
-        exposure=exposure,
-        overwrite=overwrite,
-        on_complete=on_complete,
-    )
-
-
-def _fill(rgb: FloatArray, bands: Iterator[FloatArray]) -> None:
-    top = 0
-    for band in bands:
-        rgb[top : top + len(band)] = band
-        top += len(band)
+        write = partial(write_picture_bands, output, bands, mosaic.shape, kind)
+    else:
+        rgb, top = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0
+        for band in bands:
+            rgb[top : top + len(band)] = band
+            top += len(band)
+        progress.stage("writing", 1)
+        write = partial(write_picture, output, rgb, kind)
+    write(calibration=mosaic.calibration, metadata=mosaic.metadata, exposure=exposure, overwrite=overwrite, on_complete=on_complete)
+    return log.solvers
 
 
 def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
     """Raise InputError for a frame that holds no picture for these settings: all black, or all saturated.
 
-    Where luminance is restored from colour samples, it takes these to be saturated as well.
+    Settings that restore luminance from the colour samples accept a frame until these are saturated as well.
     """
-    panchromatic, (height, width) = len(mosaic.pattern.channels), mosaic.shape
-    lowest, highest = [], []
-    for rows in strips(height):
-        planes = mosaic.pattern.filter_map((rows.stop - rows.start, width), (rows.start, 0))
-        measured = mosaic.signal[rows][planes == panchromatic]
-        if measured.size:
-            lowest.append((mosaic.signal[rows] if settings.highlights.restored else measured).min())
-            highest.append(measured.max())
-    if highest and max(highest) <= 0:
+    codes, calibration = mosaic.codes, mosaic.calibration
+    measured = codes[mosaic.pattern.panchromatic_mask(mosaic.shape)]
+    if not measured.size:
+        return
+    if measured.max() <= calibration.black_level[-1]:
         raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
-    if lowest and min(lowest) >= mosaic.calibration.full_scale:
-        which = "sample" if settings.highlights.restored else "panchromatic sample"
+    restored = settings.highlights.restored
+    if (codes if restored else measured).min() >= calibration.white_level:
+        which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")

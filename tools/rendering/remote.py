@@ -9,9 +9,9 @@ from functools import partial
 from typing import Any
 
 from tools.host.cluster import everywhere, run
-from tools.host.console import StageProgress
 from tools.host.jobs import reason
 from tools.host.memory import allowed_memory
+from tools.host.progress import StageProgress
 
 from .attempt import attempt
 from .order import Note, Order, Outcome, Share

@@ -8,11 +8,12 @@ from functools import partial
 
 from shared.errors import PanchromaError
 from tools.host import worker_pool
-from tools.host.console import Console, StageProgress
+from tools.host.console import Console
 from tools.host.countdown import Countdown
 from tools.host.jobs import fail, file_status, identity, refuse_existing, refuse_loss
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
+from tools.host.progress import StageProgress
 
 from .attempt import attempt
 from .order import Note, Order, Outcome, Share

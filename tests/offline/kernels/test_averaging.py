@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from offline.gaussian import gaussian
 from offline.kernels.averaging import average
 from offline.kernels.compile import available_threads
-from offline.refinement import gaussian
 from shared.arrays import FloatArray
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close

@@ -1,15 +1,18 @@
 """Fields of many regions against those of the whole frame."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline import affinity as product
-from offline.affinity import solve_affinities, solve_patches
-from offline.kernels.compile import available_threads, threads, use_threads
+from offline.affinity import solve_affinities
 from offline.settings import AffinitySettings
+from offline.tiling import Band, core_patches
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
+from tests.offline.scenes import whole
 from tests.reference import affinity as reference
 from tests.reference.compare import assert_close
 
@@ -28,7 +31,8 @@ def light_of(shape: tuple[int, int], seed: int = 0) -> FloatArray:
     return light
 
 
-def compare(found: FloatArray, light: FloatArray, pattern: CfaPattern) -> None:
+def compare(light: FloatArray, pattern: CfaPattern) -> None:
+    found = solve_affinities(light, pattern, TIGHT, whole(pattern, light.shape))
     expected = reference.fields(light.astype(np.float64), pattern, TIGHT.scales)
     assert_close(found, expected, CUT)
     assert np.sqrt(np.mean((found - expected) ** 2)) < CUT_RMS
@@ -39,7 +43,7 @@ def test_small_regions_equal_the_whole_frame(pattern: CfaPattern, shape: tuple[i
     """Cores of three patches: nine times as many borders as there will ever be."""
     light = light_of(shape)
     monkeypatch.setattr(product, "core_patches", lambda _: 3)
-    compare(solve_affinities(light, pattern, TIGHT), light, pattern)
+    compare(light, pattern)
 
 
 @pytest.mark.parametrize(("period", "shape"), [(6, (139, 131)), (8, (91, 150))])
@@ -47,26 +51,21 @@ def test_regions_equal_the_whole_frame(period: int, shape: tuple[int, int]) -> N
     light = light_of(shape, seed=1)
     pattern = CfaPattern.bayer(period, origin=(2, 3))
     down, across = pattern.grid(shape).patches
-    assert max(down, across) > product.core_patches(period)
-    compare(solve_affinities(light, pattern, TIGHT), light, pattern)
+    assert max(down, across) > core_patches(period)
+    compare(light, pattern)
 
 
 @pytest.mark.parametrize("period", [3, 6])
-def test_rows_of_patches_and_threads_leave_no_trace(period: int) -> None:
+def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_count: Iterator[int]) -> None:
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = light_of(shape)
-    whole = solve_affinities(light, pattern, AffinitySettings())
-    (down, _), core = pattern.grid(shape).patches, product.core_patches(period)
+    entire = solve_affinities(light, pattern, AffinitySettings(), whole(pattern, shape))
+    (down, _), core = pattern.grid(shape).patches, core_patches(period)
     assert down > 2 * core
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            parts = [
-                solve_patches(light, pattern, AffinitySettings(), (first, min(first + core, down)))
-                for first in range(0, down, core)
-            ]
-            assert np.array_equal(np.concatenate(parts, axis=2), whole)
-    finally:
-        use_threads(before)
-    assert_close(whole.sum(axis=(0, 1)), np.ones(whole.shape[2:]), SUM)
+    for _ in each_thread_count:
+        parts = [
+            solve_affinities(light, pattern, AffinitySettings(), Band((first, min(first + core, down)), (0, 0), 0))
+            for first in range(0, down, core)
+        ]
+        assert np.array_equal(np.concatenate(parts, axis=2), entire)
+    assert_close(entire.sum(axis=(0, 1)), np.ones(entire.shape[2:]), SUM)

@@ -1,10 +1,11 @@
 """Filling block by block is filling the plane, where blocks are alone."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline import luminance as product
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.luminance import fill, recover_luminance
 from offline.settings import LuminanceSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
@@ -26,7 +27,7 @@ def mosaic_of(pattern: CfaPattern, shape: tuple[int, int], scale: float = 1.0, s
 
 def whole_plane(mosaic: Mosaic) -> FloatArray:
     holes = mosaic.pattern.filter_map(mosaic.shape) < len(mosaic.pattern.channels)
-    return fill(mosaic.signal, holes, THRESHOLDS)
+    return fill(mosaic.signal, holes, THRESHOLDS)[0]
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(18, 330, seed=1))
@@ -54,22 +55,17 @@ def test_equals_the_reference_at_extreme_values(period: int, scale: float) -> No
 
 def test_the_fast_path_is_taken() -> None:
     """Where blocks are alone: from period 6 for 2 x 2 of them, except next to the frame's edge."""
-    assert len(product._alone(CfaPattern.bayer(5), (100, 100), 0)) == 0
-    assert product._alone(CfaPattern.bayer(6, origin=(3, 0)), (24, 24), 0).tolist() == [9, 15]
-    assert product._alone(CfaPattern.bayer(6, origin=(4, 0)), (34, 34), 0).tolist() == [4, 10, 16, 22, 28]
-    assert len(product._alone(CfaPattern.with_block(("RGB", "XWY"), 6), (60, 60), 1)) == 0
-    assert len(product._alone(CfaPattern.with_block(("RGB", "XWY"), 7), (60, 60), 1)) > 0
+    assert len(product._isolated(CfaPattern.bayer(5), (100, 100), 0)) == 0
+    assert product._isolated(CfaPattern.bayer(6, origin=(3, 0)), (24, 24), 0).tolist() == [9, 15]
+    assert product._isolated(CfaPattern.bayer(6, origin=(4, 0)), (34, 34), 0).tolist() == [4, 10, 16, 22, 28]
+    assert len(product._isolated(CfaPattern.with_block(("RGB", "XWY"), 6), (60, 60), 1)) == 0
+    assert len(product._isolated(CfaPattern.with_block(("RGB", "XWY"), 7), (60, 60), 1)) > 0
 
 
 @pytest.mark.parametrize("period", [4, 6, 8])
-def test_threads_and_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, period: int) -> None:
+def test_threads_and_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, period: int, each_thread_count: Iterator[int]) -> None:
     mosaic = mosaic_of(CfaPattern.bayer(period, origin=(2, 1)), (163, 201))
     whole = recover_luminance(mosaic, SETTINGS)
     monkeypatch.setattr(product, "_PIECE", 3)
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            assert np.array_equal(recover_luminance(mosaic, SETTINGS), whole)
-    finally:
-        use_threads(before)
+    for _ in each_thread_count:
+        assert np.array_equal(recover_luminance(mosaic, SETTINGS), whole)

@@ -46,7 +46,7 @@ def test_every_preset_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert list(record["stages"]) == list(record["times_as_fast_as"]) == ["paper", "best"]
     assert [name for name in record["seconds"] if name.startswith("best")] == ["best", "best, band by band"]
     for stages in record["stages"].values():
-        assert list(stages) == ["luminance", "chromaticity", "affinity", "refinement"]
+        assert list(stages) == ["luminance", "chromaticity", "affinity", "propagation", "refinement"]
     for name in ("paper", "best"):
         for number, whole in enumerate(record["seconds"][name]):
             assert 0 < sum(stage[number] for stage in record["stages"][name].values()) <= whole

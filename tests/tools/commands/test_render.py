@@ -200,6 +200,9 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
     outcome = run("render", shot, "-o", out, "--json")
     (record,) = outcome.records
     assert record.pop("seconds") >= 0
+    solvers = record.pop("solvers")
+    assert list(solvers) == ["luminance", "medians", "affinity"]
+    assert all(0 < each["iterations"] <= 100 and 0 <= each["residual"] < 1e-2 for each in solvers.values())
     assert record == {"source": str(shot), "ok": True, "output": str(out / f"{STEM}.tif"), "width": 48, "height": 36}
     assert f"{STEM}.tif: 48 x 36" in outcome.err
     assert ": luminance " in outcome.err

@@ -15,8 +15,8 @@ from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from tests.data import ROOT
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
-from tools.host.console import LineProgress, StageProgress
 from tools.host.memory import allowed_memory, available_memory, format_bytes
+from tools.host.progress import LineProgress, StageProgress
 from tools.pictures.writer import POSSIBLE, PictureKind
 from tools.rendering import picture_file as rendering
 
@@ -144,9 +144,9 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     seen = []
     genuine = rendering.render_to
 
-    def recorded(*given: Any, **named: Any) -> None:
+    def recorded(*given: Any, **named: Any) -> Any:
         seen.append(threads())
-        genuine(*given, **named)
+        return genuine(*given, **named)
 
     monkeypatch.setattr("tools.rendering.attempt.render_to", recorded)
     before = threads()

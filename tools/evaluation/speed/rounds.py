@@ -1,35 +1,45 @@
-"""Timing several things against each other: in turns, so that whatever else the machine does meets all of them alike."""
+"""Compare the speed of several functions by running them in turns, so that other load on the machine affects all alike."""
 
 import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from shared.progress import Progress
+
 Work = Callable[[], object]
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What one thing took, round by round, seconds, for a picture of `pixels` pixels."""
+    """How long one function took.
+
+    seconds: its time in each round.
+    pixels: size of the picture it worked on.
+    """
 
     seconds: tuple[float, ...]
     pixels: int
 
     @property
     def speed(self) -> tuple[float, float, float]:
-        """Megapixels a second: the least, the median, the most."""
+        """Megapixels per second: the least, the median and the most of all rounds."""
         speeds = [self.pixels / 1e6 / seconds for seconds in self.seconds]
         return min(speeds), statistics.median(speeds), max(speeds)
 
     def times_as_fast_as(self, other: "Timing") -> float:
-        """The median of the rounds' ratios: what slows a whole round down is in both halves of one."""
+        """The median over the rounds of (time of `other`) / (own time): load that slows a whole round down cancels."""
         return statistics.median(theirs / ours for ours, theirs in zip(self.seconds, other.seconds, strict=True))
 
 
 def alternate(works: Mapping[str, Work], rounds: int, done: Callable[[], None]) -> dict[str, tuple[float, ...]]:
-    """Seconds of each work in each of `rounds` rounds, after one that is not timed.
+    """Time functions in turns. Returns the seconds of each in each round.
 
-    Every other round goes backwards, so that none always follows the same one. done: called after each piece of work.
+    The first round is not timed. Every other round runs backwards, so that no function always follows the same one.
+
+    works: the functions, by name.
+    rounds: how many rounds are timed.
+    done: called after each function.
     """
     found: dict[str, list[float]] = {name: [] for name in works}
     order = list(works.items())
@@ -38,7 +48,7 @@ def alternate(works: Mapping[str, Work], rounds: int, done: Callable[[], None]) 
             start = time.perf_counter()
             result = work()
             seconds = time.perf_counter() - start
-            del result  # giving its memory back is not timed
+            del result  # freeing its memory is not timed
             if number:
                 found[name].append(seconds)
             done()
@@ -46,33 +56,39 @@ def alternate(works: Mapping[str, Work], rounds: int, done: Callable[[], None]) 
     return {name: tuple(seconds) for name, seconds in found.items()}
 
 
-class StageClock:
-    """A listener to a rendering that notes how long each of its stages takes, one run after the other."""
+class StageClock(Progress):
+    """A progress listener that measures how long each stage of a rendering takes, or each part of a stage that has parts."""
 
     def __init__(self) -> None:
         self.runs: list[dict[str, float]] = []
-        self._name, self._since = "", 0.0
+        self._stage, self._name, self._since = "", "", 0.0
 
     def stage(self, name: str, steps: int) -> None:
-        """A stage begins; the one before it has ended."""
+        """A stage begins; the stage before it has ended."""
         self._end()
-        self._name, self._since = name, time.perf_counter()
+        self._stage = self._name = name
 
-    def advance(self, steps: int = 1) -> None:
-        """Not asked."""
+    def part(self, name: str) -> None:
+        """A part begins: of every step again, so its times are added up. The first one includes the beginning of its stage."""
+        if self._name != self._stage:
+            self._end()
+        self._name = name
 
     def run(self, work: Work) -> object:
-        """Do the work, which tells this listener its stages."""
+        """Call `work`, a rendering that reports to this listener, and return its result."""
         self.runs.append({})
         result = work()
         self._end()
-        self._name = ""
+        self._stage = self._name = ""
         return result
 
     def seconds(self, rounds: int) -> dict[str, tuple[float, ...]]:
-        """Of each stage, in the last `rounds` runs."""
+        """Seconds of each stage or part in each of the last `rounds` runs."""
         return {name: tuple(run[name] for run in self.runs[-rounds:]) for name in self.runs[-1]}
 
     def _end(self) -> None:
+        now = time.perf_counter()
         if self._name:
-            self.runs[-1][self._name] = time.perf_counter() - self._since
+            run = self.runs[-1]
+            run[self._name] = run.get(self._name, 0.0) + now - self._since
+        self._since = now

@@ -44,5 +44,20 @@ def test_a_clock_tells_every_stage_of_every_run() -> None:
     rendering = [clock.run(lambda: render(mosaic, PAPER, clock)) for _ in range(3)]
     assert all(rendering)
     stages = clock.seconds(2)
-    assert list(stages) == ["luminance", "chromaticity", "affinity", "refinement"]
+    assert list(stages) == ["luminance", "chromaticity", "affinity", "propagation", "refinement"]
     assert all(len(seconds) == 2 and min(seconds) > 0 for seconds in stages.values())
+
+
+def test_parts_of_steps_are_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, clock = [0.0], StageClock()
+    monkeypatch.setattr("time.perf_counter", lambda: now[0])
+
+    def work() -> None:
+        clock.stage("colour", 2)
+        for name in "abab":
+            now[0] += 1.0
+            clock.part(name)
+        now[0] += 1.0
+
+    clock.run(work)
+    assert clock.seconds(1) == {"a": (3.0,), "b": (2.0,)}

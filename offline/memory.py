@@ -1,0 +1,30 @@
+"""How much memory the stages need, so that a program can refuse a frame before it starts."""
+
+from shared.mosaic import Mosaic
+
+from .refinement import reach
+from .settings import BEST, RenderSettings
+from .tiling import bands
+
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
+_PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, and what replaces them
+_BLOCK = 220.0  # per colour block, while their chromaticities are estimated
+_BAND, _BAND_CHANNEL = 48.0, 28.0  # per pixel of a band (four fields), and per channel of it (the same rows at several stages)
+
+
+def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
+    """Bytes that `render_bands` needs at most, beside the program, the mosaic and the picture; rather more than it will use.
+
+    >>> import numpy as np
+    >>> from offline import rendering_memory
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
+    >>> f"{rendering_memory(mosaic) / 2**20:.0f} MB"
+    '32 MB'
+    """
+    (height, width), pattern = mosaic.shape, mosaic.pattern
+    period, look = pattern.period, reach(pattern.period, settings.refinement)
+    blocks = _BLOCK * height * width / period**2
+    highest = max(band.patches[1] - band.patches[0] for band in bands(pattern.grid(mosaic.shape), look)) * period + 2 * look
+    band = (_BAND + _BAND_CHANNEL * len(pattern.channels)) * min(highest, height) * width
+    return round(_PLANES * height * width + max(blocks, band))

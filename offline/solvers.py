@@ -1,0 +1,59 @@
+"""What the iterative solvers of a rendering did: how many iterations they used, and how far they got."""
+
+from dataclasses import dataclass
+
+from shared.progress import SILENT, Progress
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What an iterative solver did; the worst case where it solved several systems.
+
+    iterations: how many it used.
+    residual: what was left after them, 0 or more. What it measures depends on the solver: see `Rendering.solvers`.
+
+    >>> from offline import Solved
+    >>> Solved(iterations=41, residual=9.7e-4).iterations
+    41
+    """
+
+    iterations: int
+    residual: float
+
+
+class SolverLog(Progress):
+    """A progress listener that keeps what the solvers did, and passes everything on to another listener.
+
+    solvers: what each solver did so far, by its name (see `Rendering.solvers`).
+
+    >>> import numpy as np
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> from offline import PAPER, SolverLog, render_bands
+    >>> log = SolverLog()
+    >>> rows = sum(len(band) for band in render_bands(mosaic, PAPER, log))
+    >>> log.solvers["luminance"].iterations
+    50
+    """
+
+    def __init__(self, progress: Progress = SILENT) -> None:
+        self.solvers: dict[str, Solved] = {}
+        self._progress = progress
+
+    def stage(self, name: str, steps: int) -> None:
+        """Pass it on."""
+        self._progress.stage(name, steps)
+
+    def advance(self, steps: int = 1) -> None:
+        """Pass it on."""
+        self._progress.advance(steps)
+
+    def part(self, name: str) -> None:
+        """Pass it on."""
+        self._progress.part(name)
+
+    def solved(self, solver: str, iterations: int, residual: float) -> None:
+        """Keep the worst of what this solver reported, and pass it on."""
+        before = self.solvers.get(solver, Solved(0, 0.0))
+        self.solvers[solver] = Solved(max(iterations, before.iterations), max(residual, before.residual))
+        self._progress.solved(solver, iterations, residual)

@@ -1,0 +1,115 @@
+"""How a terminal or a log shows the progress of long work."""
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from shared.progress import Progress
+
+from .console import to_stderr
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
+
+_BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
+
+
+class StageProgress(Progress):
+    """A listener that shows nothing. Leaving its `with` block ends the display."""
+
+    _title = _name = ""  # of the work, and of its current stage
+
+    def _label(self) -> str:
+        return f"{self._title}: {self._name}" if self._name else self._title
+
+    def begin(self, steps: int) -> None:
+        """Begin work of `steps` steps that has no stages."""
+
+    def remark(self, text: str) -> None:
+        """Say in words how far it is."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """End the display."""
+
+
+class LineProgress(StageProgress):
+    """One plain line per finished stage with the seconds it took, for logs and pipes."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._since = 0.0
+        self._remarked = time.monotonic()
+
+    def remark(self, text: str) -> None:
+        """Print the remark, if the last one is some seconds old."""
+        if time.monotonic() - self._remarked >= _BETWEEN_REMARKS:
+            self._remarked = time.monotonic()
+            to_stderr(f"{self._label()}, {text}")
+
+    def stage(self, name: str, steps: int) -> None:
+        """Print the time that the stage before took."""
+        self._end()
+        self._name, self._since = name, time.monotonic()
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if kind is None:
+            self._end()
+
+    def _end(self) -> None:
+        if self._name:
+            to_stderr(f"{self._title}: {self._name} {time.monotonic() - self._since:.1f} s")
+
+
+class BarProgress(StageProgress):
+    """A bar per file that shows the current stage."""
+
+    def __init__(self, title: str, display: "RichProgress") -> None:
+        self._title = title
+        self._display = display
+        self._task: TaskID = display.add_task(title, total=None)
+
+    def __enter__(self) -> Self:
+        self._display.start()
+        return self
+
+    def stage(self, name: str, steps: int) -> None:
+        """Restart the bar under this name."""
+        self._name = name
+        self._display.reset(self._task, total=steps, description=f"{self._title}: {name}")
+
+    def begin(self, steps: int) -> None:
+        """Start the bar under the title alone."""
+        self._display.reset(self._task, total=steps, description=self._title)
+
+    def remark(self, text: str) -> None:
+        """Show the remark beside the bar."""
+        self._display.update(self._task, description=f"{self._label()}, {text}")
+
+    def advance(self, steps: int = 1) -> None:
+        """Let the bar grow."""
+        self._display.advance(self._task, steps)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._display.remove_task(self._task)
+        self._display.stop()
+
+
+def rich_display() -> "RichProgress":
+    """The display of all bars of a terminal, not yet started."""
+    import rich.console
+    import rich.progress
+
+    columns = (
+        rich.progress.TextColumn("{task.description}", markup=False),
+        rich.progress.BarColumn(),
+        rich.progress.TimeElapsedColumn(),
+    )
+    # rich would print to stderr, above the bar, what goes to stdout: right only where both are the same terminal.
+    return rich.progress.Progress(
+        *columns, console=rich.console.Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
+    )
