@@ -22,9 +22,9 @@ from device.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
+from tests.browser import CHROMIUM, Browser
 from tests.data import ROOT
 from tests.device.packer import random_codes
-from tests.tools.browser import CHROMIUM, Browser
 from tools.cli import main
 from tools.commands.view import _scale
 from tools.live.server import ViewfinderServer
