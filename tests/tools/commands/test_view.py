@@ -22,7 +22,7 @@ from device.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
-from tests.browser import CHROMIUM, Browser
+from tests.browser import Browser
 from tests.data import ROOT
 from tests.device.packer import random_codes
 from tools.cli import main
@@ -390,13 +390,12 @@ def test_a_camera_that_breaks_off_ends_it() -> None:
     assert "ended in the middle of a frame, 5 bytes after 1 whole ones" in told
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 @pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (1280, 860, True), (390, 844, False), (390, 844, True)])
 def test_in_a_browser(tmp_path: Path, width: int, height: int, dark: bool) -> None:
     """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a lost camera is told."""
     out = tmp_path / "out"
     out.mkdir()
-    with Command("-o", str(out)) as command, Browser(tmp_path / "profile", width, height, dark=dark) as browser:
+    with Browser(tmp_path / "profile", width, height, dark=dark) as browser, Command("-o", str(out)) as command:
         browser.open(command.url)
         browser.until("document.body?.dataset.state === 'live'")
         assert browser.evaluate("picture.naturalWidth") == 192
