@@ -25,10 +25,8 @@ from offline import BEST, use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import encoding
 from shared.sensor import simulate_additive
-from tests.data import ROOT
-from tests.tools.command import PROGRAM
-from tests.tools.rendering.examples import contents
-from tests.tools.rendering.test_remote import cluster
+from tests.dask_cluster import cluster
+from tests.tools.command import contents, start
 from tools.host.console import StageProgress
 from tools.pictures.writer import PictureKind
 from tools.rendering.journal import NAME
@@ -55,8 +53,7 @@ def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
 
 def command(*arguments: str | Path) -> "subprocess.Popen[str]":
     """`panchroma render`, begun."""
-    line = [*PROGRAM, "render", *map(str, arguments), "--json"]
-    return subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    return start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
 
 
 def seconds(*arguments: str | Path) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
-from tests.data import DATA, ROOT
+from tests.data import ROOT, photograph
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
@@ -246,10 +246,9 @@ BELOW_PAPER = 2.0
 PAPER_FIGURES = {"raw/rose.dng": 48.8, "linear/intel_tau_003.png": 50.5, "linear/intel_tau_011.png": 45.4}
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the test photographs are not here")
 @pytest.mark.parametrize("name", PAPER_FIGURES)
 def test_quality_on_photographs(name: str) -> None:
-    scene = load_scene(str(DATA / name)).rgb
+    scene = load_scene(str(photograph(name))).rgb
     for sigma in (0, 0.01, 0.03):
         mosaic = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0))
         reached = quality(np.asarray(Preview.for_mosaic(mosaic, linear=True).run(mosaic)), scene).median[0]

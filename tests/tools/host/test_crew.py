@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.command import results, run
-from tests.tools.rendering.examples import contents, save_shot, start
+from tests.tools.command import contents, results, run, start
+from tests.tools.rendering.examples import save_shot
 from tools.host import crew
 from tools.host.crew import Note
 from tools.rendering.journal import NAME
@@ -91,9 +91,8 @@ def test_workers_give_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     assert contents(tmp_path / "shots") == before
 
 
-def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Path) -> None:
-    count, out = 12, tmp_path / "out"
-    out.mkdir()
+def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Path, out: Path) -> None:
+    count = 12
     for seed in range(count):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
     running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--workers", "1") for _ in range(3)]
@@ -107,9 +106,7 @@ def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Pa
     assert len((out / NAME).read_text().splitlines()) == count
 
 
-def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
+def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path, out: Path) -> None:
     for seed in range(8):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed, (150, 150))
     process = start("render", tmp_path / "shots", "-o", out, "--workers", "2", "--json")

@@ -36,13 +36,6 @@ def save(path: Path, shape: tuple[int, int]) -> Path:
     return path
 
 
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    return folder
-
-
 # --- how much -------------------------------------------------------------------------------------------------------------------
 
 
