@@ -1,5 +1,6 @@
 """Rendered in bands: the same bytes, every row once."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -8,7 +9,6 @@ import pytest
 
 from offline import BEST, PAPER, band_rows, render, render_bands
 from offline import tiling as product
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import RefinementSettings, RenderSettings
 from offline.tiling import bands, domain_places
 from shared import CfaPattern, Mosaic
@@ -73,19 +73,14 @@ def test_bands_wait_for_what_refinement_looks_at(repetitions: int) -> None:
 
 @pytest.mark.parametrize("settings", [PAPER, BEST], ids=["paper", "best"])
 @pytest.mark.parametrize("period", [4, 6])
-def test_threads_leave_no_trace(period: int, settings: RenderSettings) -> None:
+def test_threads_leave_no_trace(period: int, settings: RenderSettings, thread_counts: Iterator[int]) -> None:
     mosaic = shot(CfaPattern.bayer(period, origin=(1, 2)), (301, 290))
     whole = render(mosaic, settings)
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            again = render(mosaic, settings)
-            for name in ("rgb", "luminance", "chromaticity"):
-                assert np.array_equal(getattr(again, name), getattr(whole, name))
-            assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
-    finally:
-        use_threads(before)
+    for _ in thread_counts:
+        again = render(mosaic, settings)
+        for name in ("rgb", "luminance", "chromaticity"):
+            assert np.array_equal(getattr(again, name), getattr(whole, name))
+        assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
 
 
 @pytest.mark.parametrize("reach", [0, 6, 300])

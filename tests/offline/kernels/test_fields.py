@@ -1,11 +1,12 @@
 """Fields of many regions against those of the whole frame."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline import affinity as product
 from offline.affinity import solve_affinities, solve_patches
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.settings import AffinitySettings
 from shared import CfaPattern
 from shared.arrays import FloatArray
@@ -52,21 +53,15 @@ def test_regions_equal_the_whole_frame(period: int, shape: tuple[int, int]) -> N
 
 
 @pytest.mark.parametrize("period", [3, 6])
-def test_rows_of_patches_and_threads_leave_no_trace(period: int) -> None:
+def test_rows_of_patches_and_threads_leave_no_trace(period: int, thread_counts: Iterator[int]) -> None:
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = light_of(shape)
     whole = solve_affinities(light, pattern, AffinitySettings())
     (down, _), core = pattern.grid(shape).patches, product.core_patches(period)
     assert down > 2 * core
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            parts = [
-                solve_patches(light, pattern, AffinitySettings(), (first, min(first + core, down)))
-                for first in range(0, down, core)
-            ]
-            assert np.array_equal(np.concatenate(parts, axis=2), whole)
-    finally:
-        use_threads(before)
+    for _ in thread_counts:
+        parts = [
+            solve_patches(light, pattern, AffinitySettings(), (first, min(first + core, down))) for first in range(0, down, core)
+        ]
+        assert np.array_equal(np.concatenate(parts, axis=2), whole)
     assert_close(whole.sum(axis=(0, 1)), np.ones(whole.shape[2:]), SUM)

@@ -1,9 +1,10 @@
 """Interpolation between blocks and raising of clipped samples, against the literal definitions."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from offline.blocks import tile
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.kernels.highlights import interpolate, raise_clipped
 from shared import CfaPattern, Mosaic, SensorCalibration
 from tests.offline.scenes import every_case
@@ -29,19 +30,17 @@ def test_interpolation_is_cubic_convolution(pattern: CfaPattern, shape: tuple[in
 
 
 @every_case
-def test_raised_samples_are_those_of_the_definition(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+def test_raised_samples_are_those_of_the_definition(
+    pattern: CfaPattern, shape: tuple[int, int], thread_counts: Iterator[int]
+) -> None:
     signal, plane = np.random.default_rng(2).uniform(size=(2, *shape)).astype(np.float32)
     plane += np.float32(0.3)
     panchromatic = tile(Mosaic(signal, pattern, SensorCalibration(pattern.channels)))
-    before, results = threads(), []
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            result = signal.copy()
-            raise_clipped(signal, panchromatic, CLIPPING, APART, plane, FALL, FAINT, result)
-            results.append(result)
-    finally:
-        use_threads(before)
+    results = []
+    for _ in thread_counts:
+        result = signal.copy()
+        raise_clipped(signal, panchromatic, CLIPPING, APART, plane, FALL, FAINT, result)
+        results.append(result)
     expected = [reference.raised(signal, pattern, CLIPPING, APART, plane, FALL, FAINT, place) for place in np.ndindex(shape)]
     assert_close(results[0], np.reshape(expected, shape), ROUNDING)
     assert len({result.tobytes() for result in results}) == 1

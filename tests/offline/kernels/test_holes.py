@@ -1,10 +1,11 @@
 """Filling block by block is filling the plane, where blocks are alone."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline import luminance as product
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.luminance import fill, recover_luminance
 from offline.settings import LuminanceSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
@@ -62,14 +63,9 @@ def test_the_fast_path_is_taken() -> None:
 
 
 @pytest.mark.parametrize("period", [4, 6, 8])
-def test_threads_and_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, period: int) -> None:
+def test_threads_and_pieces_leave_no_trace(monkeypatch: pytest.MonkeyPatch, period: int, thread_counts: Iterator[int]) -> None:
     mosaic = mosaic_of(CfaPattern.bayer(period, origin=(2, 1)), (163, 201))
     whole = recover_luminance(mosaic, SETTINGS)
     monkeypatch.setattr(product, "_PIECE", 3)
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            assert np.array_equal(recover_luminance(mosaic, SETTINGS), whole)
-    finally:
-        use_threads(before)
+    for _ in thread_counts:
+        assert np.array_equal(recover_luminance(mosaic, SETTINGS), whole)

@@ -1,10 +1,11 @@
 """Outliers and what replaces them, against the literal definitions, and the same bytes from any number of threads."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline.blocks import gather, tile
-from offline.kernels.compile import available_threads, threads, use_threads
 from offline.kernels.outliers import find_outliers, mend_panchromatic
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
@@ -80,21 +81,16 @@ def test_surroundings_are_weighted_by_distance(pattern: CfaPattern, shape: tuple
             assert blocks.light[i, j, site] == pytest.approx(expected, abs=ROUNDING)
 
 
-def test_threads_leave_no_trace() -> None:
+def test_threads_leave_no_trace(thread_counts: Iterator[int]) -> None:
     signal, bad = speckled((50, 61))
     pattern = CfaPattern.bayer()
     rows, columns = np.nonzero(bad)
     results = []
-    before = threads()
-    try:
-        for count in range(1, available_threads() + 1):
-            use_threads(count)
-            found, values = bad.copy(), np.empty(len(rows), np.float32)
-            find_outliers(signal, _gains(pattern), *LIMITS, NOISE, found)
-            mend_panchromatic(signal, _tile(pattern, signal.shape), bad, rows, columns, values)
-            results.append((found.tobytes(), values.tobytes()))
-    finally:
-        use_threads(before)
+    for _ in thread_counts:
+        found, values = bad.copy(), np.empty(len(rows), np.float32)
+        find_outliers(signal, _gains(pattern), *LIMITS, NOISE, found)
+        mend_panchromatic(signal, _tile(pattern, signal.shape), bad, rows, columns, values)
+        results.append((found.tobytes(), values.tobytes()))
     assert len(set(results)) == 1
 
 
