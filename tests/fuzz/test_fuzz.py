@@ -43,7 +43,7 @@ def test_outcomes(read: Read, sealed: bool, expected: str) -> None:
     assert outcome(sample, b"whole", Path("file"))[0] == expected
 
 
-def test_a_refusal_is_none_of_them() -> None:
+def test_a_refusal_is_an_outcome_of_its_own() -> None:
     def refuse(path: Path) -> bytes:
         raise InputError("is odd")
 
@@ -68,7 +68,7 @@ def test_a_reader_that_crashes_hangs_or_swells_is_caught(does: str, says: str, m
 
 
 def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
-    """All in one process: its peak bounds that of each. The command measures them one by one."""
+    """All in one process, whose peak bounds that of each. The command measures them one by one."""
     paths = [bombs.write(name, tmp_path) for name in bombs.bombs()]
     script = (
         "import sys; from pathlib import Path; from tests.fuzz.bombs import measure\n"
