@@ -1,5 +1,3 @@
-import os
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
@@ -16,7 +14,8 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
-from tests.data import ROOT, photograph
+from tests.data import photograph
+from tests.python import run_python
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals import bayer_mosaic, demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
@@ -224,10 +223,7 @@ print(resident() - before)
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory of a process as Linux shows it")
 def test_memory_does_not_grow() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", MEMORY], cwd=ROOT, capture_output=True, text=True, check=True, env=dict(os.environ)
-    )
-    assert int(done.stdout) < GROWTH
+    assert int(run_python(MEMORY)) < GROWTH
 
 
 def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
@@ -237,8 +233,7 @@ def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
         "for _ in range(5):\n    Preview.for_mosaic(mosaic, threads=3).run(mosaic)\n    gc.collect()\n"
         "print(sum(each.name.startswith('preview') and each.is_alive() for each in threading.enumerate()))"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert int(done.stdout) <= 3
+    assert int(run_python(script)) <= 3
 
 
 BELOW_PAPER = 2.0
