@@ -29,11 +29,8 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
     if not point:
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
-    process.communicate(timeout=_PATIENCE)
-    found = _state(scenario, folder, finished=False)
     codes = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}[signal.Signals(number)]
-    if process.returncode not in codes:
-        found.append(f"left with {process.returncode}")
+    found = _ended(process, "", *codes) + _state(scenario, folder, finished=False)
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
         found.append("left a temporary file")
     if not found:
@@ -91,7 +88,7 @@ def _ended(process: Process, words: str, *codes: int) -> list[str]:
     _, said = process.communicate(timeout=_PATIENCE)
     if process.returncode in codes and words in said.decode():
         return []
-    return [f"left with {process.returncode}, expected {words!r}: {said.decode()[-300:]}"]
+    return [f"left with {process.returncode} instead of {codes}, {words!r} expected: {said.decode()[-300:]}"]
 
 
 def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:

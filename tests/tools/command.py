@@ -1,4 +1,4 @@
-"""The commands as a user runs them: in this process where what they print is enough, else in one of their own."""
+"""The commands as a user runs them: in this process, or in one of their own."""
 
 import contextlib
 import io
@@ -34,12 +34,12 @@ class Outcome:
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """Standard output of --json; fails when anything but objects, one a line, is there."""
+        """The objects that --json prints, one a line; fails if standard output holds anything else."""
         return [json.loads(line) for line in self.out.splitlines()]
 
 
 def run(*arguments: str | Path) -> Outcome:
-    """A command in this process."""
+    """Run a command in this process."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
@@ -73,7 +73,7 @@ def spawn(*arguments: str | Path, **options: Any) -> Outcome:
 
 
 def names(folder: Path) -> set[str]:
-    """What a folder holds, hidden files too."""
+    """Names of the files in a folder, hidden ones too."""
     return {path.name for path in folder.iterdir()}
 
 
@@ -83,12 +83,12 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def results(folder: Path) -> set[str]:
-    """The same without the journal that `render` keeps."""
+    """Names of the files in a folder, without the journal that `render` keeps."""
     return names(folder) - {JOURNAL}
 
 
 def assert_refused(outcome: Outcome, *words: str, name: str, code: int = 1) -> None:
-    """One line that names the file, once, and says `words`; nothing that looks like a program's inside."""
+    """Fail unless there is one error line that names the file once and says `words`, and no traceback."""
     assert outcome.code == code, outcome.err
     (line,) = outcome.errors
     assert line.startswith(f"panchroma: {name}: "), line

@@ -124,15 +124,7 @@ def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
 def test_the_figures(served: Served) -> None:
     status, facts = served.facts("/status")
     assert status == 200
-    assert facts == {
-        "frames": 0,
-        "fps": 0.0,
-        "latency_ms": 0.0,
-        "dropped": 7,
-        "width": 0,
-        "height": 0,
-        "can_save": True,
-    }
+    assert facts == {"frames": 0, "fps": 0.0, "latency_ms": 0.0, "dropped": 7, "width": 0, "height": 0, "can_save": True}
     for number in range(3):
         show(served.finder, number)
     _, facts = served.facts("/status")
@@ -181,15 +173,7 @@ def test_the_page_and_nothing_else(served: Served, tmp_path: Path) -> None:
         assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
         assert len(answer.read()) == int(answer.headers["Content-Length"])
     (tmp_path / "secret").touch()
-    for path in (
-        "/index.html",
-        "/../viewfinder.py",
-        "/%2e%2e/viewfinder.py",
-        "//etc/passwd",
-        "/viewfinder_page/style.css",
-        "/secret",
-        "*",
-    ):
+    for path in ("/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/page/style.css", "/secret", "*"):
         assert served.ask(path).status == 404
     show(served.finder, 0)
     assert served.ask("/capture").status == 404  # looking changes nothing
