@@ -3,6 +3,15 @@
 import os
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
-# Tests on real photographs skip where this folder is not.
 DATA = Path(os.environ.get("PANCHROMA_TEST_DATA", ROOT / "../shared/data"))
+
+
+def photograph(name: str) -> Path:
+    """The path of a test photograph. A test that asks for one is skipped where it is missing."""
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"no test photographs: {path} is missing")
+    return path

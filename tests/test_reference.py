@@ -1,4 +1,4 @@
-"""The reference, held against other people's code and against the definition of what it computes."""
+"""The reference, compared with other people's code and with the definitions."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from tests.reference import affinity, chromaticity, gaussian, geometry, luminanc
 from tests.reference.compare import assert_close
 
 ROUNDING = 1e-12  # float64 sums of at most a few hundred terms of size one
-SOLVED = 1e-9  # what a residual of 1e-12 leaves, times the condition of systems this small
+SOLVED = 1e-9  # a residual of 1e-12 times the condition number of systems this small
 SIZES = [(1, 7), (2, 3), (9, 16), (23, 18)]
 
 
@@ -95,7 +95,7 @@ def test_block_solution_is_the_constrained_minimum(random: np.random.Generator) 
 
     constraint = optimize.LinearConstraint(np.array([gamma]), 1.0, 1.0)
     found = optimize.minimize(cost, np.zeros(3), constraints=constraint, method="SLSQP", options={"ftol": 1e-15}).x
-    assert_close(chromaticity.solve_block(samples, lights, gamma, sigma), found, 1e-6)  # a searched minimum
+    assert_close(chromaticity.solve_block(samples, lights, gamma, sigma), found, 1e-6)  # a numerical minimum
 
 
 def test_medians_are_those_of_ndimage(random: np.random.Generator) -> None:

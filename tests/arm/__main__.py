@@ -1,10 +1,10 @@
-"""Run the camera's software as an ARM board would, under user-mode qemu, and compare its pictures with this machine's, bit by bit.
+"""Run the camera's software on an emulated ARM processor and compare its pictures with this machine's, bit by bit.
 
     python -m tests.arm [--cpu cortex-a72 cortex-a76] [--onnxruntime 1.22.1]
 
-Needs Debian's apt-get and dpkg-deb, qemu-aarch64 (package qemu-user) and the package index. Nothing is installed, and nobody has to
-be root: a small arm64 system and the base dependencies' aarch64 wheels are unpacked into the user's cache. What this cannot tell is
-how fast a board is.
+Needs Debian's apt-get and dpkg-deb, qemu-aarch64 (package qemu-user) and access to the package index. It needs no root and installs
+nothing: a small arm64 system and the aarch64 wheels of the base dependencies are unpacked into the user's cache. Emulation does not
+show how fast a board is.
 """
 
 import argparse
@@ -27,14 +27,14 @@ from tests.data import ROOT
 QEMU = "qemu-aarch64"
 CPUS = ("cortex-a72", "cortex-a76")  # of the Raspberry Pi 4 and 5
 _DEBIAN = ("python3-minimal", "libpython3-stdlib", "libstdc++6", "libgomp1")
-# From the oldest glibc that a wheel may want to that of the oldest Debian one would put on a board.
+# From the oldest glibc that a wheel may ask for to that of the oldest Debian that still makes sense on a board.
 _PLATFORMS = ("manylinux2014_aarch64", "manylinux_2_17_aarch64", "manylinux_2_27_aarch64", "manylinux_2_28_aarch64")
 # qemu shows the host's /proc/cpuinfo, and onnxruntime from 1.24 on dies on an ARM that has no ARM cores.
 _CORE = "processor\t: {}\nFeatures\t: fp asimd crc32 cpuid\nCPU implementer\t: 0x41\nCPU architecture: 8\nCPU part\t: 0xd08\n\n"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Returns 0 when everything is the same, 1 when something differs, 2 when it cannot be tried."""
+    """Exit code: 0 when every result is identical, 1 when one differs, 2 when the emulation cannot be run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cpu", nargs="+", default=CPUS, metavar="NAME", help=f"default: {' '.join(CPUS)}; {QEMU} -cpu help")
     parser.add_argument("--onnxruntime", nargs="+", default=[""], metavar="VERSION", help="default: the newest")
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             runtime, compared, faults = check(cpu, version)
         except PanchromaError as error:
-            print(f"arm_check: {error}", file=sys.stderr)
+            print(f"tests.arm: {error}", file=sys.stderr)
             return 2
         differing |= bool(faults)
         print(f"onnxruntime {runtime} on {cpu}: {compared - len(faults)} of {compared} identical", *faults, sep="\n  ", flush=True)
@@ -52,10 +52,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
-    """The version of onnxruntime that ran on the emulated `cpu`, the number of results, and a line for each that differs.
+    """(version of onnxruntime, number of results, a line for each result that differs) on the emulated `cpu`.
 
-    onnxruntime: the version wanted; "" = the newest. Raises InputError when something needed is missing and cannot be had,
-    OutputError when the camera's software fails.
+    onnxruntime: the version to install; "": the newest.
+
+    Raises InputError when something needed is missing and cannot be downloaded, OutputError when the camera's software fails.
     """
     if not shutil.which(QEMU):
         raise InputError(f"{QEMU} is not installed (Debian: apt-get install qemu-user)")
@@ -77,14 +78,14 @@ def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
 
 
 def _system(cache: Path) -> Path:
-    """A folder with an arm64 Debian, as much of it as Python needs."""
+    """A folder with as much of an arm64 Debian as Python needs."""
     system = cache / "system"
     if (system / "usr/bin/python3").exists():
         return system
     apt = cache / "apt"
     for folder in ("lists/partial", "archives/partial"):
         (apt / folder).mkdir(parents=True, exist_ok=True)
-    (apt / "status").touch()  # nothing is installed there: every dependency is wanted
+    (apt / "status").touch()  # no package is installed there: apt-get downloads every dependency
     settings = {
         "APT::Architecture": "arm64",
         "APT::Architectures": "arm64",
@@ -132,12 +133,12 @@ def _probe(python: Sequence[str], path: Sequence[Path], folder: Path, result: Pa
 def _difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
     if here.shape != there.shape or here.dtype != there.dtype:
         return f"{name}: {there.dtype} {there.shape} instead of {here.dtype} {here.shape}"
-    apart = np.abs(here.astype(np.float64) - there)
-    return f"{name}: {np.count_nonzero(apart)} of {apart.size} values differ, by up to {apart.max():.3g}"
+    difference = np.abs(here.astype(np.float64) - there)
+    return f"{name}: {np.count_nonzero(difference)} of {difference.size} values differ, by up to {difference.max():.3g}"
 
 
 def _run(command: Sequence[str], failure: type[PanchromaError] = InputError, **environment: str) -> str:
-    # PYTHONDONTWRITEBYTECODE: two Pythons must not leave their compiled files in one another's way.
+    # PYTHONDONTWRITEBYTECODE: the two Pythons must not use each other's compiled files.
     quiet = {"PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"}
     done = subprocess.run(
         command, env={**os.environ, **quiet, **environment}, cwd=ROOT, capture_output=True, text=True, check=False

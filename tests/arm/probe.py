@@ -1,6 +1,6 @@
-"""What `arm_check` compares: everything that the camera's software makes of a few frames, saved as arrays.
+"""The results that `tests.arm` compares: everything that the camera's software makes of a few frames, saved as arrays.
 
-Runs where nothing but the base dependencies is installed: python -m tests.arm.probe FOLDER RESULT.npz; FOLDER holds the graphs.
+Runs with nothing but the base dependencies: python -m tests.arm.probe FOLDER RESULT.npz, where FOLDER holds the graphs.
 """
 
 import sys
@@ -23,17 +23,17 @@ LAYOUTS = (FrameLayout(83, 61, "raw10"), FrameLayout(160, 120, "raw12", 256))
 
 
 def graphs(pattern: CfaPattern) -> list[tuple[int, bool]]:
-    """(scale, linear) of all graphs of a pattern."""
+    """The (scale, linear) of every graph for a pattern."""
     return list(product(Geometry.scales(pattern), (False, True)))
 
 
 def graph_name(pattern: str, scale: int, linear: bool) -> str:
-    """Of a graph's file in the folder."""
+    """Name of a graph's file."""
     return f"{pattern}-{scale}-{'linear' if linear else 'display'}.onnx"
 
 
 def probe(folder: Path) -> dict[str, np.ndarray]:
-    """Pictures of noise, the hardest of scenes, and the bytes of a shot, for every pattern, graph and packing, by name."""
+    """Name -> pictures of noise, the hardest scene, and the samples of a saved shot; for every pattern, graph and packing."""
     made: dict[str, np.ndarray] = {"onnxruntime": np.array(onnxruntime.__version__)}
     for name, pattern in PATTERNS.items():
         for layout in LAYOUTS:

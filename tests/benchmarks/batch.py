@@ -1,11 +1,11 @@
-"""What a batch costs beside its shots, measured: python -m tests.benchmarks.batch [parts|sharing|workers|cluster|plan]...
+"""Measure the overhead and the scaling of `render` on many shots: python -m tests.benchmarks.batch [FIGURE]...
 
-parts    1,000 small shots in one command with one process, against the sum of their parts: reading, rendering and writing
-         each of the same shots in this process, kernels warm, without journal, locks and digests.
-sharing  8 commands on one folder of 100 shots: how often each file was made, and whether every original is untouched.
-workers  shots of 1 MP in a second by 1 and 2 processes of one thread each.
-cluster  the same by 1 and 2 workers of a dask scheduler, of one thread each.
-plan     processor time, bytes in and bytes out of one shot of 24 MP, and what they make of a million.
+parts    1,000 small shots in one command with one process, compared with the sum of their parts: reading, rendering and writing
+         each of these shots in this process, kernels compiled, without journal, locks and digests.
+sharing  8 commands on one folder of 100 shots: how often each picture was made, and whether every original is unchanged.
+workers  throughput of 1 and 2 processes of one thread each, shots of 1 MP.
+cluster  throughput of 1 and 2 dask workers of one thread each, the same shots.
+plan     processor time, bytes in and bytes out of one shot of 24 MP, extrapolated to a million shots.
 """
 
 import argparse
@@ -24,10 +24,8 @@ import numpy as np
 from offline import BEST, use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.sensor import simulate_additive
-from tests.data import ROOT
-from tests.tools.command import PROGRAM
-from tests.tools.rendering.examples import contents
-from tests.tools.rendering.test_remote import cluster
+from tests.dask_cluster import cluster
+from tests.tools.command import contents, start
 from tools.host.progress import StageProgress
 from tools.pictures.writer import PictureKind
 from tools.rendering.journal import NAME
@@ -41,7 +39,7 @@ MILLION, LARGE = 1_000_000, 24.0  # shots, megapixels of each
 
 
 def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
-    """Shots of the built-in scene, each with noise of its own."""
+    """Save shots of the built-in scene that differ in their noise."""
     folder.mkdir()
     scene, pattern = builtin_scene(*size), CfaPattern.bayer()
     calibration = SensorCalibration.of_bits(12)
@@ -52,13 +50,12 @@ def save_shots(folder: Path, count: int, size: tuple[int, int]) -> None:
 
 
 def command(*arguments: str | Path) -> "subprocess.Popen[str]":
-    """`panchroma render`, begun."""
-    line = [*PROGRAM, "render", *map(str, arguments), "--json"]
-    return subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    """`panchroma render`, started."""
+    return start("render", *arguments, "--json", stderr=subprocess.DEVNULL)
 
 
 def seconds(*arguments: str | Path) -> tuple[float, float]:
-    """Of one command, from its start to its end: by the clock, and of processors (without those of a scheduler's workers)."""
+    """(wall-clock seconds, processor seconds) of one command; the processor time of a scheduler's workers is not included."""
     start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = command(*arguments)
     said, _ = process.communicate()
@@ -76,7 +73,7 @@ def fresh(top: Path, name: str) -> Path:
 
 
 def parts(top: Path) -> None:
-    """One command against a loop of reading, rendering and writing."""
+    """Compare one command with a loop of reading, rendering and writing."""
     save_shots(top / "small", COUNT, SMALL)
     shots, out = sorted((top / "small").iterdir()), fresh(top, "parts")
     kind, settings = PictureKind.of("tif"), BEST
@@ -97,7 +94,7 @@ def parts(top: Path) -> None:
 
 
 def sharing(top: Path) -> None:
-    """Eight commands, one folder."""
+    """Run eight commands on one folder."""
     save_shots(top / "shared", 100, SMALL)
     before, out = contents(top / "shared"), fresh(top, "together")
     running = [command(top / "shared", "-o", out, "--resume", "--workers", "1", "-j", "1") for _ in range(8)]
@@ -112,12 +109,12 @@ def sharing(top: Path) -> None:
 
 
 def workers(top: Path) -> None:
-    """Processes of this machine."""
+    """Measure processes of this machine."""
     _throughput(top, "processes", lambda count, out: seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1"))
 
 
 def on_cluster(top: Path) -> None:
-    """Workers of a scheduler."""
+    """Measure workers of a dask scheduler."""
 
     def by(count: int, out: Path) -> tuple[float, float]:
         with cluster(out, count) as (file, _):
@@ -129,7 +126,7 @@ def on_cluster(top: Path) -> None:
 
 
 def _warm(top: Path, out: Path, *options: str | Path, count: int) -> None:
-    """So that every worker has loaded what it needs: they are there before the work in any cluster."""
+    """Make every worker load its libraries before the measurement, as in a cluster that is already running."""
     if not (top / "warm").exists():
         save_shots(top / "warm", 8, SMALL)
     seconds(top / "warm", "-o", fresh(out.parent, f"warm{count}"), *options, "-j", "1")
@@ -148,7 +145,7 @@ def _throughput(top: Path, who: str, by: Callable[[int, Path], tuple[float, floa
 
 
 def plan(top: Path) -> None:
-    """A million shots, on paper, from one of 24 MP."""
+    """Extrapolate from one shot of 24 MP to a million."""
     save_shots(top / "full", 1, (6000, 4000))
     out = fresh(top, "planned")
     _, each = seconds(top / "full", "-o", out, "-j", "1", "--workers", "1")
@@ -166,13 +163,10 @@ MEASURED = {"parts": parts, "sharing": sharing, "workers": workers, "cluster": o
 
 
 def main() -> None:
-    """Print the figures that are asked for, or all."""
+    """Print the chosen figures, by default all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("figures", nargs="*", metavar="FIGURE", help=f"of {', '.join(MEASURED)}")
-    asked = parser.parse_args().figures or list(MEASURED)
-    if unknown := set(asked) - set(MEASURED):
-        parser.error(f"unknown: {', '.join(sorted(unknown))}")
-    for name in asked:
+    parser.add_argument("figures", nargs="*", choices=MEASURED, metavar="FIGURE", help=f"of {', '.join(MEASURED)}")
+    for name in parser.parse_args().figures or MEASURED:
         with tempfile.TemporaryDirectory() as folder:
             MEASURED[name](Path(folder))
 

@@ -1,20 +1,20 @@
-"""What calibration is judged by, measured: python -m tests.benchmarks.calibration [--seeds 100]
+"""Measure the accuracy of calibration: python -m tests.benchmarks.calibration [--seeds 100]
 
 Synthetic truth: the built-in chart, gamma (0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8: error and coverage of gamma over many
-seeds, gain and read noise from flats and darks, planted hot pixels. Photographs: those of PANCHROMA_TEST_DATA that show a chart.
+seeds, gain and read noise from flat and dark frames, planted hot pixels. Photographs: those test photographs that show a chart.
 """
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.data import DATA
+from tests.tools.calibration.known_camera import BLIND, TRUTH
 from tools.calibration.chart.find import find_chart
 from tools.calibration.chart_gamma import fit_chart_gamma
 from tools.calibration.measure import conclude, measure_chart, measure_scene
@@ -24,24 +24,17 @@ from tools.calibration.samples import patch_samples
 from tools.scenes.drawn.chart import chart_scene
 from tools.scenes.load import load_scene
 
-TRUTH = SensorCalibration(
-    gamma=(0.9, 1.1, 0.8),
-    noise=NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4)),
-    black_level=(256.0, 257.0, 255.0, 258.0),
-    white_level=4095,
-)
-BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)  # what the shots say of themselves: nothing
 HOT = 400
 REFERENCE = color_checker_xyz()
 
 
 def shot(rgb: DoubleArray | FloatArray, pattern: CfaPattern, rng: np.random.Generator) -> Mosaic:
-    """A frame of the true sensor whose file knows levels alone."""
+    """A frame of the true sensor, whose file says nothing but the black and white levels."""
     return Mosaic(simulate_sensor(rgb.astype(np.float32), pattern, TRUTH, 1.0, rng).codes, pattern, BLIND)
 
 
 def synthetic_gamma(period: int, seeds: int) -> None:
-    """Errors and coverage of gamma."""
+    """Print errors and coverage of gamma."""
     scene, pattern, truth = chart_scene(1200, 800), CfaPattern.bayer(period), np.array(TRUTH.gamma)
     place = find_chart(shot(scene.rgb, pattern, np.random.default_rng(0)), REFERENCE).place
     errors, covered = [], []
@@ -54,7 +47,7 @@ def synthetic_gamma(period: int, seeds: int) -> None:
 
 
 def synthetic_noise(period: int) -> None:
-    """Gain, read noise, black level, defects."""
+    """Print errors of gain, read noise, black level and defects."""
     pattern, rng, shape = CfaPattern.bayer(period), np.random.default_rng(period), (600, 900)
     hot = rng.choice(shape[0] * shape[1], HOT, replace=False)
     above = rng.uniform(20, 800, HOT)
@@ -82,7 +75,7 @@ def synthetic_noise(period: int) -> None:
 
 
 def photograph(path: Path, *, chart: bool = True) -> None:
-    """Gamma and colour from a photograph simulated as a mosaic."""
+    """Print gamma and colour from a shot simulated from a photograph."""
     scene = load_scene(str(path))
     pattern = CfaPattern.bayer(6)
     calibration = SensorCalibration.of_bits(12)
@@ -108,7 +101,7 @@ def photograph(path: Path, *, chart: bool = True) -> None:
 
 def main() -> None:
     """Print every figure."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     seeds = parser.parse_args().seeds
     for name in ("chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng"):

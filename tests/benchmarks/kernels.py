@@ -1,7 +1,7 @@
-"""How long each kernel takes on one megapixel, with as many threads as there are:
+"""Measure each kernel on one megapixel, with all threads:
 
 pytest tests/benchmarks/kernels.py                                                     (not part of a plain `pytest`)
-pytest tests/benchmarks/kernels.py --benchmark-autosave --benchmark-compare            against the run before
+pytest tests/benchmarks/kernels.py --benchmark-autosave --benchmark-compare            compared with the previous run
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ Benchmark = Callable[..., object]
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """What each stage of one rendering takes and gives."""
+    """The inputs and outputs of the stages of one rendering."""
 
     mosaic: Mosaic
     luminance: FloatArray
@@ -52,7 +52,7 @@ def chain() -> Chain:
     return Chain(mosaic, luminance, raw, blocks, affinity, initial, band)
 
 
-def test_holes_of_blocks_that_stand_alone(benchmark: Benchmark, chain: Chain) -> None:
+def test_holes_of_isolated_blocks(benchmark: Benchmark, chain: Chain) -> None:
     benchmark(recover_luminance, chain.mosaic, PAPER.luminance)
 
 
@@ -81,5 +81,5 @@ def test_averaging(benchmark: Benchmark, chain: Chain) -> None:
 
 
 def test_fresh_memory(benchmark: Benchmark, chain: Chain) -> None:
-    """What every stage pays besides: a plane of the frame's size, written once."""
+    """A cost of every stage: a new plane of the frame's size, written once."""
     benchmark(lambda: zeros(chain.luminance.size).fill(1))

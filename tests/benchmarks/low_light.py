@@ -1,8 +1,8 @@
-"""What low light is judged by: python -m tests.benchmarks.low_light SCENE... [--sigma 0 0.01 0.03] [--rivals DIR]
+"""Measure low light: python -m tests.benchmarks.low_light SCENE... [--sigma 0 0.01 0.03] [--rivals DIR]
 
-Per scene and noise, median PSNR over all 10 x 10 patches and its 25 % quantile, RGB: `paper`, `best`, and Bayer + BM3D planes +
-Menon 2007; and of luminance: `best`, and BM3D on the panchromatic plane whose holes the paper's method fills. The rivals need the
-packages `bm3d` and `colour-demosaicing`; being slow, their figures are kept in --rivals DIR.
+For each scene and noise, 25 % quantile and median of the PSNR of all 10 x 10 patches. RGB: `paper`, `best`, and Bayer + BM3D on
+its planes + Menon 2007. Luminance: `best`, and BM3D on the panchromatic plane whose holes the paper's method has filled. The rivals
+need the packages `bm3d` and `colour-demosaicing`; they are slow, so that --rivals DIR keeps their figures.
 """
 
 import argparse
@@ -28,7 +28,7 @@ Figures = dict[str, tuple[float, float]]  # 25 % quantile and median
 
 
 def rivals(rgb: FloatArray, sigma: float) -> Figures:
-    """Figures of Bayer + BM3D + Menon and of BM3D on luminance, as far as the packages are there."""
+    """Figures of Bayer + BM3D + Menon and of BM3D on luminance, if the packages are installed."""
     found: Figures = {}
     name = "bm3d+menon" if sigma else "menon"
     method = methods()[name]
@@ -43,13 +43,13 @@ def rivals(rgb: FloatArray, sigma: float) -> Figures:
 
 
 def light_quality(luminance: FloatArray, rgb: FloatArray) -> tuple[float, float]:
-    """Of a panchromatic plane, as the luminance of a grey picture that sums to it."""
+    """(25 % quantile, median) for a panchromatic plane, measured as the luminance of the grey picture that sums to it."""
     grey = np.repeat(luminance[..., None] / np.float32(3), 3, axis=2)
     return quality(grey, rgb, PATCH, BORDER).luminance[:2]
 
 
 def kept_rivals(rgb: FloatArray, name: str, sigma: float, folder: Path | None) -> Figures:
-    """`rivals`, out of the folder where they are there already."""
+    """The figures of `rivals`, from the folder if it has them."""
     place = folder / f"{name}-{sigma:g}.json" if folder else None
     if place and place.exists():
         return {key: (low, middle) for key, (low, middle) in json.loads(place.read_text()).items()}
@@ -61,14 +61,14 @@ def kept_rivals(rgb: FloatArray, name: str, sigma: float, folder: Path | None) -
 
 
 def figures(rgb: FloatArray, sigma: float) -> Figures:
-    """Ours."""
+    """Figures of the presets `paper` and `best`."""
     mosaic = PROTOCOL.sparse_shot(rgb, sigma, PERIOD)
     best = quality(render(mosaic, BEST).rgb, rgb)
     return {"paper": quality(render(mosaic, PAPER).rgb, rgb).rgb[:2], "best": best.rgb[:2], "light": best.luminance[:2]}
 
 
 def shown(found: Figures) -> Iterator[str]:
-    """The columns of one line."""
+    """The columns of one line of the table."""
     for key in ("paper", "best", "rival", "light", "bm3d"):
         low, middle = found.get(key, (np.nan, np.nan))
         yield f"{low:6.1f}{middle:6.1f}"
@@ -78,12 +78,12 @@ def shown(found: Figures) -> Iterator[str]:
 
 
 def main() -> None:
-    """Print the table, and the mean of each noise over the scenes."""
+    """Print the table, and for each noise the mean over the scenes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+", metavar="SCENE")
     parser.add_argument("--sigma", nargs="+", type=float, default=[0, 0.01, 0.03])
-    parser.add_argument("--rivals", type=Path, metavar="DIR", help="folder that keeps the rivals' figures")
-    parser.add_argument("--only-rivals", action="store_true", help="fill that folder")
+    parser.add_argument("--rivals", type=Path, metavar="DIR", help="folder that keeps the figures of the rivals")
+    parser.add_argument("--only-rivals", action="store_true", help="only fill that folder")
     arguments = parser.parse_args()
     print(
         f"{'25 % and median, dB':22}{'paper':>12}{'best':>14}{'rival':>14}{'light':>14}{'BM3D light':>14}{'RGB':>14}{'light':>14}"

@@ -1,8 +1,7 @@
-import errno
 import gc
 import os
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -70,14 +69,10 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_rest_go_on(tmp_path: Path)
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk: Callable[[], None]) -> None:
     running = capture(map(frame, range(3)), SENSOR, grey, ShotFolder(tmp_path))
     next(running)
-
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
+    full_disk()
     with pytest.raises(OutputError, match="the disk is full"):
         next(running)
     assert [path.name for path in tmp_path.iterdir()] == ["20260309T070501.000Z-000001.dng"]

@@ -1,5 +1,3 @@
-import os
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
@@ -16,7 +14,8 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
-from tests.data import DATA, ROOT
+from tests.data import photograph
+from tests.python import run_python
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
@@ -225,10 +224,7 @@ print(resident() - before)
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory of a process as Linux shows it")
 def test_memory_does_not_grow() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", MEMORY], cwd=ROOT, capture_output=True, text=True, check=True, env=dict(os.environ)
-    )
-    assert int(done.stdout) < GROWTH
+    assert int(run_python(MEMORY)) < GROWTH
 
 
 def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
@@ -238,8 +234,7 @@ def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
         "for _ in range(5):\n    Preview.for_mosaic(mosaic, threads=3).run(mosaic)\n    gc.collect()\n"
         "print(sum(each.name.startswith('preview') and each.is_alive() for each in threading.enumerate()))"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert int(done.stdout) <= 3
+    assert int(run_python(script)) <= 3
 
 
 BELOW_PAPER = 2.0
@@ -247,10 +242,9 @@ BELOW_PAPER = 2.0
 PAPER_FIGURES = {"raw/rose.dng": 48.8, "linear/intel_tau_003.png": 50.5, "linear/intel_tau_011.png": 45.4}
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the test photographs are not here")
 @pytest.mark.parametrize("name", PAPER_FIGURES)
 def test_quality_on_photographs(name: str) -> None:
-    scene = load_scene(str(DATA / name)).rgb
+    scene = load_scene(str(photograph(name))).rgb
     for sigma in (0, 0.01, 0.03):
         mosaic = simulate_additive(scene, CfaPattern.bayer(), SensorCalibration(), sigma, np.random.default_rng(0))
         reached = quality(np.asarray(Preview.for_mosaic(mosaic, linear=True).run(mosaic)), scene).median[0]

@@ -1,6 +1,6 @@
 import errno
-import os
 import re
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -114,18 +114,12 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
         ShotFolder(tmp_path / "missing")
 
 
-def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_path: Path, full_disk: Callable[..., None]) -> None:
     link = tmp_path / "latest.dng"
     shots = ShotFolder(tmp_path, link)
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", full)
-        with pytest.raises(OutputError, match="the disk is full"):
-            shots.save(mosaic(), preview(), TAKEN)
+    full_disk(times=1)
+    with pytest.raises(OutputError, match="the disk is full"):
+        shots.save(mosaic(), preview(), TAKEN)
     assert names(tmp_path) == []
     shots.save(mosaic(), preview(), TAKEN)
     assert names(tmp_path) == ["20260309T070501.020Z-000002.dng", "latest.dng"]

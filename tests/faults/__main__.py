@@ -1,9 +1,9 @@
-"""Interrupt, starve and confuse the commands that write, and look at what is left.
+"""Interrupt the commands that write, take away their disk or permissions, and check what is left.
 
     python -m tests.faults [--kills 200] [--seed 1] [-j 2]
 
-After each trial every original is compared byte by byte, and every result has to be absent, old or new, never a part. After each
-interruption the command is run again: it has to finish, to make no whole result twice, and to leave no temporary file.
+After each trial every original is compared byte by byte, and every result must be absent, old or new, never incomplete. After each
+interruption the command is run again: it must finish, make no complete result twice, and leave no temporary file.
 """
 
 import argparse
@@ -20,11 +20,11 @@ from tests.faults.scenario import Scenario
 from tests.faults.worlds import worlds
 
 Trial = Callable[[Path], list[str]]
-_SECONDS = 4.0  # in which a command ends on a machine that is not idle
+_SECONDS = 4.0  # a command takes no longer, even on a busy machine
 
 
 def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str, Trial]]:
-    """(what, trial) of all of them; the kills are dealt to the commands in turn."""
+    """Every trial, as (name, trial); kills are distributed over the commands in turn."""
     found: list[tuple[str, Trial]] = []
 
     def add(what: str, trial: Callable[..., list[str]], *given: object) -> None:
@@ -37,7 +37,7 @@ def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str,
     ):
         for index in range(count):
             chance = random.Random(f"{seed} {what} {index}")
-            # capture ends well when it is told to: there only a kill interrupts.
+            # SIGINT and SIGTERM end capture in order: only kill -9 interrupts it.
             among = scenarios if number == signal.SIGKILL else [each for each in scenarios if each.outputs]
             add(what, trials.interrupted, among[index % len(among)], number, chance, _SECONDS)
     for scenario in [each for each in scenarios if each.outputs]:

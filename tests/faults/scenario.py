@@ -1,4 +1,4 @@
-"""One command in a folder of its own, whose results are known: what may be there after whatever has happened to it."""
+"""One command in a folder of its own, whose results are known; and what may be in the folder after an interruption."""
 
 import hashlib
 import os
@@ -13,7 +13,7 @@ from tests.data import ROOT
 from tools.rendering.journal import NAME as JOURNAL
 
 _PROGRAM = "from tools.cli import main; main()"
-# Counts what the program does to files under a folder, and kills it before the N-th: at each place where a file may be half done.
+# Counts the program's operations on files below a folder, and kills it before the N-th: wherever a file may be incomplete.
 _KILLED = """
 import os, signal, sys
 folder, point = sys.argv.pop(1), int(sys.argv.pop(1))
@@ -41,10 +41,13 @@ Process: TypeAlias = "subprocess.Popen[bytes]"
 
 @dataclass(frozen=True)
 class Scenario:
-    """A command and its world.
+    """A command and the files around it.
 
-    arguments: of the command, relative to its folder. inputs: names of originals, which nothing may touch. outputs: name -> digest
-    of the whole result. before: name -> content that was there when it began (with --overwrite). stdin: of the command.
+    arguments: the command line, with paths relative to the scenario's folder.
+    inputs: name -> content of the originals, which nothing may change.
+    outputs: name -> digest of the complete result; empty where the results' names are not known.
+    before: name -> content of a result that exists before the command starts (with --overwrite).
+    stdin: standard input.
     """
 
     name: str
@@ -55,27 +58,28 @@ class Scenario:
     stdin: bytes = b""
 
     def lay_out(self, folder: Path) -> None:
-        """The world before the command."""
-        (folder / "out").mkdir(parents=True)
+        """Write all that exists before the command."""
+        (folder / "out").mkdir(parents=True, exist_ok=True)
         for name, data in self.inputs.items():
             (folder / name).write_bytes(data)
         for name, data in self.before.items():
             (folder / "out" / name).write_bytes(data)
 
     def start(self, folder: Path, point: int = 0, number: int = 9, extra: Sequence[str] = (), limit: int = 0) -> Process:
-        """The command at work, with `extra` arguments.
+        """Start the command, with `extra` arguments.
 
-        It gets the signal `number` at its `point`-th step with files, 0 = never; it may write files of `limit` bytes, 0 = any.
+        point: it receives the signal `number` at its `point`-th operation on files; 0: never.
+        limit: the largest file it may write, bytes; 0: any.
         """
         limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n" if limit else ""
         script = limited + (_KILLED if point else "") + _PROGRAM
-        told = [str(folder / "out"), str(point)] if point else []
+        killing = [str(folder / "out"), str(point)] if point else []
         feed = folder / "stdin"
         feed.write_bytes(self.stdin)
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "FAULT_SIGNAL": str(number)}
         with feed.open("rb") as stdin:
             return subprocess.Popen(
-                [sys.executable, "-c", script, *told, self.arguments[0], *extra, *self.arguments[1:]],
+                [sys.executable, "-c", script, *killing, self.arguments[0], *extra, *self.arguments[1:]],
                 cwd=folder,
                 stdin=stdin,
                 stdout=subprocess.DEVNULL,
@@ -84,7 +88,7 @@ class Scenario:
             )
 
     def faults(self, folder: Path, *, finished: bool) -> list[str]:
-        """What is wrong in the folder now; finished: every result has to be there, and nothing else."""
+        """What is wrong in the folder, a line each. finished: every result must be there, and nothing else."""
         found = [f"{name} was changed" for name, data in self.inputs.items() if (folder / name).read_bytes() != data]
         present = {path.name: path for path in (folder / "out").iterdir() if path.name != JOURNAL}
         for name, expected in self.outputs.items():
@@ -101,23 +105,23 @@ class Scenario:
 
 
 def digest(data: bytes) -> str:
-    """Of a result."""
+    """SHA-256 of a result, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
-def known(name: str, arguments: Sequence[str], inputs: Mapping[str, bytes], folder: Path, stdin: bytes = b"") -> Scenario:
-    """The scenario whose results are what the command makes undisturbed."""
-    scenario = Scenario(name, tuple(arguments), inputs, {}, {}, stdin)
+def known(name: str, arguments: Sequence[str], inputs: Mapping[str, bytes], folder: Path) -> Scenario:
+    """The scenario whose expected results are those of an undisturbed run in `folder`."""
+    scenario = Scenario(name, tuple(arguments), inputs, {}, {})
     scenario.lay_out(folder)
     process = scenario.start(folder)
     _, said = process.communicate(timeout=300)
     if process.returncode:
         raise RuntimeError(f"{name}: {said.decode()}")
     outputs = {path.name: digest(path.read_bytes()) for path in (folder / "out").iterdir() if path.name != JOURNAL}
-    return Scenario(name, tuple(arguments), inputs, outputs, {}, stdin)
+    return replace(scenario, outputs=outputs)
 
 
 def replacing(scenario: Scenario) -> Scenario:
-    """The same where older results are there, and are to be replaced."""
+    """The scenario in which older results exist and --overwrite replaces them."""
     before = {name: f"an older {name}".encode() for name in scenario.outputs}
     return replace(scenario, name=f"{scenario.name} --overwrite", arguments=(*scenario.arguments, "--overwrite"), before=before)

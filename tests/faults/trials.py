@@ -1,4 +1,4 @@
-"""What is done to the commands: killed, stopped, without room or permission, two at once. A trial says what it found wrong."""
+"""Trials of commands: killed, stopped, on a full or read-only disk, two at once. Each returns what it found wrong, a line each."""
 
 import os
 import random
@@ -18,22 +18,19 @@ from shared.errors import PanchromaError
 from tests.faults.scenario import Process, Scenario
 
 _PATIENCE = 300.0
-_STEPS = 60  # with files, of the longest command; a point beyond the last kills nothing
+_STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
 
 
 def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Random, seconds: float) -> list[str]:
-    """The signal `number` at a random step or, as often, at a random time up to `seconds`; then a rerun, which has to finish."""
+    """Send the signal `number` at a random operation on files or, as often, after up to `seconds`; then run again to the end."""
     scenario.lay_out(folder)
     point = chance.randint(1, _STEPS) if chance.random() < 0.5 else 0
     process = scenario.start(folder, point, number)
     if not point:
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
-    process.communicate(timeout=_PATIENCE)
-    found = _state(scenario, folder, finished=False)
     codes = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}[signal.Signals(number)]
-    if process.returncode not in codes:
-        found.append(f"left with {process.returncode}")
+    found = _ended(process, "", *codes) + _state(scenario, folder, finished=False)
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
         found.append("left a temporary file")
     if not found:
@@ -42,9 +39,9 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
 
 
 def _again(scenario: Scenario, folder: Path) -> list[str]:
-    """The same command once more makes what is missing, and nothing twice.
+    """Run the command again: it must make what is missing, and nothing twice.
 
-    Where one of a scene's two results is there, which may be of other settings, it says so instead; --overwrite makes both.
+    It refuses a scene of whose two results one exists, since that may have been made with other settings; --overwrite makes both.
     """
     whole = {path.name: path.stat().st_ino for path in (folder / "out").iterdir() if not path.name.startswith(".")}
     scenario.start(folder).communicate(timeout=_PATIENCE)
@@ -52,15 +49,10 @@ def _again(scenario: Scenario, folder: Path) -> list[str]:
     if "--overwrite" not in scenario.arguments:
         now = {path.name: path.stat().st_ino for path in (folder / "out").iterdir()}
         found = [f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode]
-        stems = [name.partition(".")[0] for name in whole]
-        if any(0 < stems.count(stem) < each for stem, each in _results_of(scenario).items()):
+        there, wanted = (Counter(name.partition(".")[0] for name in some) for some in (whole, scenario.outputs))
+        if any(there[stem] < wanted[stem] for stem in there):
             scenario.start(folder, extra=("--overwrite",)).communicate(timeout=_PATIENCE)
     return found + _state(scenario, folder, finished=True)
-
-
-def _results_of(scenario: Scenario) -> Counter[str]:
-    """How many results each scene or shot has."""
-    return Counter(name.partition(".")[0] for name in scenario.outputs)
 
 
 def _state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
@@ -79,8 +71,9 @@ def _state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
 
 @contextmanager
 def small_disk(folder: Path, size: int) -> Iterator[bool]:
-    """A file system of `size` bytes at `folder`/out, where that can be had: by root."""
+    """Mount a file system of `size` bytes at `folder`/out. Yields whether that worked: only root may mount."""
     out = folder / "out"
+    out.mkdir(parents=True, exist_ok=True)
     line = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(out)]
     mounted = os.geteuid() == 0 and subprocess.run(line, capture_output=True, check=False).returncode == 0
     try:
@@ -90,41 +83,39 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
             subprocess.run(["umount", str(out)], check=True)
 
 
-def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:
+def _ended(process: Process, words: str, *codes: int) -> list[str]:
+    """Wait for the process, which must say `words` and leave with one of `codes`."""
     _, said = process.communicate(timeout=_PATIENCE)
-    found = _state(scenario, folder, finished=False)
-    if process.returncode not in (1, 2) or words not in said.decode():
-        found.append(f"left with {process.returncode}, and did not say {words!r}: {said.decode()[-300:]}")
-    if any((folder / "out").glob(".*.part")):
-        found.append("left a temporary file")
-    return found
+    if process.returncode in codes and words in said.decode():
+        return []
+    return [f"left with {process.returncode} instead of {codes}, {words!r} expected: {said.decode()[-300:]}"]
+
+
+def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:
+    found = _ended(process, words, 1, 2) + _state(scenario, folder, finished=False)
+    return found + ["left a temporary file"] * any((folder / "out").glob(".*.part"))
 
 
 def full_disk(scenario: Scenario, folder: Path, pages: int) -> list[str]:
-    """No room for more than so many pages beside what is there."""
-    (folder / "out").mkdir(parents=True)
+    """A disk with room for `pages` pages of memory beside the older results."""
     with small_disk(folder, (pages + len(scenario.before)) * resource.getpagesize()) as mounted:
         if not mounted:
             return []
-        for name, data in scenario.inputs.items():
-            (folder / name).write_bytes(data)
-        for name, data in scenario.before.items():
-            (folder / "out" / name).write_bytes(data)
+        scenario.lay_out(folder)
         return _refused(scenario, folder, scenario.start(folder), "the disk is full")
 
 
 def file_limit(scenario: Scenario, folder: Path, size: int) -> list[str]:
-    """No file may be larger than `size` bytes (ulimit -f)."""
+    """A limit of `size` bytes on every file (ulimit -f)."""
     scenario.lay_out(folder)
-    process = scenario.start(folder, limit=size)
-    return _refused(scenario, folder, process, "is larger than the file system or a limit")
+    return _refused(scenario, folder, scenario.start(folder, limit=size), "is larger than the file system or a limit")
 
 
 def read_only(scenario: Scenario, folder: Path) -> list[str]:
-    """A folder that nothing can be written to."""
-    scenario.lay_out(folder)
+    """An output folder that cannot be written to."""
     out = folder / "out"
     if os.geteuid():
+        scenario.lay_out(folder)
         out.chmod(0o500)
         try:
             return _refused(scenario, folder, scenario.start(folder), "no permission")
@@ -133,14 +124,13 @@ def read_only(scenario: Scenario, folder: Path) -> list[str]:
     with small_disk(folder, 1 << 20) as mounted:
         if not mounted:
             return []
-        for name, data in scenario.before.items():
-            (out / name).write_bytes(data)
+        scenario.lay_out(folder)
         subprocess.run(["mount", "-o", "remount,ro", str(out)], check=True)
         return _refused(scenario, folder, scenario.start(folder), "no permission")
 
 
 def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
-    """Two processes make the same results in the same folder: each result is there once, whole, and nobody's is lost."""
+    """Two processes that make the same results in one folder: each result must be there, complete."""
     scenario.lay_out(folder)
     both = [scenario.start(folder), scenario.start(folder)]
     for process in both:
@@ -150,7 +140,7 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
 
 
 def own_input(scenario: Scenario, folder: Path, link: str) -> list[str]:
-    """Where a result would go there is an input: itself, or through a symbolic or a hard link."""
+    """An input in the place of a result, through a symbolic or a hard link."""
     scenario.lay_out(folder)
     for (name, _), output in zip(scenario.inputs.items(), scenario.outputs, strict=False):
         target = folder / "out" / output
@@ -160,31 +150,23 @@ def own_input(scenario: Scenario, folder: Path, link: str) -> list[str]:
         else:
             target.hardlink_to(folder / name)
     process = scenario.start(folder, extra=() if "--overwrite" in scenario.arguments else ("--overwrite",))
-    _, said = process.communicate(timeout=_PATIENCE)
-    found = [f"{name} was changed" for name, data in scenario.inputs.items() if (folder / name).read_bytes() != data]
-    if process.returncode != 1 or said.decode().count("is an input; use another output folder") < 1:
-        found.append(f"left with {process.returncode}: {said.decode()[-300:]}")
-    return found
+    found = _ended(process, "is an input; use another output folder", 1)
+    return found + [f"{name} was changed" for name, data in scenario.inputs.items() if (folder / name).read_bytes() != data]
 
 
 def case_alone(scenario: Scenario, folder: Path) -> list[str]:
-    """Inputs whose names differ in case alone, which is one name on many disks."""
+    """Two inputs whose names differ in case only: the same name on many disks."""
     scenario.lay_out(folder)
     name, data = next(iter(scenario.inputs.items()))
     other = name.upper().replace(name.rpartition(".")[2].upper(), name.rpartition(".")[2])
     (folder / other).write_bytes(data)
-    among = list(scenario.arguments)
-    among.insert(among.index(name) + 1, other)
-    process = replace(scenario, arguments=tuple(among)).start(folder)
-    _, said = process.communicate(timeout=_PATIENCE)
-    found = scenario.faults(folder, finished=True)
-    if process.returncode != 1 or "the result would have the same name as that of" not in said.decode():
-        found.append(f"left with {process.returncode}: {said.decode()[-300:]}")
-    return found
+    where = scenario.arguments.index(name) + 1
+    process = replace(scenario, arguments=(*scenario.arguments[:where], other, *scenario.arguments[where:])).start(folder)
+    return _ended(process, "the result would have the same name as that of", 1) + scenario.faults(folder, finished=True)
 
 
 @contextmanager
 def place() -> Iterator[Path]:
-    """A new folder for a trial."""
+    """A folder for one trial, not yet made."""
     with tempfile.TemporaryDirectory(prefix="panchroma-fault-") as folder:
         yield Path(folder) / "world"

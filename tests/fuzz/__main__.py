@@ -1,10 +1,13 @@
-"""Damage files of every kind that Panchroma reads, and see what reading them comes to.
+"""Damage files of every kind that Panchroma reads, and read them.
 
     python -m tests.fuzz --count 20000 --seed 1 [-j 2] [--keep DIR]
-    python -m tests.fuzz --number 4711 --seed 1 --keep DIR      one of them again, its file kept
+    python -m tests.fuzz --number 4711 --seed 1 --keep DIR      repeat one of them and keep its file
 
-same: it reads as before the damage. altered: it reads as something else, in a format that has no digest. refused: with one line
-that says why. FAULT: another exception, a crash, more than 10 s or 300 MB, or a shot that reads as another one.
+Outcomes:
+    same     reads as before the damage
+    altered  reads as something else, in a format without a digest
+    refused  with one line that says why
+    FAULT    another exception, a crash, more than 10 s or 300 MB, or a shot that reads as another shot
 """
 
 import argparse
@@ -20,8 +23,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1000, metavar="N", help="files")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--number", type=int, help="this one file")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="folder for the files that make faults")
+    parser.add_argument("--number", type=int, help="only this file")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="folder for the files that cause faults")
     parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="processes")
     arguments = parser.parse_args()
     if arguments.keep:

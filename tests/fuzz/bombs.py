@@ -1,4 +1,4 @@
-"""Small files that claim to be huge, and huge ones that hold nothing: each is to be refused at once, with little memory.
+"""Small files that claim to be huge, and huge files that are empty: each must be refused at once, with little memory.
 
 python -m tests.fuzz.bombs
 """
@@ -47,10 +47,9 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 def bombs() -> dict[str, tuple[bytes, int]]:
-    """File name -> its first bytes, and its length: more than those, and a hole follows."""
+    """File name -> (first bytes, length). A file longer than its first bytes goes on with a hole; length 0: no hole."""
     shot = encode_dng(mosaic(), preview())
     deflate = zlib.compress(bytes(GIGABYTE // 4), 9)
-    png = _png(struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0), b"")
     return {
         "declared.dng": (_sides(shot, 16000, 16000), 0),
         "holes.dng": (shot, (1 << 32) - 1),
@@ -62,14 +61,14 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "text.tif": (_many(270, GIGABYTE, kind=2), GIGABYTE + 1000),
         "deflate.tif": (_deflated(deflate), 0),
         "chain.tif": (_chain(300_000), 0),
-        "header.png": (png, 0),
-        "header16.png": (_png(struct.pack(">IIBBBBB", 60000, 60000, 16, 2, 0, 0, 0), b""), 0),
-        "deflate.png": (_png(struct.pack(">IIBBBBB", 16000, 16000, 8, 2, 0, 0, 0), deflate), 0),
-        "deflate16.png": (_png(struct.pack(">IIBBBBB", 9000, 9000, 16, 2, 0, 0, 0), deflate), 0),
-        "holes.png": (_png(struct.pack(">IIBBBBB", 10, 10, 16, 2, 0, 0, 0), b""), 4 * GIGABYTE),
+        "header.png": (_png(60000, 8), 0),
+        "header16.png": (_png(60000, 16), 0),
+        "deflate.png": (_png(16000, 8, deflate), 0),
+        "deflate16.png": (_png(9000, 16, deflate), 0),
+        "holes.png": (_png(10, 16), 4 * GIGABYTE),
         "frame.jpg": (_jpeg(65500, 65500), 0),
-        "chunk.png": (_png(struct.pack(">IIBBBBB", 10, 10, 8, 2, 0, 0, 0), b"", (1 << 31) - 1), 4 * GIGABYTE),
-        "chunk16.png": (_png(struct.pack(">IIBBBBB", 10, 10, 16, 2, 0, 0, 0), b"", (1 << 31) - 1), 100 << 20),
+        "chunk.png": (_png(10, 8, claimed=(1 << 31) - 1), 4 * GIGABYTE),
+        "chunk16.png": (_png(10, 16, claimed=(1 << 31) - 1), 100 << 20),
         "holes.webp": (b"RIFF" + struct.pack("<I", (1 << 32) - 10) + b"WEBPVP8 " + struct.pack("<I", 1 << 31), 4 * GIGABYTE),
         "window.exr": (_exr(), 0),
         "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
@@ -86,7 +85,7 @@ def bombs() -> dict[str, tuple[bytes, int]]:
 
 
 def _sides(shot: bytes, rows: int, columns: int) -> bytes:
-    """A shot whose raw directory, the one with 37 rows, claims others."""
+    """A shot whose raw directory, the one with 37 rows, claims this size."""
     data = shot
     for tag, own, claimed in ((256, 53, columns), (257, 37, rows), (278, 37, rows)):
         entry = struct.pack("<HHI", tag, 4, 1)
@@ -96,7 +95,7 @@ def _sides(shot: bytes, rows: int, columns: int) -> bytes:
 
 
 def _many(tag: int, count: int, kind: int = 4) -> bytes:
-    """A TIFF of one pixel in which one field has very many values."""
+    """A TIFF of one pixel in which the field `tag` claims `count` values."""
     fields = {256: (4, 1, 1), 257: (4, 1, 1), 258: (3, 1, 8), 259: (3, 1, 1), 262: (3, 1, 1), 273: (4, 1, 8), 277: (3, 1, 1)}
     fields |= {279: (4, 1, 1), tag: (kind, count, 1000)}
     table = b"".join(struct.pack("<HHII", code, *entry) for code, entry in sorted(fields.items()))
@@ -104,12 +103,13 @@ def _many(tag: int, count: int, kind: int = 4) -> bytes:
 
 
 def _deflated(strip: bytes) -> bytes:
+    """A TIFF of one strip that inflates to much more than its size."""
     fields = {256: 16000, 257: 16000, 258: 8, 259: 8, 262: 1, 277: 1, 278: 16000}
     return encode_tiff(Directory({tag: (FieldType.LONG, [value]) for tag, value in fields.items()}, strips=[strip]))
 
 
 def _chain(length: int) -> bytes:
-    """A TIFF of very many pages, each an empty directory."""
+    """A TIFF of `length` pages, each an empty directory."""
     buffer = io.BytesIO()
     tifffile.imwrite(buffer, np.zeros((4, 4), np.uint8))
     data = bytearray(buffer.getvalue())
@@ -121,14 +121,13 @@ def _chain(length: int) -> bytes:
     return bytes(data) + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length)) + bytes(6)
 
 
-def _png(header: bytes, pixels: bytes, claimed: int = 0) -> bytes:
-    """A PNG; claimed: length of a chunk of no known kind, which begins after the header."""
-    if claimed:
-        return _png(header, b"")[: 8 + 25] + struct.pack(">I", claimed) + b"zzZz"
-    chunks = [(b"IHDR", header), (b"IDAT", pixels), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
+def _png(side: int, bits: int, pixels: bytes = b"", claimed: int = 0) -> bytes:
+    """A PNG that says it is a square of RGB samples. claimed: length of an unknown chunk that follows the header."""
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", side, side, bits, 2, 0, 0, 0)), (b"IDAT", pixels), (b"IEND", b"")]
+    whole = b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
     )
+    return whole[: 8 + 25] + struct.pack(">I", claimed) + b"zzZz" if claimed else whole
 
 
 def _jpeg(rows: int, columns: int) -> bytes:
@@ -153,7 +152,7 @@ def _npy(shape: tuple[int, ...]) -> bytes:
 
 
 def write(name: str, folder: Path) -> Path:
-    """The bomb as a file."""
+    """Write the bomb to the folder. Returns its path."""
     start, length = bombs()[name]
     path = folder / name
     with path.open("wb") as file:
@@ -164,8 +163,8 @@ def write(name: str, folder: Path) -> Path:
 
 
 def measure(path: Path) -> tuple[str, float, int]:
-    """How a bomb is refused ("" = it was read), seconds, and bytes beyond what the process had."""
-    load_scene("builtin:24x18")  # libraries load when they are first needed; that is not the bomb's doing
+    """(refusal, seconds, bytes) of reading a bomb. refusal: "" if it was read; bytes: beyond the process's own memory."""
+    load_scene("builtin:24x18")  # loads the libraries, whose memory is not the bomb's
     before, began = _peak(), time.perf_counter()
     try:
         READERS[path.suffix](path)
@@ -192,7 +191,7 @@ def main() -> int:
             done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=100)
             path.unlink()
             said, seconds, grown = json.loads(done.stdout) if not done.returncode else (done.stderr[-200:], 99.0, 0)
-            # To read what lies among the holes, quickly, is no harm.
+            # Reading what lies between the holes is harmless if it is quick.
             harmful = seconds > LIMIT_SECONDS or grown > LIMIT_BYTES
             bad += harmful
             print(f"{name:20}{seconds:6.2f}{grown >> 20:6}  {'FAULT ' * harmful}{said[:90] or 'read'}")

@@ -1,4 +1,4 @@
-"""Many damaged files, read in processes of their own, which are watched: seconds, memory, and whether they are still there."""
+"""Read many damaged files in child processes whose time, memory and survival are watched."""
 
 import json
 import select
@@ -19,16 +19,19 @@ from tests.fuzz.corpus import corpus
 CHILD = [sys.executable, "-m", "tests.fuzz.child"]
 OUTCOMES = (SAME, ALTERED, REFUSED, FAULT)
 LIMIT_SECONDS = 10.0
-LIMIT_BYTES = 300 * 2**20  # beyond what the program and its libraries take
-_LOOK = 0.02  # seconds between two looks at a child's memory
+LIMIT_BYTES = 300 * 2**20  # beyond the memory of the program and its libraries
+_LOOK = 0.02  # seconds between two checks of a child's memory
 _START_SECONDS = 120.0
 
 
 @dataclass
 class Campaign:
-    """What came of it.
+    """The results.
 
-    counts: by kind of file and outcome; faults: number -> what happened; seconds, bytes: the most of one file.
+    counts: files by (kind, outcome).
+    faults: number of the file -> what happened.
+    seconds: the longest time for one file.
+    bytes: the most memory for one file.
     """
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -46,7 +49,7 @@ class Campaign:
             self.faults[number] = found["why"]
 
     def table(self) -> str:
-        """For people."""
+        """The counts as lines of text."""
         kinds = list(dict.fromkeys(kind for kind, _ in sorted(self.counts)))
         rows = [f"{'':12}{'files':>8}" + "".join(f"{name:>10}" for name in OUTCOMES)]
         for kind in [*kinds, "all"]:
@@ -57,7 +60,7 @@ class Campaign:
 
 
 def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = None) -> Campaign:
-    """Read the files of these numbers, `jobs` at a time; those that make faults are kept in the folder `keep`."""
+    """Read the files with these numbers, `jobs` at a time. Files that cause faults are kept in the folder `keep`."""
     campaign = Campaign()
     samples = corpus()
     shares = [numbers[start::jobs] for start in range(jobs)]
@@ -72,18 +75,15 @@ def run(seed: int, numbers: Sequence[int], jobs: int = 1, keep: Path | None = No
 
 
 def _read(seed: int, numbers: Sequence[int]) -> Iterator[tuple[int, dict[str, Any], int]]:
-    """(number, outcome, bytes beyond the program's own) of each; another child whenever one does not answer any more."""
-    child: _Child | None = None
+    """Yield (number, outcome, bytes beyond the program's own) for each file. A child that does not answer is replaced."""
+    child = _Child()
     for number in numbers:
-        if child is None:
-            child = _Child()
         found, beyond = child.ask(seed, number)
         yield number, found, beyond
         if not child.usable or beyond > LIMIT_BYTES:
             child.end()
-            child = None
-    if child:
-        child.end()
+            child = _Child()
+    child.end()
 
 
 class _Child:
@@ -111,7 +111,7 @@ class _Child:
         self._process.communicate()
 
     def _answer(self, seconds: float) -> dict[str, Any]:
-        """The next line; raises TimeoutError and MemoryError, and EOFError when the process has died."""
+        """The next line. Raises TimeoutError, MemoryError, or EOFError when the process has died."""
         assert self._process.stdout is not None
         until = time.monotonic() + seconds
         while not select.select([self._process.stdout], [], [], _LOOK)[0]:

@@ -1,4 +1,4 @@
-"""The process that reads damaged files, so that what kills it kills nothing else: numbers come in, outcomes go out."""
+"""The child process that reads damaged files, so that a crash ends nothing else. Numbers come in, outcomes go out."""
 
 import json
 import resource
@@ -18,7 +18,7 @@ SAME, ALTERED, REFUSED, FAULT = "same", "altered", "refused", "FAULT"
 
 
 def case(samples: list[Sample], seed: int, number: int) -> tuple[Sample, bytes]:
-    """The sample and its damaged bytes, by seed and number alone."""
+    """The sample and its damaged bytes. They depend on nothing but seed and number."""
     random = np.random.default_rng([seed, number])
     sample = samples[number % len(samples)]
     others = [each.data for each in samples if each.kind == sample.kind]
@@ -26,7 +26,7 @@ def case(samples: list[Sample], seed: int, number: int) -> tuple[Sample, bytes]:
 
 
 def outcome(sample: Sample, original: bytes, path: Path) -> tuple[str, str]:
-    """What reading a damaged file comes to, and why. A sealed file that reads as another is a fault."""
+    """(outcome, reason) of reading the damaged file at `path`. A sealed file that reads as something else is a fault."""
     try:
         read = sample.read(path)
     except InputError as error:
@@ -39,7 +39,7 @@ def outcome(sample: Sample, original: bytes, path: Path) -> tuple[str, str]:
 
 
 def main() -> None:
-    """Reads lines "SEED NUMBER"; writes a JSON line for each, and one first when it is ready."""
+    """Read lines "SEED NUMBER" and answer each with a line of JSON; the first line says that the process is ready."""
     samples = corpus()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
@@ -49,7 +49,7 @@ def main() -> None:
             path.write_bytes(sample.data)
             originals.append(sample.read(path))
         say = sys.stdout
-        sys.stdout = sys.stderr  # what a library prints is no outcome
+        sys.stdout = sys.stderr  # a library may print, which must not look like an outcome
         print(json.dumps({"ready": [sample.kind for sample in samples], "bytes": _peak()}), file=say, flush=True)
         for line in sys.stdin:
             seed, number = map(int, line.split())
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def _peak() -> int:
-    """The most memory this process has had, bytes."""
+    """Peak memory of this process, bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 

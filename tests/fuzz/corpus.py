@@ -1,4 +1,4 @@
-"""What the fuzzer starts from: small files of every kind that Panchroma reads, made by its own writers, and who reads them."""
+"""The files that the fuzzer damages: small, of every kind that Panchroma reads, made by its writers; and their readers."""
 
 import io
 import json
@@ -24,12 +24,19 @@ from tools.pictures.writer import PictureKind, encode_picture
 from tools.scenes.load import load_scene
 
 Read = Callable[[Path], Any]
-"""Reads a file; what it returns compares equal (as bytes) exactly when the same was read."""
+"""Reads a file. Two results are equal exactly when the same was read."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """A whole file. sealed: it has a digest, so that nobody may take a changed one for it."""
+    """An undamaged file.
+
+    kind: name of the format, as in the table of outcomes.
+    suffix: of the file's name.
+    data: its bytes.
+    read: its reader.
+    sealed: the format has a digest: a damaged file must never read as something else.
+    """
 
     kind: str
     suffix: str
@@ -39,7 +46,7 @@ class Sample:
 
 
 def corpus() -> list[Sample]:
-    """Every sample; the same ones each time."""
+    """Every sample, always the same ones."""
     return [*_shots(), *_pictures(), *_raws(), *_documents(), *_graphs(), *_streams()]
 
 

@@ -1,4 +1,4 @@
-"""Damage: what disks, cables, editors and enemies do to a file. The same seed does the same damage."""
+"""Damage that disks, cables, editors and attackers do to files. The same seed does the same damage."""
 
 import re
 import struct
@@ -11,11 +11,11 @@ Mutation = Callable[[bytearray, Random, Sequence[bytes]], bytearray]
 
 _SIZES = (0, 1, 2, 7, 255, 256, 32767, 65500, 65535, 65536, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) - 1)
 _NUMBERS = (b"0", b"-1", b"1e999", b"NaN", b"9" * 30, b"9" * 6000, b"1e-320", b"null", b"[]", b'"7"', b"65536", b"\xc2\xb2")
-_EDGE = 1500  # bytes at either end: directories and headers lie there
+_EDGE = 1500  # bytes at either end, where directories and headers are
 
 
 def mutated(data: bytes, random: Random, others: Sequence[bytes]) -> bytes:
-    """The file after one misfortune, or up to four; `others`: files of its kind."""
+    """The file after one to four mutations. others: files of the same kind, for splices."""
     changed = bytearray(data)
     for _ in range(1 if random.integers(2) else int(random.integers(2, 5))):
         if changed:
@@ -24,7 +24,7 @@ def mutated(data: bytes, random: Random, others: Sequence[bytes]) -> bytes:
 
 
 def _place(data: bytearray, random: Random) -> int:
-    """Anywhere, but two times of three near an end."""
+    """A random offset; in two of three cases near one end."""
     where, last = int(random.integers(3)), len(data)
     low, high = ((0, last), (0, min(last, _EDGE)), (max(0, last - _EDGE), last))[where]
     return int(random.integers(low, high))
@@ -51,7 +51,7 @@ def _size_field(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearra
 
 
 def _number(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
-    """Another number in a text; of a binary file some run of digits."""
+    """Replace a number in a text, or any run of digits in a binary file."""
     found = [match.span() for match in re.finditer(rb"\d[\d.]*", data)]
     if found:
         start, end = found[int(random.integers(len(found)))]
@@ -81,7 +81,7 @@ def _noise(data: bytearray, random: Random, _: Sequence[bytes]) -> bytearray:
 
 
 def _splice(data: bytearray, random: Random, others: Sequence[bytes]) -> bytearray:
-    """The beginning of one file and the end of another, or a piece of another over the same place."""
+    """Join the beginning of one file and the end of another, or copy a piece of another to the same place."""
     other = others[int(random.integers(len(others)))]
     place = _place(data, random)
     if random.integers(2):

@@ -1,16 +1,15 @@
 """A few hundred damaged files, and the fuzzer seen to catch what it is for."""
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from shared.errors import InputError
-from tests.data import ROOT
 from tests.fuzz import bombs, campaign
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
+from tests.python import run_python
 
 
 def test_no_damage_does_harm() -> None:
@@ -43,7 +42,7 @@ def test_outcomes(read: Read, sealed: bool, expected: str) -> None:
     assert outcome(sample, b"whole", Path("file"))[0] == expected
 
 
-def test_a_refusal_is_none_of_them() -> None:
+def test_a_refusal_is_an_outcome_of_its_own() -> None:
     def refuse(path: Path) -> bytes:
         raise InputError("is odd")
 
@@ -68,12 +67,10 @@ def test_a_reader_that_crashes_hangs_or_swells_is_caught(does: str, says: str, m
 
 
 def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
-    """All in one process: its peak bounds that of each. The command measures them one by one."""
+    """All in one process, whose peak bounds that of each. The command measures them one by one."""
     paths = [bombs.write(name, tmp_path) for name in bombs.bombs()]
     script = (
         "import sys; from pathlib import Path; from tests.fuzz.bombs import measure\n"
         "print(max(measure(Path(name))[2] for name in sys.argv[1:]))"
     )
-    done = subprocess.run([sys.executable, "-c", script, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) < bombs.LIMIT_BYTES
+    assert int(run_python(script, *paths)) < bombs.LIMIT_BYTES

@@ -1,7 +1,6 @@
-"""The pictures that `offline.version.ALGORITHM` stands for, as it was when they were made: python -m tests.golden.render
+"""Generate the pictures that `offline.version.ALGORITHM` stands for: python -m tests.golden.render
 
-Run it after the number has gone up (or before the first release, when the same number may come to mean something better), and say
-in the change what has become different.
+Run it after raising the number, and say in the change what is different. (Before the first release the number may stay.)
 """
 
 import hashlib
@@ -28,8 +27,12 @@ _FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in 
 
 @dataclass(frozen=True)
 class Golden:
-    """algorithm: the number that these are of; made_by: compiler and processor that made them; pictures: preset -> scene units and
-    display, float32 (2, H, W, 3); digests: preset -> SHA-256 of the bytes of these.
+    """Pictures to compare with.
+
+    algorithm: the number of the algorithm that made them.
+    made_by: the compiler and the processor that made them.
+    pictures: preset -> the rendering in scene units and for a display, float32 (2, H, W, 3).
+    digests: preset -> SHA-256 of the picture's bytes.
     """
 
     algorithm: int
@@ -39,20 +42,20 @@ class Golden:
 
 
 def now() -> Golden:
-    """What this source makes on this machine."""
+    """The pictures that this source makes on this machine."""
     pictures = {name: _picture(name) for name in PRESETS}
     digests = {name: hashlib.sha256(picture.tobytes()).hexdigest() for name, picture in pictures.items()}
     return Golden(ALGORITHM, _compiler(), pictures, digests)
 
 
 def saved() -> Golden:
-    """What was kept."""
+    """The pictures that were kept."""
     with np.load(_PICTURES) as file:
         return Golden(**json.loads(_FACTS.read_text()), pictures={name: file[name] for name in PRESETS})
 
 
 def _picture(preset: str) -> FloatArray:
-    """Of a noisy shot of the built-in scene, 36 x 28, K = 6."""
+    """The rendering of a noisy shot of the built-in scene, 36 x 28, K = 6."""
     calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
     taken = simulate_additive(builtin_scene(36, 28).rgb, CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0))
     rgb = render(Mosaic(taken.codes, taken.pattern, taken.calibration), PRESETS[preset]).rgb
@@ -60,7 +63,7 @@ def _picture(preset: str) -> FloatArray:
 
 
 def _compiler() -> str:
-    """All that bytes may depend on: sums of floats round differently where a processor has other instructions."""
+    """Everything that the bytes may depend on. Processors with other instructions round sums of floats differently."""
     features = numba.config.CPU_FEATURES or llvmlite.binding.get_host_cpu_features().flatten()
     processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
     digest = hashlib.sha256(features.encode()).hexdigest()[:8]

@@ -12,7 +12,7 @@ from offline.settings import ChromaticitySettings, DefectSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive
-from tests.data import DATA
+from tests.data import photograph
 from tests.offline.scenes import every_case, shot
 from tools.evaluation.metrics import quality
 from tools.scenes.drawn.builtin import builtin_scene
@@ -136,11 +136,10 @@ def test_a_drawn_scene_loses_next_to_nothing(sigma: float) -> None:
     assert taken <= SPECKS
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="no photographs")
 @pytest.mark.parametrize("sigma", [0.0, 0.03])
 def test_hot_pixels_of_a_photograph_cost_little(sigma: float) -> None:
     """0.1 % of them: at most 0.5 dB with a map, 1.5 dB without; and looking for them costs a sound photograph nothing."""
-    scene = load_scene(str(DATA / "linear/intel_tau_011.png")).rgb
+    scene = load_scene(str(photograph("linear/intel_tau_011.png"))).rgb
     mosaic = photographed(scene, sigma)
     hurt, hot = with_hot(mosaic, 0.001)
     off = replace(BEST, defects=PAPER.defects)

@@ -1,4 +1,4 @@
-"""How near one array is to another, with the place where it is not."""
+"""Comparison of arrays that names the place where they differ most."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def assert_close(actual: NDArray[Any], expected: NDArray[Any], within: float) -> None:
-    """Equal shapes, and no element further away than `within`; a NaN on either side is."""
+    """Fail unless the shapes are equal and no element differs by more than `within`. A NaN on either side fails."""
     if actual.shape != expected.shape:
         raise AssertionError(f"shape {actual.shape}, expected {expected.shape}")
     far = np.abs(actual.astype(np.float64) - expected.astype(np.float64))

@@ -3,6 +3,7 @@ import fcntl
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
@@ -75,16 +76,12 @@ def test_works_where_hard_links_do_not(tmp_path: Path, monkeypatch: pytest.Monke
     ],
 )
 def test_a_failed_write_leaves_what_was_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, words: str, overwrite: bool
+    tmp_path: Path, full_disk: Callable[[int], None], number: int, words: str, overwrite: bool
 ) -> None:
     path = tmp_path / "shot.dng"
     if overwrite:
         path.write_bytes(b"old")
-
-    def fail(_: int) -> None:
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr(os, "fsync", fail)
+    full_disk(number)
     with pytest.raises(OutputError, match=words) as caught:
         write_durably(path, b"new", overwrite=overwrite)
     assert str(path) in str(caught.value)

@@ -1,12 +1,14 @@
-"""The commands as a user runs them: in this process where what they print is enough, else in one of their own."""
+"""The commands as a user runs them: in this process, or in one of their own."""
 
 import contextlib
 import io
 import json
+import resource
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +34,12 @@ class Outcome:
 
     @property
     def records(self) -> list[dict[str, Any]]:
-        """Standard output of --json; fails when anything but objects, one a line, is there."""
+        """The objects that --json prints, one a line; fails if standard output holds anything else."""
         return [json.loads(line) for line in self.out.splitlines()]
 
 
 def run(*arguments: str | Path) -> Outcome:
-    """A command in this process."""
+    """Run a command in this process."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
@@ -48,25 +50,45 @@ def run(*arguments: str | Path) -> Outcome:
     return Outcome(code, out.getvalue(), err.getvalue())
 
 
-def spawn(*arguments: str | Path, before: tuple[str, ...] = (), env: Mapping[str, str] | None = None) -> Outcome:
-    """A command in a process of its own, after `before`, a program that starts another."""
-    line = [*before, *PROGRAM, *map(str, arguments)]
-    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120, env=env)
-    return Outcome(done.returncode, done.stdout, done.stderr)
+def start(*arguments: str | Path, before: tuple[str, ...] = (), **options: Any) -> "subprocess.Popen[str]":
+    """A command, started in a process of its own; standard output and error are pipes of text.
+
+    before: a program that starts the one whose command line follows.
+    options: of subprocess.Popen.
+    """
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([*before, *PROGRAM, *map(str, arguments)], cwd=ROOT, text=True, **{**pipes, **options})
+
+
+def file_limit(size: int) -> Callable[[], None]:
+    """For `preexec_fn`: the process can write no file larger than `size` bytes."""
+    return partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, size))
+
+
+def spawn(*arguments: str | Path, **options: Any) -> Outcome:
+    """A command in a process of its own, run to its end. options: of `start`."""
+    process = start(*arguments, **options)
+    out, err = process.communicate(timeout=120)
+    return Outcome(process.returncode, out, err)
 
 
 def names(folder: Path) -> set[str]:
-    """What a folder holds, hidden files too."""
+    """Names of the files in a folder, hidden ones too."""
     return {path.name for path in folder.iterdir()}
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    """Path below the folder -> bytes, of every file, hidden ones too."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
 def results(folder: Path) -> set[str]:
-    """The same without the journal that `render` keeps."""
+    """Names of the files in a folder, without the journal that `render` keeps."""
     return names(folder) - {JOURNAL}
 
 
 def assert_refused(outcome: Outcome, *words: str, name: str, code: int = 1) -> None:
-    """One line that names the file, once, and says `words`; nothing that looks like a program's inside."""
+    """Fail unless there is one error line that names the file once and says `words`, and no traceback."""
     assert outcome.code == code, outcome.err
     (line,) = outcome.errors
     assert line.startswith(f"panchroma: {name}: "), line

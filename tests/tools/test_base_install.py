@@ -1,55 +1,17 @@
 """The commands of a camera, run where every package is hidden that the base dependencies do not bring."""
 
-import re
 import subprocess
-import sys
-import tomllib
-from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
 import pytest
 
-from tests.data import ROOT
 from tests.device.packer import pack, random_codes
-
-OURS = {"shared", "device", "tools"}
-
-RUN = """
-import sys
-allowed = set({allowed!r}) | set(sys.stdlib_module_names)
-class Hide:
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] not in allowed:
-            raise ModuleNotFoundError(f"No module named {{name!r}}: a camera does not have it", name=name)
-sys.meta_path.insert(0, Hide())
-from tools.cli import main
-main()
-"""
-
-
-def base_modules() -> set[str]:
-    """The modules that an installation without extras has."""
-    wanted = list(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"])
-    found: set[str] = set()
-    while wanted:
-        requirement = wanted.pop()
-        name = re.split(r"[^\w.-]", requirement)[0].lower().replace("_", "-")
-        if name in found or "extra ==" in requirement:
-            continue
-        try:
-            wanted += requires(name) or []
-        except PackageNotFoundError:  # needed on another system
-            continue
-        found.add(name)
-    modules = packages_distributions()
-    return {module for module, owners in modules.items() if {owner.lower().replace("_", "-") for owner in owners} & found}
+from tests.python import base_modules, on_camera
 
 
 def camera(*arguments: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    script = RUN.format(allowed=sorted(base_modules() | OURS))
-    return subprocess.run(
-        [sys.executable, "-c", script, *arguments], input=stdin, cwd=ROOT, capture_output=True, check=False, timeout=120
-    )
+    script = "from tools.cli import main; main()"
+    return on_camera(script, *arguments, ours=("shared", "device", "tools"), stdin=stdin)
 
 
 def test_the_walk_finds_the_base_and_nothing_else() -> None:

@@ -186,9 +186,7 @@ def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) 
 
 
 @pytest.mark.parametrize("stage", ["luminance", "colour", "reading"])
-def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
+def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     begin = LineProgress.stage
 
     def interrupted(self: LineProgress, name: str, steps: int) -> None:
@@ -260,9 +258,7 @@ def test_a_full_disk_behind_standard_output_is_one_line(shots: Path) -> None:
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
-def test_closed_streams_are_no_trouble_and_not_taken_for_files(closed: str, shots: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
+def test_closed_streams_are_no_trouble_and_not_taken_for_files(closed: str, shots: Path, out: Path) -> None:
     outcome = spawn("render", shots / SHOT, "-o", out, before=("sh", "-c", f'exec "$@" {closed}', "sh"))
     assert outcome.code == 0
     assert results(out) == {"builtin-24x18.tif"}
@@ -290,13 +286,13 @@ def test_people_read_stderr_when_machines_read_stdout(capsys: pytest.CaptureFixt
         )
 
 
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
 def test_a_terminal_shows_a_bar_whatever_the_file_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
     """Square brackets are markup to rich, unless it is told otherwise."""
-
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
@@ -312,11 +308,6 @@ def test_a_terminal_shows_a_bar_whatever_the_file_is_called(monkeypatch: pytest.
 
 def test_results_do_not_go_where_the_bar_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bar on the terminal, records into a file: both at the same time, each to its place."""
-
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
     terminal, file = Terminal(), io.StringIO()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(sys, "stdout", file)

@@ -1,14 +1,14 @@
 """Compiling once per machine, and telling who waits."""
 
 import shutil
-import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from offline.kernels import compile as product
 from tests.data import ROOT
+from tests.python import run_python
 
 SCRIPT = """
 import numpy as np
@@ -19,29 +19,18 @@ with compilation(lambda name: print("compiling", name)):
 """
 
 
-def run(folder: Path) -> str:
-    result = subprocess.run([sys.executable, "-c", SCRIPT], cwd=folder, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    return result.stdout
-
-
 def test_a_kernel_is_compiled_once_until_any_of_them_changes(tmp_path: Path) -> None:
     for package in ("offline", "shared"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
-    assert run(tmp_path) == "compiling mirrored\n3\n"
-    assert run(tmp_path) == "3\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "compiling mirrored\n3\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "3\n"
     lanes = tmp_path / "offline/kernels/lanes.py"  # which the kernel's own file imports
     lanes.write_text(lanes.read_text() + "# changed\n")
-    assert run(tmp_path) == "compiling mirrored\n3\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "compiling mirrored\n3\n"
 
 
-def test_threads_are_what_was_asked_for() -> None:
-    before = product.threads()
-    try:
-        for count in range(1, product.available_threads() + 1):
-            product.use_threads(count)
-            assert product.threads() == count
-        with pytest.raises(ValueError, match="number of threads"):
-            product.use_threads(product.available_threads() + 1)
-    finally:
-        product.use_threads(before)
+def test_threads_are_what_was_asked_for(thread_counts: Iterator[int]) -> None:
+    for count in thread_counts:
+        assert product.threads() == count
+    with pytest.raises(ValueError, match="number of threads"):
+        product.use_threads(product.available_threads() + 1)

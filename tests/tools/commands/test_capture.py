@@ -1,9 +1,7 @@
 import json
 import os
-import resource
 import signal
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -19,11 +17,11 @@ from shared.arrays import ByteArray
 from shared.dng import read_preview
 from tests.data import ROOT
 from tests.device.packer import pack, random_codes
+from tests.tools.command import PROGRAM, file_limit, spawn
 from tests.tools.command import run as command
 from tools.cli import main
 from tools.commands import capture as verb
 
-PROGRAM = [sys.executable, "-c", "from tools.cli import main; main()", "capture"]
 SIZE = (20, 30)
 LAYOUT = ["--width", "30", "--height", "20", "--format", "SRGGB12_CSI2P", "--stride", "64"]
 
@@ -40,9 +38,10 @@ def run(*arguments: str) -> int:
     return caught.value.code
 
 
-def piped(data: bytes, *arguments: str) -> subprocess.CompletedProcess[bytes]:
+def piped(data: bytes, *arguments: str, **options: Any) -> subprocess.CompletedProcess[bytes]:
     """The command in a process of its own, with a pipe as standard input."""
-    return subprocess.run([*PROGRAM, "-", *arguments], input=data, cwd=ROOT, capture_output=True, check=False, timeout=120)
+    line = [*PROGRAM, "capture", "-", *arguments]
+    return subprocess.run(line, input=data, cwd=ROOT, capture_output=True, check=False, timeout=120, **options)
 
 
 def shots(folder: Path) -> list[Path]:
@@ -53,13 +52,6 @@ def shots(folder: Path) -> list[Path]:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_folder, "_POLL", 0.01)
     monkeypatch.setattr(frame_folder, "_PATIENCE", 0.05)
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    return folder
 
 
 def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
@@ -91,10 +83,10 @@ def test_a_recording_in_a_file_waits_by_itself(out: Path, tmp_path: Path) -> Non
     recording = tmp_path / "recording"
     recording.write_bytes(b"".join(map(frame, range(12))))
     with recording.open("rb") as file:
-        done = subprocess.run([*PROGRAM, "-", "-o", str(out), *LAYOUT], stdin=file, cwd=ROOT, capture_output=True, check=False)
-    assert done.returncode == 0
+        outcome = spawn("capture", "-", "-o", out, *LAYOUT, stdin=file)
+    assert outcome.code == 0
     assert len(shots(out)) == 12
-    assert b"12 saved, 0 dropped" in done.stderr
+    assert "12 saved, 0 dropped" in outcome.err
 
 
 def test_a_camera_that_is_too_fast_loses_whole_frames(out: Path) -> None:
@@ -110,9 +102,8 @@ def test_a_camera_that_is_too_fast_loses_whole_frames(out: Path) -> None:
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_a_signal_ends_a_silent_camera(out: Path, number: signal.Signals, code: int) -> None:
-    with subprocess.Popen(
-        [*PROGRAM, "-", "-o", str(out), *LAYOUT], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
+    line = [*PROGRAM, "capture", "-", "-o", str(out), *LAYOUT]
+    with subprocess.Popen(line, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdin
         assert process.stdout
         assert process.stderr
@@ -160,14 +151,8 @@ def test_a_full_disk_is_one_line_and_leaves_no_part(out: Path) -> None:
     """The disk here is a limit that the system puts on the size of a file: the second frame is too large for it."""
     wide = ["--width", "300", "--height", "200", "--format", "u16", "--bits", "12"]
     dark, noise = np.full((200, 300), 256, np.uint16), random_codes((200, 300), 12)
-    done = subprocess.run(
-        [*PROGRAM, "-", "-o", str(out), *wide, "--wait"],
-        input=b"".join(codes.tobytes() for codes in (dark, noise, dark)),
-        cwd=ROOT,
-        capture_output=True,
-        check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
-    )
+    data = b"".join(codes.tobytes() for codes in (dark, noise, dark))
+    done = piped(data, "-o", str(out), *wide, "--wait", preexec_fn=file_limit(20_000))
     assert done.returncode == 1
     assert b"000002.dng: is larger than the file system or a limit of the system allows; choose another folder\n" in done.stderr
     assert done.stderr.endswith(b"1 saved, 0 dropped, 1 failed\n")

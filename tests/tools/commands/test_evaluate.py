@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.data import ROOT
+from tests.tools.command import spawn, start
 from tests.tools.evaluation.examples import small_scene
 from tools.cli import main
 
@@ -39,9 +37,7 @@ def mixed(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_folder_of_mixed_files(tmp_path: Path, mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
+def test_a_folder_of_mixed_files(out: Path, mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "-j", "1", "--json")
     assert evaluate(mixed, "builtin:60x60", *options) == 1
     said = capsys.readouterr()
@@ -61,7 +57,7 @@ def test_a_folder_of_mixed_files(tmp_path: Path, mixed: Path, capsys: pytest.Cap
     assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q25")
     page = (out / "evaluation.html").read_text()
     assert "notes.txt" in page
-    assert str(tmp_path) in page  # failures are named in full
+    assert str(mixed) in page  # failures are named in full
 
     # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
     assert evaluate(mixed, *options) == 2
@@ -118,17 +114,10 @@ def test_equal_exposure_times(tmp_path: Path) -> None:
 def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
     """Ctrl-C while two processes are at work: at once, exit code 130, what is finished is kept."""
     np.save(tmp_path / "scene.npy", small_scene(240, 240, 0))
-    command = [
-        sys.executable,
-        "-c",
-        "from tools.cli import main; main()",
-        "evaluate",
-        str(tmp_path / "scene.npy"),
-        "-o",
-        str(tmp_path),
-    ]
-    command += ["-j", "2", "--no-report", "--methods", "bilinear", "paper", "--sigma", *(str(0.001 * n) for n in range(30))]
-    running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    levels = [str(0.001 * n) for n in range(30)]
+    options = ["-j", "2", "--no-report", "--methods", "bilinear", "paper", "--sigma", *levels]
+    command = ["evaluate", str(tmp_path / "scene.npy"), "-o", str(tmp_path), *options]
+    running = start(*command, start_new_session=True)
     results = tmp_path / "results"
     while running.poll() is None and len(list(results.glob("*.npz")) if results.exists() else []) < 2:
         time.sleep(0.05)
@@ -140,5 +129,5 @@ def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
     kept = len(list(results.glob("*.npz")))
     assert 2 <= kept < 60
     assert not list(results.glob(".*"))
-    again = subprocess.run([*command, "--dry-run"], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert f"{60 - kept} results to make, {kept} kept" in again.stdout
+    again = spawn(*command, "--dry-run")
+    assert f"{60 - kept} results to make, {kept} kept" in again.out

@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -13,7 +11,7 @@ from device import Preview
 from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview
-from tests.data import ROOT
+from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 
 JPEG_LOSS = 2.0
@@ -159,5 +157,4 @@ def test_help_does_not_wait_for_onnxruntime() -> None:
         "import sys\nfrom tools.cli import main\n"
         "try:\n    main(['preview', '--help'])\nexcept SystemExit:\n    print('onnxruntime' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "False"
+    assert run_python(script).splitlines()[-1] == "False"

@@ -1,10 +1,6 @@
 """`panchroma render`: the command gives what the library gives, in every format, and a bad shot costs one line."""
 
-import errno
 import io
-import os
-import resource
-import subprocess
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -21,8 +17,7 @@ from offline.settings import RenderSettings
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray, FloatArray
 from shared.sensor import simulate_additive
-from tests.data import ROOT
-from tests.tools.command import PROGRAM, Outcome, assert_refused, names, results, run
+from tests.tools.command import assert_refused, file_limit, names, results, run, spawn
 from tools.evaluation.metrics import psnr
 from tools.pictures.writer import POSSIBLE
 from tools.scenes.drawn.builtin import builtin_scene
@@ -31,13 +26,6 @@ SCENE = (48, 36)
 SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"
 STEM = SOURCE.replace(":", "-")
 MEASURED = ("--preset", "paper", "--bits", "32", "--space", "camera")
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -394,20 +382,11 @@ def test_a_shot_is_never_replaced_by_its_rendering(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", POSSIBLE)
 def test_a_full_disk_costs_one_line_and_keeps_what_was_there(
-    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    out: Path, tmp_path: Path, full_disk: Callable[..., None], name: str
 ) -> None:
     shots = [save(tmp_path / "one.dng"), save(tmp_path / "two.dng")]
     (out / f"one.{name}").write_text("old")
-    calls = []
-    fsync = os.fsync
-
-    def full(descriptor: int) -> None:
-        calls.append(descriptor)
-        if len(calls) == 1:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        fsync(descriptor)
-
-    monkeypatch.setattr(os, "fsync", full)
+    full_disk(times=1)
     outcome = run("render", *shots, "-o", out, "-f", name, "--overwrite")
     assert_refused(outcome, "the disk is full; free some space or choose another folder", name=str(out / f"one.{name}"))
     assert (out / f"one.{name}").read_text() == "old"
@@ -416,14 +395,8 @@ def test_a_full_disk_costs_one_line_and_keeps_what_was_there(
 
 def test_a_limit_of_the_system_on_file_sizes(out: Path, tmp_path: Path) -> None:
     shot = save(tmp_path / "shot.dng")
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-
-    done = subprocess.run(
-        [*PROGRAM, "render", shot, "-o", out], cwd=ROOT, capture_output=True, text=True, check=False, preexec_fn=limit
-    )
-    assert_refused(Outcome(done.returncode, done.stdout, done.stderr), "choose another folder", name=str(out / "shot.tif"))
+    outcome = spawn("render", shot, "-o", out, preexec_fn=file_limit(1000))
+    assert_refused(outcome, "choose another folder", name=str(out / "shot.tif"))
     assert results(out) == set()
 
 

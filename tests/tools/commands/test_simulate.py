@@ -3,9 +3,7 @@
 import errno
 import json
 import os
-import resource
 import struct
-import subprocess
 import zlib
 from collections.abc import Callable
 from itertools import product
@@ -22,19 +20,11 @@ from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
 from shared.arrays import FloatArray
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
 from shared.tiff import Directory, FieldType, encode_tiff
-from tests.data import ROOT
-from tests.tools.command import PROGRAM, Outcome, assert_refused, names, run
+from tests.tools.command import assert_refused, file_limit, names, run, spawn
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"
 SHOT, TRUTH = "builtin-24x18.dng", "builtin-24x18.truth.tif"
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    return folder
 
 
 def camera(bits: int = 12, **fields: Any) -> SensorCalibration:
@@ -362,34 +352,14 @@ def test_a_scene_is_never_replaced_by_its_own_truth(out: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO])
-def test_a_full_disk_costs_one_line_and_leaves_nothing(out: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
-    calls = []
-    fsync = os.fsync
-
-    def full(descriptor: int) -> None:
-        calls.append(descriptor)
-        if len(calls) == 1:
-            raise OSError(number, os.strerror(number))
-        fsync(descriptor)
-
-    monkeypatch.setattr(os, "fsync", full)
+def test_a_full_disk_costs_one_line_and_leaves_nothing(out: Path, full_disk: Callable[..., None], number: int) -> None:
+    full_disk(number, times=1)
     outcome = run("simulate", SOURCE, "builtin:12x12", "-o", out)
     assert_refused(outcome, ";" if number != errno.EIO else "cannot be written", name=str(out / SHOT))
     assert names(out) == {"builtin-12x12.dng"}
 
 
 def test_a_limit_of_the_system_on_file_sizes(out: Path) -> None:
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-
-    done = subprocess.run(
-        [*PROGRAM, "simulate", "builtin:200x150", "builtin:12x12", "-o", out],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=limit,
-    )
-    outcome = Outcome(done.returncode, done.stdout, done.stderr)
+    outcome = spawn("simulate", "builtin:200x150", "builtin:12x12", "-o", out, preexec_fn=file_limit(20_000))
     assert_refused(outcome, "larger than", "choose another folder", name=str(out / "builtin-200x150.dng"))
     assert names(out) == {"builtin-12x12.dng"}

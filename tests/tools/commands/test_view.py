@@ -4,12 +4,10 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import imagecodecs
@@ -22,10 +20,9 @@ from device.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
-from tests.data import ROOT
+from tests.browser import Browser
 from tests.device.packer import random_codes
-from tests.tools.browser import CHROMIUM, Browser
-from tools.cli import main
+from tests.tools.command import run, start
 from tools.commands.view import _scale
 from tools.live.server import ViewfinderServer
 from tools.live.viewfinder import Viewfinder
@@ -127,15 +124,7 @@ def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
 def test_the_figures(served: Served) -> None:
     status, facts = served.facts("/status")
     assert status == 200
-    assert facts == {
-        "frames": 0,
-        "fps": 0.0,
-        "latency_ms": 0.0,
-        "dropped": 7,
-        "width": 0,
-        "height": 0,
-        "can_save": True,
-    }
+    assert facts == {"frames": 0, "fps": 0.0, "latency_ms": 0.0, "dropped": 7, "width": 0, "height": 0, "can_save": True}
     for number in range(3):
         show(served.finder, number)
     _, facts = served.facts("/status")
@@ -155,14 +144,10 @@ def test_the_button_saves_the_frame_that_is_shown(served: Served, tmp_path: Path
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, full_disk: Callable[[], None]) -> None:
     assert served.facts("/capture", "POST") == (409, {"error": "there is no frame: the camera has not begun, or has ended"})
     show(served.finder, 0)
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
+    full_disk()
     status, facts = served.facts("/capture", "POST")
     assert status == 507
     assert "the disk is full" in facts["error"]
@@ -188,15 +173,7 @@ def test_the_page_and_nothing_else(served: Served, tmp_path: Path) -> None:
         assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
         assert len(answer.read()) == int(answer.headers["Content-Length"])
     (tmp_path / "secret").touch()
-    for path in (
-        "/index.html",
-        "/../viewfinder.py",
-        "/%2e%2e/viewfinder.py",
-        "//etc/passwd",
-        "/viewfinder_page/style.css",
-        "/secret",
-        "*",
-    ):
+    for path in ("/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/page/style.css", "/secret", "*"):
         assert served.ask(path).status == 404
     show(served.finder, 0)
     assert served.ask("/capture").status == 404  # looking changes nothing
@@ -325,22 +302,18 @@ def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: 
         (["--scale", "0"], "0 x 0 sensor pixels"),
     ],
 )
-def test_what_is_asked_in_vain(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
+def test_what_is_asked_in_vain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: str) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as caught:
-        main(["view", "builtin:64x48@9", *arguments])
-    assert caught.value.code == 2
-    assert words in capsys.readouterr().err
+    outcome = run("view", "builtin:64x48@9", *arguments)
+    assert outcome.code == 2
+    assert words in outcome.err
 
 
 class Command:
     """`panchroma view` in a process of its own."""
 
     def __init__(self, *arguments: str, source: str = "builtin:192x128@20", stdin: Any = subprocess.DEVNULL) -> None:
-        program = [sys.executable, "-c", "from tools.cli import main; main()", "view", source, "--port", "0", *arguments]
-        self.process = subprocess.Popen(program, cwd=ROOT, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.process = start("view", source, "--port", "0", *arguments, stdin=stdin)
         assert self.process.stdout
         line = self.process.stdout.readline()
         found = re.search(r"http://127\.0\.0\.1:\d+/", line)
@@ -359,7 +332,7 @@ class Command:
     def __enter__(self) -> "Command":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.process.poll() is None:  # the test failed
             self.process.kill()
             self.process.communicate()
@@ -389,13 +362,10 @@ def test_a_camera_that_breaks_off_ends_it() -> None:
     assert "ended in the middle of a frame, 5 bytes after 1 whole ones" in told
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 @pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (1280, 860, True), (390, 844, False), (390, 844, True)])
-def test_in_a_browser(tmp_path: Path, width: int, height: int, dark: bool) -> None:
+def test_in_a_browser(tmp_path: Path, out: Path, width: int, height: int, dark: bool) -> None:
     """The picture comes and moves, figures are there, the button saves, nothing sticks out, and a lost camera is told."""
-    out = tmp_path / "out"
-    out.mkdir()
-    with Command("-o", str(out)) as command, Browser(tmp_path / "profile", width, height, dark=dark) as browser:
+    with Browser(tmp_path / "profile", width, height, dark=dark) as browser, Command("-o", str(out)) as command:
         browser.open(command.url)
         browser.until("document.body?.dataset.state === 'live'")
         assert browser.evaluate("picture.naturalWidth") == 192

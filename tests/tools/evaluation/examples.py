@@ -14,7 +14,7 @@ from tools.host.console import Console
 
 
 def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
-    """Soft blobs, an edge in luminance, one in colour."""
+    """A scene of soft blobs with one edge in luminance and one in colour, float32 (rows, columns, 3)."""
     from scipy.ndimage import gaussian_filter
 
     rng = np.random.default_rng(seed)
@@ -27,7 +27,7 @@ def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
 
 
 def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlmmse"), count: int = 2, **changes: object) -> Study:
-    """A study of scenes written to `folder`."""
+    """A study of `count` small scenes, which are written to `folder`."""
     scenes = []
     for seed in range(count):
         path = folder / f"scene{seed}.npy"
@@ -39,12 +39,12 @@ def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlm
 
 
 def measured(study: Study, folder: Path) -> Figures:
-    """All results of a study, made in this process."""
+    """Make all results of a study in this process."""
     for task in tasks(study, folder)[0]:
         assert work(task).failures == ()
     return Figures(study, collect(study, folder))
 
 
 def alone() -> Team:
-    """This process, and memory enough."""
+    """A team of this process only, with enough memory."""
     return Team(Console(), 1, 2**40)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_architecture import ROOT, imported, sources
+from tests.data import ROOT
+from tests.test_architecture import imported, sources
 from tools.evaluation import code_digest
 from tools.evaluation.code_digest import digest
 from tools.evaluation.methods import MEASURING, methods

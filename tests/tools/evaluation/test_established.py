@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.data import DATA
+from tests.data import photograph
 from tools.evaluation.measures import Measures
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
@@ -20,10 +20,8 @@ TOLERANCE = 0.15  # dB
 
 @pytest.mark.parametrize("name", PAPER)
 def test_the_papers_method_scores_what_it_should(name: str) -> None:
-    if not (DATA / name).exists():
-        pytest.skip("no test photographs")
     reading, protocol = Reading(), Protocol()
-    scene = reading.info(str(DATA / name))
+    scene = reading.info(str(photograph(name)))
     study = Study((scene,), ("paper",), (0.0, 0.01, 0.03), (6,), protocol, reading)
     for cell, expected in zip(study.cells(), PAPER[name], strict=True):
         measures = Measures.of(render_cell(cell, protocol, reading), reading.truth(scene.source))

@@ -15,8 +15,8 @@ import pytest
 
 from shared.errors import InputError, PanchromaError
 from tests.data import ROOT
-from tests.tools.command import results, run
-from tests.tools.rendering.examples import contents, save_shot, start
+from tests.tools.command import contents, results, run, start
+from tests.tools.rendering.examples import save_shot
 from tools.host import worker_pool
 from tools.host.console import WorkerFault, fault
 from tools.host.worker_pool import Note
@@ -143,9 +143,8 @@ def test_workers_give_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     assert contents(tmp_path / "shots") == before
 
 
-def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Path) -> None:
-    count, out = 12, tmp_path / "out"
-    out.mkdir()
+def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Path, out: Path) -> None:
+    count = 12
     for seed in range(count):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed)
     running = [start("render", tmp_path / "shots", "-o", out, "--resume", "--json", "--workers", "1") for _ in range(3)]
@@ -159,9 +158,7 @@ def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Pa
     assert len((out / NAME).read_text().splitlines()) == count
 
 
-def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
+def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path, out: Path) -> None:
     for seed in range(8):
         save_shot(tmp_path / "shots" / f"{seed}.dng", seed, (150, 150))
     process = start("render", tmp_path / "shots", "-o", out, "--workers", "2", "--json")

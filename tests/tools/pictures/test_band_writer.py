@@ -1,8 +1,6 @@
 """Pictures written in bands are the same files, to the byte."""
 
-import errno
-import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,11 +69,8 @@ def test_nothing_is_left_of_a_rendering_that_fails(tmp_path: Path, orientation: 
     assert not overwrite or path.read_bytes() == b"old"
 
 
-def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
+def test_a_full_disk_is_named(tmp_path: Path, full_disk: Callable[[], None]) -> None:
+    full_disk()
     path, bands, kind = tmp_path / "picture.tif", cut(scene((9, 9)), 4), PictureKind.of("tif")
     with pytest.raises(OutputError, match=r"picture\.tif: the disk is full"):
         write_picture_bands(path, bands, (9, 9), kind, calibration=CALIBRATION, metadata=METADATA)

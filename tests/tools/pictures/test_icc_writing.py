@@ -1,8 +1,6 @@
 """ICC profiles that we write: other programs read them as we mean them."""
 
 import io
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ from PIL import Image, ImageCms
 
 from shared.colorimetry import decode_srgb, encode_srgb
 from shared.display import SPACES
+from tests.exiftool import exiftool
 from tools.pictures.icc_writing import icc_profile
 from tools.pictures.samples import quantise
 
@@ -34,13 +33,10 @@ def test_a_colour_engine_reads_the_profile_as_we_mean_it(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SPACES)
-@pytest.mark.skipif(shutil.which("exiftool") is None, reason="exiftool is not installed")
 def test_exiftool_finds_the_profile_valid(name: str, tmp_path: Path) -> None:
     path = tmp_path / "profile.icc"
     path.write_bytes(icc_profile(name))
-    report = subprocess.run(
-        ["exiftool", "-validate", "-warning", "-a", "-ProfileDescription", str(path)], capture_output=True, text=True, check=True
-    ).stdout
+    report = exiftool("-validate", "-warning", "-a", "-ProfileDescription", path).decode()
     assert "OK" in report
     assert "Warning" not in report
     assert SPACES[name].title in report

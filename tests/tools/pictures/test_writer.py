@@ -2,8 +2,6 @@
 
 import io
 import json
-import shutil
-import subprocess
 import tempfile
 from dataclasses import replace
 from datetime import datetime
@@ -23,6 +21,7 @@ from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import SPACES, ColourTransform
 from shared.errors import InputError, OutputError
+from tests.exiftool import exiftool
 from tools.pictures.icc_writing import icc_profile
 from tools.pictures.samples import quantise, upright
 from tools.pictures.writer import CAMERA, POSSIBLE, PictureKind, check_output, encode_picture, write_picture
@@ -49,7 +48,6 @@ METADATA = CaptureMetadata(
 SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
 KINDS = [PictureKind(name, bits, space) for name, spaces in POSSIBLE.items() for space, depths in spaces.items() for bits in depths]
 LOSSLESS_CODES = [kind for kind in KINDS if kind.format in ("tif", "png") and kind.bits < 32]
-EXIFTOOL = pytest.mark.skipif(shutil.which("exiftool") is None, reason="exiftool is not installed")
 
 
 def scene(shape: tuple[int, int], channels: int = 3, seed: int = 0) -> FloatArray:
@@ -235,15 +233,11 @@ def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
     assert found == (icc_profile(kind.space) if kind.space in SPACES else None)
 
 
-@EXIFTOOL
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg", "dng")], ids=str)
 def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     path = tmp_path / f"picture{kind.suffix}"
     path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
-    report = subprocess.run(
-        ["exiftool", "-j", "-n", "-G0", "-validate", "-warning", "-EXIF:all", path], capture_output=True, check=True
-    )
-    (found,) = json.loads(report.stdout)
+    (found,) = json.loads(exiftool("-j", "-n", "-G0", "-validate", "-warning", "-EXIF:all", path))
     assert found["EXIF:Make"] == "Acme"
     assert found["EXIF:Model"] == "Käthe 3"
     assert found["EXIF:LensModel"] == "Acme 50mm"

@@ -71,10 +71,8 @@ def test_places_add_to_those_known() -> None:
         with_defects(mosaic, ((2, 13),))
 
 
-def test_the_command_mends_what_is_listed(tmp_path: Path) -> None:
+def test_the_command_mends_what_is_listed(tmp_path: Path, out: Path) -> None:
     """Two hot pixels beside each other, which nothing finds unlisted."""
-    out = tmp_path / "out"
-    out.mkdir()
     scene = np.full((36, 42, 3), 0.3, np.float32)
     scene[15, 21:23] = 1.0
     np.save(tmp_path / "scene.npy", scene)
@@ -90,9 +88,7 @@ def test_the_command_mends_what_is_listed(tmp_path: Path) -> None:
     assert np.abs(mended - 0.3).max() < 0.01
 
 
-def test_the_command_refuses_a_list_that_cannot_be_meant(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
+def test_the_command_refuses_a_list_that_cannot_be_meant(tmp_path: Path, out: Path) -> None:
     assert run("simulate", "builtin:24x24", "-o", tmp_path).code == 0
     shot = tmp_path / "builtin-24x24.dng"
     far = written(tmp_path, "3,40\n")

@@ -1,7 +1,5 @@
 """Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while it compiles."""
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,7 @@ import pytest
 import offline
 from offline import BEST, available_threads, threads, use_threads
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
-from tests.data import ROOT
+from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
 from tools.host.memory import allowed_memory, available_memory, format_bytes
@@ -34,13 +32,6 @@ def mosaic(shape: tuple[int, int], pattern: CfaPattern | None = None) -> Mosaic:
 def save(path: Path, shape: tuple[int, int]) -> Path:
     write_dng(path, mosaic(shape), np.zeros((8, 8, 3), np.uint8))
     return path
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    folder = tmp_path / "out"
-    folder.mkdir()
-    return folder
 
 
 # --- how much -------------------------------------------------------------------------------------------------------------------
@@ -90,9 +81,8 @@ def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, na
         "try: main()\n"
         "finally: print(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1])"
     )
-    line = [sys.executable, "-c", script, "render", str(shot), "-o", str(out), "-f", name, "--bits", bits]
-    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
-    peak = int(done.stdout.splitlines()[-1]) * 1024
+    said = run_python(script, "render", shot, "-o", out, "-f", name, "--bits", bits)
+    peak = int(said.splitlines()[-1]) * 1024
     foreseen = rendering.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), BEST)
     assert foreseen / 2 < peak < foreseen
 

@@ -3,64 +3,26 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.data import ROOT
-from tests.tools.command import run
-from tests.tools.rendering.examples import contents, save_shot, start
+from tests.dask_cluster import cluster
+from tests.tools.command import contents, run, start
+from tests.tools.rendering.examples import save_shot
 from tools.rendering.journal import NAME
 
 pytest.importorskip("distributed")
-LOCAL = ("--host", "127.0.0.1")
-
-
-@contextmanager
-def process(*arguments: str | Path) -> "Iterator[subprocess.Popen[bytes]]":
-    """A part of dask, with this source, till the end of the block."""
-    line = [sys.executable, "-m", "distributed.cli." + str(arguments[0]), *map(str, arguments[1:]), *LOCAL]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0"}
-    running = subprocess.Popen(line, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield running
-    finally:
-        running.kill()
-        running.wait()
-
-
-@contextmanager
-def cluster(folder: Path, count: int) -> "Iterator[tuple[Path, list[subprocess.Popen[bytes]]]]":
-    """A scheduler's file, and its workers: one process and one thread each, without a nurse that would start them again."""
-    file = folder / "scheduler.json"
-    with ExitStack() as stack:
-        stack.enter_context(process("dask_scheduler", "--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file))
-        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", folder / "dask")
-        deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
-        yield (
-            file,
-            [
-                stack.enter_context(process("dask_worker", "--scheduler-file", file, "--name", str(number), *options))
-                for number in range(count)
-            ],
-        )
 
 
 def pictures(folder: Path) -> dict[str, bytes]:
     return {name: data for name, data in contents(folder).items() if name.endswith(".tif")}
 
 
-def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> None:
-    count, shots, out, here = 12, tmp_path / "shots", tmp_path / "out", tmp_path / "here"
-    out.mkdir()
+def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, out: Path) -> None:
+    count, shots, here = 12, tmp_path / "shots", tmp_path / "here"
     here.mkdir()
     for seed in range(count):
         save_shot(shots / f"{seed % 2}" / f"{seed}.dng", seed, (60, 60))

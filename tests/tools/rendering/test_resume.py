@@ -9,8 +9,8 @@ import pytest
 
 from shared import Camera, SensorCalibration, read_dng
 from shared.calibration import NoiseModel
-from tests.tools.command import Outcome, assert_refused, results, run
-from tests.tools.rendering.examples import contents, save_shot
+from tests.tools.command import Outcome, assert_refused, contents, results, run
+from tests.tools.rendering.examples import save_shot
 from tools.rendering.journal import NAME
 
 
@@ -20,12 +20,6 @@ def shots(tmp_path: Path) -> Path:
     for seed, name in enumerate(("a.dng", "b.dng", "sub/c.dng")):
         save_shot(tmp_path / "shots" / name, seed)
     return tmp_path / "shots"
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    (tmp_path / "out").mkdir()
-    return tmp_path / "out"
 
 
 def render(shots: Path, out: Path, *options: str) -> Outcome:

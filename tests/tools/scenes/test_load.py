@@ -1,7 +1,5 @@
 """The door: what may come in, what is refused and how that is said."""
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,8 @@ from PIL import Image
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from tests.data import DATA, ROOT
+from tests.data import DATA
+from tests.python import run_python
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene, check_size
 
@@ -199,4 +198,4 @@ def test_damaged_files_end_in_an_error_or_a_scene(tmp_path: Path, suffix: str, c
 
 def test_commands_start_without_the_libraries_of_file_formats() -> None:
     script = "import sys, tools.scenes.load; print({'rawpy', 'PIL', 'OpenEXR', 'scipy'} & set(sys.modules) or 'none')"
-    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT).stdout == "none\n"
+    assert run_python(script) == "none\n"

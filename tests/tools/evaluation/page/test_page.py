@@ -1,13 +1,14 @@
 """The page, as a browser shows it."""
 
 import re
+import time
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
-from tests.tools.evaluation.browser import CHROMIUM, Browser
+from tests.browser import Browser
 from tests.tools.evaluation.examples import alone, measured, study_of
 from tools.evaluation.figures import Figures
 from tools.evaluation.methods import methods
@@ -74,10 +75,9 @@ def test_no_two_methods_look_alike(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory, written: Path) -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
     with Browser(tmp_path_factory.mktemp("profile")) as opened:
-        opened.open(written)
+        opened.open(written.as_uri())
+        opened.until("document.readyState === 'complete'")
         yield opened
 
 
@@ -90,17 +90,17 @@ def test_all_pictures_decode(browser: Browser) -> None:
     script = (
         "Promise.all([...document.images].map(i => i.decode().then(() => i.naturalWidth))).then(w => [w.length, Math.min(...w)])"
     )
-    count, narrowest = browser.run(script)
+    count, narrowest = browser.evaluate(script)
     assert count >= 2 * 6
     assert narrowest >= 48
 
 
 def value(browser: Browser) -> float:
-    return float(browser.run("document.querySelector('img-comparison-slider').value"))
+    return float(browser.evaluate("document.querySelector('img-comparison-slider').value"))
 
 
 def place(browser: Browser) -> tuple[float, float, float]:
-    left, top, width, height = browser.run(
+    left, top, width, height = browser.evaluate(
         "(() => { const s = document.querySelector('img-comparison-slider'); s.scrollIntoView({block: 'center'});"
         " const r = s.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; })()"
     )
@@ -110,13 +110,11 @@ def place(browser: Browser) -> tuple[float, float, float]:
 def test_the_slider_moves_by_mouse_and_by_keys(browser: Browser) -> None:
     left, middle, width = place(browser)
     browser.drag((left + width / 2, middle), (left + 0.8 * width, middle))
-    browser.run("new Promise(done => setTimeout(done, 300))")
+    time.sleep(0.3)
     assert value(browser) == pytest.approx(80, abs=3)
-    browser.run("document.querySelector('img-comparison-slider').focus()")
+    browser.evaluate("document.querySelector('img-comparison-slider').focus()")
     before = value(browser)
-    browser.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowLeft", code="ArrowLeft", windowsVirtualKeyCode=37)
-    browser.run("new Promise(done => setTimeout(done, 400))")
-    browser.call("Input.dispatchKeyEvent", type="keyUp", key="ArrowLeft", code="ArrowLeft", windowsVirtualKeyCode=37)
+    browser.key("ArrowLeft", seconds=0.4)
     assert value(browser) < before - 3
 
 
@@ -124,42 +122,41 @@ def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> 
     same = (
         "(() => { const e = document.querySelector('.exhibit'); return [...e.querySelectorAll('.viewer img')].map(i => i.alt); })()"
     )
-    first, second = browser.run(same)
+    first, second = browser.evaluate(same)
     assert second == "Sparse colour, paper"
     assert first in ("bilinear", "DLMMSE 2005", "OpenCV edge-aware")
-    browser.run("document.querySelector('.exhibit .strip button').click()")
-    assert browser.run(same) == [first, "truth"]
-    browser.run(
+    browser.evaluate("document.querySelector('.exhibit .strip button').click()")
+    assert browser.evaluate(same) == [first, "truth"]
+    browser.evaluate(
         "(() => { const s = document.querySelector('.exhibit select'); s.value = '1'; s.dispatchEvent(new Event('change')); })()"
     )
-    assert browser.run(same) == ["Sparse colour, paper", "truth"]
+    assert browser.evaluate(same) == ["Sparse colour, paper", "truth"]
     width = place(browser)[2]
-    browser.run("document.querySelector('.exhibit .zoom button[value=\"1\"]').click()")
+    browser.evaluate("document.querySelector('.exhibit .zoom button[value=\"1\"]').click()")
     assert place(browser)[2] > width
 
 
 def test_tables_and_lines_are_switched(browser: Browser) -> None:
     shown = "[...document.querySelectorAll('[role=tabpanel]')].map(p => !p.hidden)"
-    assert browser.run(shown) == [True, False, False]
-    browser.run("document.querySelectorAll('[role=tab]')[0].focus()")
+    assert browser.evaluate(shown) == [True, False, False]
+    browser.evaluate("document.querySelectorAll('[role=tab]')[0].focus()")
     browser.key("ArrowRight")
-    assert browser.run(shown) == [False, True, False]
+    assert browser.evaluate(shown) == [False, True, False]
     lines = "[...document.querySelectorAll('#noise [data-series=paper]')].map(l => getComputedStyle(l).display !== 'none')"
-    assert browser.run(lines) == [True] * 3
-    browser.run("document.querySelector('#noise input[value=paper]').click()")
-    assert browser.run(lines) == [False] * 3
+    assert browser.evaluate(lines) == [True] * 3
+    browser.evaluate("document.querySelector('#noise input[value=paper]').click()")
+    assert browser.evaluate(lines) == [False] * 3
 
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_it_fits_a_phone_in_light_and_dark(tmp_path: Path, written: Path, dark: bool) -> None:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    with Browser(tmp_path, 360, 740, dark=dark, touch=True) as phone:
-        phone.open(written)
-        assert phone.run("document.documentElement.scrollWidth") == 360
-        ink, paper = phone.run("[getComputedStyle(document.body).color, getComputedStyle(document.body).backgroundColor]")
+    with Browser(tmp_path, 360, 740, dark=dark) as phone:
+        phone.open(written.as_uri())
+        phone.until("document.readyState === 'complete'")
+        assert phone.evaluate("document.documentElement.scrollWidth") == 360
+        ink, paper = phone.evaluate("[getComputedStyle(document.body).color, getComputedStyle(document.body).backgroundColor]")
         light = [sum(map(int, each.removeprefix("rgb(").rstrip(")").split(","))) for each in (ink, paper)]
         assert (light[0] > light[1]) == dark
         assert abs(light[0] - light[1]) > 450
-        assert phone.run("document.querySelector('img-comparison-slider').getBoundingClientRect().width") <= 340
+        assert phone.evaluate("document.querySelector('img-comparison-slider').getBoundingClientRect().width") <= 340
         assert phone.errors == []

@@ -4,7 +4,7 @@ import pytest
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
-from tests.data import DATA
+from tests.data import photograph
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
@@ -87,9 +87,7 @@ TOLERANCE = 0.15  # dB; half of it is how much the median moves with the draw of
 
 @pytest.mark.parametrize("name", ESTABLISHED)
 def test_established_figures_come_out(name: str) -> None:
-    if not (DATA / name).exists():
-        pytest.skip("no test photographs")
-    truth = load_scene(str(DATA / name)).rgb
+    truth = load_scene(str(photograph(name))).rgb
     rows, columns = (size // 6 * 6 for size in truth.shape[:2])  # the figures are of frames cut to whole periods of 6
     truth = truth[:rows, :columns]
     for sigma, expected in ESTABLISHED[name].items():

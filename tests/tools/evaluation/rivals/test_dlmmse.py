@@ -5,7 +5,7 @@ from PIL import Image
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
-from tests.data import DATA
+from tests.data import photograph
 from tools.evaluation.rivals.bayer import sample_bayer
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 
@@ -82,10 +82,7 @@ TOLERANCE = 0.3
 
 @pytest.mark.parametrize("number", PUBLISHED)
 def test_kodak_figures_are_the_published_ones(number: str) -> None:
-    path = DATA / f"kodak/kodim{number}.png"
-    if not path.exists():
-        pytest.skip("no test photographs")
-    codes = np.asarray(Image.open(path))
+    codes = np.asarray(Image.open(photograph(f"kodak/kodim{number}.png")))
     rendered = demosaic_dlmmse(sample_bayer(codes.astype(np.float32) / np.float32(255), "GRBG"), "GRBG")
     error: DoubleArray = np.rint(rendered.clip(0, 1) * 255)[10:-10, 10:-10].astype(np.float64) - codes[10:-10, 10:-10]
     assert 10 * np.log10(255**2 / np.mean(error**2)) == pytest.approx(PUBLISHED[number], abs=TOLERANCE)

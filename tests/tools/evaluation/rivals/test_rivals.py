@@ -10,7 +10,7 @@ from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
-from tests.data import DATA
+from tests.data import photograph
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr, quality
 from tools.evaluation.protocol import cut
@@ -135,8 +135,6 @@ TOLERANCE = 0.15  # dB
 
 @pytest.mark.parametrize("scene", MENON)
 def test_established_figures_of_menon_come_out(scene: str) -> None:
-    if not (DATA / scene).exists():
-        pytest.skip("no test photographs")
-    truth = cut(load_scene(str(DATA / scene)).rgb)
+    truth = cut(load_scene(str(photograph(scene))).rgb)
     found = quality(demosaic("menon", sample_bayer(truth), "RGGB"), truth).median
     assert found == pytest.approx(MENON[scene], abs=TOLERANCE)

@@ -1,0 +1,55 @@
+"""Scripts in a Python process of their own, with all packages or with those of a camera only."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
+from pathlib import Path
+
+from tests.data import ROOT
+
+_HIDE = """
+import sys
+allowed = set({allowed!r}) | set(sys.stdlib_module_names)
+class Hide:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] not in allowed:
+            raise ModuleNotFoundError(f"No module named {{name!r}}: a camera does not have it", name=name)
+sys.meta_path.insert(0, Hide())
+"""
+
+
+def run_python(script: str, *arguments: str | Path, folder: Path = ROOT) -> str:
+    """Standard output of a script, which must succeed. folder: where it runs, and finds our packages."""
+    line = [sys.executable, "-c", script, *arguments]
+    done = subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def on_camera(
+    script: str, *arguments: str, ours: tuple[str, ...] = ("shared", "device"), stdin: bytes = b""
+) -> subprocess.CompletedProcess[bytes]:
+    """A script that is run where every package is hidden but `ours` and the base dependencies."""
+    hidden = _HIDE.format(allowed=sorted({*base_modules(), *ours}))
+    line = [sys.executable, "-c", hidden + script, *arguments]
+    return subprocess.run(line, input=stdin, cwd=ROOT, capture_output=True, check=False, timeout=120)
+
+
+def base_modules() -> set[str]:
+    """The modules that an installation without extras brings."""
+    wanted = list(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"])
+    found: set[str] = set()
+    while wanted:
+        requirement = wanted.pop()
+        name = re.split(r"[^\w.-]", requirement)[0].lower().replace("_", "-")
+        if name in found or "extra ==" in requirement:
+            continue
+        try:
+            wanted += requires(name) or []
+        except PackageNotFoundError:  # needed on another system
+            continue
+        found.add(name)
+    modules = packages_distributions()
+    return {module for module, owners in modules.items() if {owner.lower().replace("_", "-") for owner in owners} & found}
