@@ -63,8 +63,8 @@ def main() -> int:
         todo = planned(worlds(Path(folder)), arguments.kills, arguments.seed)
 
     def tried(each: tuple[str, Trial]) -> list[str]:
-        with trials.place() as folder:
-            return each[1](folder)
+        with tempfile.TemporaryDirectory(prefix="panchroma-fault-") as folder:
+            return each[1](Path(folder) / "world")
 
     results: dict[str, list[list[str]]] = {}
     with ThreadPoolExecutor(arguments.jobs) as pool:

@@ -5,7 +5,6 @@ import random
 import resource
 import signal
 import subprocess
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -163,10 +162,3 @@ def case_alone(scenario: Scenario, folder: Path) -> list[str]:
     where = scenario.arguments.index(name) + 1
     process = replace(scenario, arguments=(*scenario.arguments[:where], other, *scenario.arguments[where:])).start(folder)
     return _ended(process, "the result would have the same name as that of", 1) + scenario.faults(folder, finished=True)
-
-
-@contextmanager
-def place() -> Iterator[Path]:
-    """A folder for one trial, not yet made."""
-    with tempfile.TemporaryDirectory(prefix="panchroma-fault-") as folder:
-        yield Path(folder) / "world"

@@ -2,12 +2,11 @@
 
 import re
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 Random = np.random.Generator
-Mutation = Callable[[bytearray, Random, Sequence[bytes]], bytearray]
 
 _SIZES = (0, 1, 2, 7, 255, 256, 32767, 65500, 65535, 65536, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) - 1)
 _NUMBERS = (b"0", b"-1", b"1e999", b"NaN", b"9" * 30, b"9" * 6000, b"1e-320", b"null", b"[]", b'"7"', b"65536", b"\xc2\xb2")
@@ -91,15 +90,4 @@ def _splice(data: bytearray, random: Random, others: Sequence[bytes]) -> bytearr
     return data
 
 
-_MUTATIONS: tuple[Mutation, ...] = (
-    _flip,
-    _flip,
-    _truncate,
-    _size_field,
-    _size_field,
-    _number,
-    _duplicate,
-    _remove,
-    _noise,
-    _splice,
-)
+_MUTATIONS = (_flip, _flip, _truncate, _size_field, _size_field, _number, _duplicate, _remove, _noise, _splice)

@@ -10,16 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.tools.command import spawn, start
+from tests.tools.command import run, spawn, start
 from tests.tools.evaluation.examples import small_scene
-from tools.cli import main
-
-
-def evaluate(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(["evaluate", *map(str, arguments)])
-    assert isinstance(left.value.code, int)
-    return left.value.code
 
 
 @pytest.fixture
@@ -37,20 +29,18 @@ def mixed(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_folder_of_mixed_files(out: Path, mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "-j", "1", "--json")
-    assert evaluate(mixed, "builtin:60x60", *options) == 1
-    said = capsys.readouterr()
-    failed = [line for line in said.err.splitlines() if line.startswith("panchroma: ")]
-    assert len(failed) == 4
-    assert all(sum(name in line for line in failed) == 1 for name in ("notes.txt", "empty.cr2", "cut.png", "tiny.npy"))
-    records = [json.loads(line) for line in said.out.splitlines()]
-    assert [(Path(record["source"]).name, record["group"]) for record in records if record["ok"]] == [
+    outcome = run("evaluate", mixed, "builtin:60x60", *options)
+    assert outcome.code == 1
+    assert len(outcome.errors) == 4
+    assert all(sum(name in line for line in outcome.errors) == 1 for name in ("notes.txt", "empty.cr2", "cut.png", "tiny.npy"))
+    assert [(Path(record["source"]).name, record["group"]) for record in outcome.records if record["ok"]] == [
         ("kodim01.png", "Kodak"),
         ("light.npy", "linear photographs"),
         ("builtin:60x60", "built-in scenes"),
     ]
-    assert sum(not record["ok"] for record in records) == 4
+    assert sum(not record["ok"] for record in outcome.records) == 4
     document = json.loads((out / "evaluation.json").read_text())
     assert len(document["failed"]) == 4
     assert set(document["verdict"]) == {"linear photographs", "Kodak", "built-in scenes"}
@@ -60,21 +50,24 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path, capsys: pytest.CaptureF
     assert str(mixed) in page  # failures are named in full
 
     # Again: refused before any work; with --overwrite from what is kept; another method adds itself.
-    assert evaluate(mixed, *options) == 2
-    assert "evaluation.html: exists already" in capsys.readouterr().err
+    again = run("evaluate", mixed, *options)
+    assert again.code == 2
+    assert "evaluation.html: exists already" in again.err
     kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
-    assert evaluate(mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-report") == 1
-    assert "6 results are kept" in capsys.readouterr().err
+    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-report")
+    assert more.code == 1
+    assert "6 results are kept" in more.err
     after = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
     assert {path: after[path] for path in kept} == kept
     assert len(after) == len(kept) + 6
     assert (out / "evaluation.html").read_text() == page
 
 
-def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> None:
     options = ("-o", tmp_path, "--methods", "paper", "bilinear", "--sigma", "0.01", "--period", "4", "6", "--dry-run")
-    assert evaluate(mixed / "light.npy", *options) == 0
-    said = capsys.readouterr().out.splitlines()
+    outcome = run("evaluate", mixed / "light.npy", *options)
+    assert outcome.code == 0
+    said = outcome.out.splitlines()
     assert said[:3] == ["light, sigma 0.01: paper K=4", "light, sigma 0.01: paper K=6", "light, sigma 0.01: bilinear"]
     assert said[3].startswith("3 results to make, 0 kept")
     assert [path.name for path in tmp_path.iterdir()] == ["mixed"]
@@ -96,15 +89,16 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path, capsy
         (("--max-memory", "1M"), "no scene could be read"),
     ],
 )
-def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert evaluate("builtin:60x60", "-o", tmp_path, *options) == 2
-    assert said in capsys.readouterr().err
+def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
+    outcome = run("evaluate", "builtin:60x60", "-o", tmp_path, *options)
+    assert outcome.code == 2
+    assert said in outcome.err
     assert list(tmp_path.iterdir()) == []
 
 
 def test_equal_exposure_times(tmp_path: Path) -> None:
     options = ("--protocol", "sensor", "--exposure", "1", "0.25", "--methods", "preview", "bilinear", "-j", "1", "--no-report")
-    assert evaluate("builtin:60x60", "-o", tmp_path, *options) == 0
+    assert run("evaluate", "builtin:60x60", "-o", tmp_path, *options).code == 0
     document = json.loads((tmp_path / "evaluation.json").read_text())
     assert document["protocol"]["kind"] == "sensor"
     assert document["protocol"]["levels"] == [1.0, 0.25]
