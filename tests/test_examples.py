@@ -1,6 +1,7 @@
 """Every public name of the three libraries shows how it is used, in its docstring, and the example is true."""
 
 import doctest
+from pathlib import Path
 from types import FunctionType, ModuleType
 
 import pytest
@@ -15,7 +16,7 @@ EXAMPLES = [(module, name) for module, name in PUBLIC if isinstance(getattr(modu
 
 @pytest.mark.parametrize(("module", "name"), EXAMPLES, ids=[f"{module.__name__}.{name}" for module, name in EXAMPLES])
 def test_a_public_name_has_an_example_that_runs(
-    module: ModuleType, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: str
+    module: ModuleType, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)  # examples may write files
     documented = getattr(module, name)
