@@ -12,6 +12,7 @@ from shared.errors import InputError, OutputError, PanchromaError
 from shared.writing import sweep
 
 from .console import Console, StandardOutputError, fault
+from .signals import raise_lost_signal
 
 FAILED = 1
 
@@ -97,7 +98,11 @@ def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console
 
 
 def reason(error: BaseException) -> str:
-    """Why a source has failed. An exception that nobody foresaw is a fault of Panchroma, which the user is asked to report."""
+    """Why a source has failed. An exception that nobody foresaw is a fault of Panchroma, which the user is asked to report.
+
+    Raises Terminated if the exception is what was left of a signal.
+    """
+    raise_lost_signal()
     if isinstance(error, MemoryError):
         return "not enough memory for a picture of this size"
     return str(error) if isinstance(error, PanchromaError) else fault(error)

@@ -12,6 +12,7 @@ from types import FrameType, TracebackType
 
 INTERRUPTED = 130
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
+_received: list["Terminated"] = []  # raised since `orderly_end` began, wherever it got to
 
 
 class Terminated(KeyboardInterrupt):
@@ -31,17 +32,28 @@ def orderly_end() -> Iterator[None]:
     free = [number for number in _ENDING if signal.getsignal(number) == signal.SIG_DFL]
     if threading.current_thread() is not threading.main_thread():
         free = []
+    _received.clear()
     for number in free:
         signal.signal(number, _terminate)
     try:
         yield
+    except Exception:
+        raise_lost_signal()
+        raise
     finally:
         for number in free:
             signal.signal(number, signal.SIG_DFL)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    raise Terminated(number)
+    _received.append(Terminated(number))
+    raise _received[-1]
+
+
+def raise_lost_signal() -> None:
+    """Raise Terminated again if a signal was received: a C extension that is being imported turns it into an ImportError."""
+    if _received:
+        raise _received[-1]
 
 
 def end_with_parent(patience: float = 0.0) -> None:
