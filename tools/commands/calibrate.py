@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or ())
     corners = _corners(arguments, len(files.shots))
     check_output(output, files, replace_existing=replace_existing)
-    folder = output_folder(arguments.report) if arguments.report else None
+    folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html", folder / "chart.ti3"))
     reference = read_reference(Path(arguments.reference)) if arguments.reference else color_checker_xyz()

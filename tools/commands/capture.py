@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Save frames until the source ends or the user does; returns the exit code."""
     options.check_at_least_one(arguments, "frames", "jobs")
     if arguments.wait and arguments.source.startswith("builtin:"):
-        raise InputError(f"--wait cannot be used with {arguments.source}: a sensor does not wait")
+        raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = open_source(arguments)
     folder = output_folder(arguments.output)
     shots = ShotFolder(folder, arguments.latest)

@@ -29,8 +29,8 @@ def test_a_kernel_is_compiled_once_until_any_of_them_changes(tmp_path: Path) -> 
     assert run_python(SCRIPT, folder=tmp_path) == "compiling mirrored\n3\n"
 
 
-def test_threads_are_what_was_asked_for(thread_counts: Iterator[int]) -> None:
-    for count in thread_counts:
+def test_threads_are_what_was_asked_for(each_thread_count: Iterator[int]) -> None:
+    for count in each_thread_count:
         assert product.threads() == count
     with pytest.raises(ValueError, match="number of threads"):
         product.use_threads(product.available_threads() + 1)
