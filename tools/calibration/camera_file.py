@@ -45,12 +45,8 @@ def merged(old: Camera, new: Camera) -> Camera:
 def difference(old: Camera, new: Camera) -> list[str]:
     """Return one line per changed field: name, old value, new value."""
     before, after = _flat(old.to_json()), _flat(new.to_json())
-    lines = []
-    for name in sorted(set(before) | set(after)):
-        was, now = before.get(name, "(none)"), after.get(name, "(none)")
-        if was != now:
-            lines.append(f"{name}: {_short(was)} -> {_short(now)}")
-    return lines
+    changes = ((name, before.get(name, "(none)"), after.get(name, "(none)")) for name in sorted({*before, *after}))
+    return [f"{name}: {_short(was)} -> {_short(now)}" for name, was, now in changes if was != now]
 
 
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> None:

@@ -1,6 +1,7 @@
 """Both cameras in front of one scene at one noise level: their shots, and the pictures that methods make of them."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,7 @@ Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, re
 _WHOLE = slice(None)
 
 
+@dataclass(frozen=True, eq=False)
 class CameraPair:
     """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first needed.
 
@@ -26,23 +28,18 @@ class CameraPair:
     rows, columns: the part of both shots that is rendered; it must begin at a multiple of both patterns' periods.
     """
 
-    def __init__(
-        self,
-        protocol: Protocol,
-        level: float,
-        truth: FloatArray,
-        period: int,
-        neutral: tuple[float, ...] | None,
-        rows: slice = _WHOLE,
-        columns: slice = _WHOLE,
-    ) -> None:
-        self._protocol, self._level, self._truth, self._period, self._neutral = protocol, level, truth, period, neutral
-        self._part = rows, columns
-        self._denoised: dict[Denoise, FloatArray] = {}
+    protocol: Protocol
+    level: float
+    truth: FloatArray
+    period: int
+    neutral: tuple[float, ...] | None
+    rows: slice = _WHOLE
+    columns: slice = _WHOLE
+    _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
         """Picture of the sparse-colour shot, float32 (H, W, 3), scene units of the scene."""
-        picture, gain = render(self._sparse), self._protocol.gain(self._level)
+        picture, gain = render(self._sparse), self.protocol.gain(self.level)
         return picture / np.float32(gain) if gain != 1 else picture
 
     def render_bayer(self, demosaic: Demosaic, *, balanced: bool = False, denoise: Denoise | None = None) -> FloatArray:
@@ -57,9 +54,9 @@ class CameraPair:
             if denoise not in self._denoised:
                 self._denoised[denoise] = denoise(samples, self._bayer.shot, self._bayer.read)
             samples = self._denoised[denoise]
-        if not balanced or self._neutral is None:
+        if not balanced or self.neutral is None:
             return demosaic(samples, order=order)
-        white = np.array(self._neutral, np.float32)
+        white = np.array(self.neutral, np.float32)
         white /= white.max()
         balanced_samples = samples.copy()
         for channel, row, column in sites(order):
@@ -68,10 +65,10 @@ class CameraPair:
 
     @cached_property
     def _sparse(self) -> Mosaic:
-        shot = self._protocol.sparse_shot(self._truth, self._level, self._period)
-        return Mosaic(shot.samples[self._part], shot.pattern, shot.calibration)
+        shot = self.protocol.sparse_shot(self.truth, self.level, self.period)
+        return Mosaic(shot.samples[self.rows, self.columns], shot.pattern, shot.calibration)
 
     @cached_property
     def _bayer(self) -> BayerShot:
-        shot = self._protocol.bayer_shot(self._truth, self._level)
-        return BayerShot(shot.samples[self._part], shot.shot, shot.read, shot.order)
+        shot = self.protocol.bayer_shot(self.truth, self.level)
+        return replace(shot, samples=shot.samples[self.rows, self.columns])
