@@ -14,7 +14,6 @@ from .rivals.bayer import sites
 
 Demosaic = Callable[..., FloatArray]  # (samples (H, W), order=) -> (H, W, 3)
 Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
-_WHOLE = slice(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class CameraPair:
     truth: light of the scene, (H, W, 3), scene units.
     period: of the sparse-colour pattern.
     neutral: what white reads in the scene, one value per channel; None = unknown.
-    rows, columns: the part of both shots that is rendered; it must begin at a multiple of both patterns' periods.
+    part: rows and columns of both shots that are rendered; they must begin at multiples of both patterns' periods.
     """
 
     protocol: Protocol
@@ -33,8 +32,7 @@ class CameraPair:
     truth: FloatArray
     period: int
     neutral: tuple[float, ...] | None
-    rows: slice = _WHOLE
-    columns: slice = _WHOLE
+    part: tuple[slice, slice] = (slice(None), slice(None))
     _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
@@ -66,9 +64,9 @@ class CameraPair:
     @cached_property
     def _sparse(self) -> Mosaic:
         shot = self.protocol.sparse_shot(self.truth, self.level, self.period)
-        return Mosaic(shot.samples[self.rows, self.columns], shot.pattern, shot.calibration)
+        return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 
     @cached_property
     def _bayer(self) -> BayerShot:
         shot = self.protocol.bayer_shot(self.truth, self.level)
-        return replace(shot, samples=shot.samples[self.rows, self.columns])
+        return replace(shot, samples=shot.samples[self.part])

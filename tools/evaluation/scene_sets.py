@@ -2,7 +2,6 @@
 
 import hashlib
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,10 +22,7 @@ from .protocol import CROP, cut
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
-_KNOWN: tuple[tuple[str, Callable[[str], object]], ...] = (
-    ("Kodak", re.compile(r"kodim\d\d").fullmatch),
-    ("McMaster", re.compile(r"(mcm|mcmaster)[-_]?\d\d?").fullmatch),
-)
+_KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
 _LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
@@ -149,8 +145,8 @@ def _group(source: str, scene: Scene) -> str:
     if not _is_developed(Path(source)):
         return MEASURED
     stem = Path(source).stem.lower()
-    for name, matches in _KNOWN:
-        if matches(stem):
+    for name, files in _KNOWN.items():
+        if re.fullmatch(files, stem):
             return name
     numbered = stem.isdecimal() and 1 <= int(stem) <= _MCMASTER_COUNT
     return "McMaster" if numbered and scene.shape == (_MCMASTER_SIDE, _MCMASTER_SIDE) else DEVELOPED
