@@ -84,9 +84,7 @@ class Outcome:
     @property
     def verdict(self) -> str:
         """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None:
-            return "do not use it"
-        if self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR:
+        if self.camera is None or (self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR):
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 

@@ -86,8 +86,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         samples = stack[:, here][:, good]
         variance = float(samples.var(axis=0, ddof=1).mean() if len(frames) > 1 else samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - _ROUNDING, 0.0))
-    rows, columns = np.nonzero(defect)
-    return DarkResult(len(frames), black, error, read, tuple(zip(rows.tolist(), columns.tolist(), strict=True)))
+    return DarkResult(len(frames), black, error, read, tuple((row, column) for row, column in np.argwhere(defect).tolist()))
 
 
 def measure_flats(frames: Sequence[Mosaic], read: DoubleArray | None) -> tuple[NoiseResult, list[tuple[int, int]], list[int]]:

@@ -47,7 +47,7 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
             f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
         )
     gamma, *_ = np.linalg.lstsq(colours, level, rcond=None)
-    deviation = weight = np.ones(len(level))
+    deviation, weighted = np.ones(len(level)), instruments
     for _ in range(_ROUNDS):
         residual = level - colours @ gamma
         deviation = _deviation(residual, classes)
@@ -56,7 +56,6 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
         gamma = np.linalg.lstsq(weighted.T @ colours, weighted.T @ level, rcond=None)[0]
     _check_strength(instruments, colours, deviation)
     residual = level - colours @ gamma
-    weighted = instruments * weight[:, None]
     inverse = np.linalg.inv(weighted.T @ colours)
     moments = weighted * residual[:, None]
     covariance = inverse @ (moments.T @ moments) @ inverse.T + np.diag((_FLOOR * gamma) ** 2)

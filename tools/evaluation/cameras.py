@@ -10,7 +10,7 @@ from shared import Mosaic
 from shared.arrays import FloatArray
 
 from .protocol import BayerShot, Protocol
-from .rivals.bayer import sites
+from .rivals.bayer import channel_map
 
 Demosaic = Callable[..., FloatArray]  # (samples (H, W), order=) -> (H, W, 3)
 Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
@@ -56,10 +56,7 @@ class CameraPair:
             return demosaic(samples, order=order)
         white = np.array(self.neutral, np.float32)
         white /= white.max()
-        balanced_samples = samples.copy()
-        for channel, row, column in sites(order):
-            balanced_samples[row::2, column::2] /= white[channel]
-        return demosaic(balanced_samples, order=order) * white
+        return demosaic(samples / white[channel_map(samples.shape, order)], order=order) * white
 
     @cached_property
     def _sparse(self) -> Mosaic:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .measures import PLANES, Histogram, Measures
+from .measures import TITLES, Histogram, Measures
 from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
@@ -200,10 +200,7 @@ class Figures:
 
     def _growing(self, leads: list[list[float]], own: str, rival: str) -> Claim:
         by_plane = list(zip(*leads, strict=True))
-        parts = [
-            f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each)
-            for name, each in zip(("RGB", *PLANES[1:]), by_plane, strict=True)
-        ]
+        parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
         first, last = by_plane[RGB][0], by_plane[RGB][-1]
         finding = "refuted" if last <= first + EVEN else "shown" if _rising(by_plane[RGB]) else "shown in part"
         noise = ", ".join(self.study.protocol.describe(level) for level in self.study.levels)

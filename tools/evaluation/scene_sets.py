@@ -4,6 +4,7 @@ import hashlib
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -118,16 +119,14 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
     """The scenes, each once and under a unique name; and a remark for the user on each one left out."""
     kept: dict[str, SceneInfo] = {}
     remarks = []
-    names: set[str] = set()
+    taken: set[str] = set()
     for scene in scenes:
         if scene.digest in kept:
             remarks.append(f"{scene.source}: has the same pixels as {kept[scene.digest].source} and is measured once")
             continue
-        name = scene.name if scene.name not in names else Path(scene.source).name
-        number = 2
-        while name in names:
-            name, number = f"{scene.name} ({number})", number + 1
-        names.add(name)
+        names = chain((scene.name, Path(scene.source).name), (f"{scene.name} ({number})" for number in count(2)))
+        name = next(name for name in names if name not in taken)
+        taken.add(name)
         kept[scene.digest] = replace(scene, name=name)
     return list(kept.values()), remarks
 

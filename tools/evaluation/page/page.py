@@ -8,6 +8,7 @@ from string import Template
 from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 
 from ..figures import Figures
+from ..measures import TITLES
 from ..methods import methods
 from ..metrics import BORDER, PATCH
 from ..protocol import CROP
@@ -16,7 +17,6 @@ from .gallery import Exhibit, Picture
 from .sections import noise_section, period_section
 
 _HERE = files("tools.evaluation.page")
-_PLANE_TITLES = ("RGB", "luminance", "chrominance")
 
 
 def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> str:
@@ -87,10 +87,10 @@ def _verdict_section(figures: Figures) -> str:
         parts.append(f'<ul class="verdict">{"".join(items)}</ul>')
         tabs = "".join(
             f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(name)}</button>'
-            for plane, name in enumerate(_PLANE_TITLES)
+            for plane, name in enumerate(TITLES)
         )
         parts.append(f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>')
-        for plane, name in enumerate(_PLANE_TITLES):
+        for plane, name in enumerate(TITLES):
             parts.append(
                 f'<div id="table-{index}-{plane}" role="tabpanel" aria-labelledby="tab-{index}-{plane}"><p class="soft">'
                 f"Median {name} PSNR of all patches of the set, dB; higher is better. The winner of each column is marked ★.</p>"
@@ -134,13 +134,13 @@ def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
 
 def _exhibit(exhibit: Exhibit, figures: Figures) -> str:
     crop = exhibit.crop
-    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not methods()[p.method].ours), 0)
+    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not _is_ours(p)), 0)
     own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.ours), 0)
     brighter = f", brightened by {exhibit.stops:.1f} stops" if exhibit.stops else ""
     where = f"{crop.why}; row {crop.row}, column {crop.column}{brighter}"
     strip = "".join(
-        f'<li{_kind(p)}><button type="button" title="show on the right side"><img src="{_data(p)}" alt="{escape(_name(p))}" '
-        f'width="{crop.width}" height="{crop.height}">{escape(_caption(p))}</button></li>'
+        f'<li{css_class("ours" * _is_ours(p))}><button type="button" title="show on the right side"><img src="{_data(p)}" '
+        f'alt="{escape(_name(p))}" width="{crop.width}" height="{crop.height}">{escape(_caption(p))}</button></li>'
         for p in exhibit.pictures
     )
     return (
@@ -162,8 +162,8 @@ def _options(pictures: Sequence[Picture], chosen: int) -> str:
     )
 
 
-def _kind(picture: Picture) -> str:
-    return css_class("ours" if picture.method and methods()[picture.method].ours else "")
+def _is_ours(picture: Picture) -> bool:
+    return bool(picture.method) and methods()[picture.method].ours
 
 
 def _name(picture: Picture) -> str:

@@ -7,7 +7,7 @@ from shared import CfaPattern
 from tools.pictures.html import cell, row, row_title, table
 
 from ..figures import RGB, Figure, Figures
-from ..measures import PLANES
+from ..measures import TITLES
 from ..methods import methods
 from ..protocol import ORDER, fraction
 from ..verdict import capital, heading, periods
@@ -15,7 +15,6 @@ from .plots import Quartiles, Series, legend, line_plot
 
 _OURS = ("--ours", "--ours-2", "--ours-3")
 _RIVALS, _LEVELS = 9, 6  # colours of the style sheet
-_PLANE_TITLES = ("RGB", "Luminance", "Chrominance")
 
 
 def noise_section(figures: Figures) -> str:
@@ -40,11 +39,11 @@ def noise_section(figures: Figures) -> str:
                 )
                 for name in _drawn_last(figures)
             }
-            for plane in range(len(PLANES))
+            for plane in range(len(TITLES))
         ]
         plots = [
-            line_plot(name, places, labels, list(lines.values()), "sigma" if paper else "exposure")
-            for name, lines in zip(_PLANE_TITLES, planes, strict=True)
+            line_plot(capital(name), places, labels, list(lines.values()), "sigma" if paper else "exposure")
+            for name, lines in zip(TITLES, planes, strict=True)
         ]
         parts.append(f"<div><h3>{escape(heading(figures, group))}</h3>")
         parts.append(f'<div class="plots">{"".join(plots)}</div>')
@@ -65,10 +64,10 @@ def period_section(figures: Figures) -> str:
     ]
     labels = [f"K={period}" for period in study.periods]
     for group in figures.groups:
-        planes = [_period_lines(figures, group, own, plane) for plane in range(len(PLANES))]
+        planes = [_period_lines(figures, group, own, plane) for plane in range(len(TITLES))]
         plots = [
-            line_plot(name, [float(period) for period in study.periods], labels, lines, "", light)
-            for name, lines in zip(_PLANE_TITLES, planes, strict=True)
+            line_plot(capital(name), [float(period) for period in study.periods], labels, lines, "", light)
+            for name, lines in zip(TITLES, planes, strict=True)
         ]
         rows = [row([row_title(line.title), *_cells(line.points)]) for line in planes[RGB]]
         parts.append(
@@ -123,7 +122,4 @@ def _dashed(figures: Figures, name: str) -> bool:
 
 
 def _quartiles(figure: Figure | None, plane: int) -> Quartiles | None:
-    if figure is None:
-        return None
-    quartiles: Quartiles = getattr(figure.quality, PLANES[plane])
-    return quartiles
+    return figure.quality[plane] if figure else None
