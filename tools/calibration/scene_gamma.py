@@ -41,7 +41,6 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
     Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
     level, colours, instruments, classes = _chosen(*_measured(mosaic, excluded))
-    channels = colours.shape[1]
     if len(level) < LEAST_BLOCKS:
         raise InputError(
             f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
@@ -62,7 +61,7 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
     return GammaFit(
         gamma=gamma.astype(np.float64),
         covariance=covariance,
-        freedom=len(level) - channels,
+        freedom=len(level) - colours.shape[1],
         level=level,
         predicted=colours @ gamma,
         used=np.abs(residual) <= _HUBER * deviation,

@@ -37,8 +37,7 @@ def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
 def _bm3d(plane: DoubleArray, sigma: float) -> DoubleArray:
     import bm3d
 
-    result: DoubleArray = np.asarray(bm3d.bm3d(plane, sigma), np.float64)
-    return result
+    return np.asarray(bm3d.bm3d(plane, sigma), np.float64)
 
 
 def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArray:
