@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _OFFSET = 4.0  # standard errors: a larger offset is not a coincidence
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_READ = 0.05  # half width over read noise
-_SIGMAS = 1.96  # standard errors in half a 95 % interval
+SIGMAS = 1.96  # standard errors in half a 95 % interval
 _GOOD_GAMMA = 0.02  # half width over gamma
 _GOOD_COLOUR = 4.0  # mean dE2000: an average chart in average light stays below
 
@@ -53,9 +53,9 @@ def gamma_warnings(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[
 def noise_warnings(noise: NoiseResult) -> list[str]:
     """Warn of an uncertain read noise: in all but the darkest frames shot noise hides it."""
     part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if not part > _GOOD_READ / _SIGMAS:
+    if not part > _GOOD_READ / SIGMAS:
         return []
-    known = f"only known to ±{100 * _SIGMAS * part:.0f} % (95 %)" if _SIGMAS * part < 1 else "unknown"
+    known = f"only known to ±{100 * SIGMAS * part:.0f} % (95 %)" if SIGMAS * part < 1 else "unknown"
     return [f"read noise is {known}, because {noise.source} hardly show it; take dark frames (--dark)"]
 
 

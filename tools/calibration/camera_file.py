@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from shared import Camera, read_camera
-from shared.calibration import SensorCalibration
+from shared.calibration import NoiseModel, SensorCalibration
 from shared.errors import InputError
 from shared.writing import write_durably
 
@@ -33,11 +33,8 @@ def merged(old: Camera, new: Camera) -> Camera:
     changes: dict[str, Any] = {name: getattr(after, name) for part in new.measured for name in _FIELDS[part]}
     if "gamma" in new.measured and "noise" not in new.measured and before.noise is not None:
         ratio = after.full_scale / before.full_scale
-        changes["noise"] = replace(
-            before.noise,
-            shot=tuple(ratio * figure for figure in before.noise.shot),
-            read=tuple(ratio * figure for figure in before.noise.read),
-        )
+        shot, read = (tuple(ratio * figure for figure in figures) for figures in (before.noise.shot, before.noise.read))
+        changes["noise"] = NoiseModel(shot, read)
     calibration: SensorCalibration = replace(before, **changes, sensor=before.sensor or after.sensor)
     return Camera(calibration, new.pattern or old.pattern, {**old.measured, **new.measured})
 
@@ -45,12 +42,8 @@ def merged(old: Camera, new: Camera) -> Camera:
 def difference(old: Camera, new: Camera) -> list[str]:
     """Return one line per changed field: name, old value, new value."""
     before, after = _flat(old.to_json()), _flat(new.to_json())
-    lines = []
-    for name in sorted(set(before) | set(after)):
-        was, now = before.get(name, "(none)"), after.get(name, "(none)")
-        if was != now:
-            lines.append(f"{name}: {_short(was)} -> {_short(now)}")
-    return lines
+    changes = ((name, before.get(name, "(none)"), after.get(name, "(none)")) for name in sorted({*before, *after}))
+    return [f"{name}: {_short(was)} -> {_short(now)}" for name, was, now in changes if was != now]
 
 
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> None:

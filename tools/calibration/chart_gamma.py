@@ -99,7 +99,7 @@ def _total(variance: DoubleArray, gamma: DoubleArray) -> DoubleArray:
 def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
     weight = 1 / np.sqrt(variance.sum(axis=1))
     start, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
-    positive: DoubleArray = np.maximum(start, 1e-2).astype(np.float64)
+    positive: DoubleArray = np.maximum(start, 1e-2)
     return positive
 
 

@@ -131,15 +131,10 @@ def _emphasis(reference: DoubleArray) -> DoubleArray:
     return emphasis
 
 
-def _terms(cells: DoubleArray) -> DoubleArray:
-    """Return the terms of a second-order surface at positions on the chart: (N, 6)."""
-    x, y = 2 * cells[:, 0] / COLUMNS - 1, 2 * cells[:, 1] / ROWS - 1
-    return np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
-
-
 def _surface(excess: DoubleArray, cells: DoubleArray, used: DoubleArray) -> DoubleArray:
     """Fit a second-order surface to logarithms (24,), robust against single patches; return its values (24,)."""
-    terms = _terms(cells)
+    x, y = 2 * cells[:, 0] / COLUMNS - 1, 2 * cells[:, 1] / ROWS - 1
+    terms = np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
     ridge = np.diag([0.0, *[_FIELD_RIDGE * PATCHES] * (terms.shape[1] - 1)])
     weight, values = used, excess
     for _ in range(5):

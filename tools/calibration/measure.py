@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from shared import Camera, Mosaic, SensorCalibration
-from shared.arrays import BoolArray, ByteArray, DoubleArray
+from shared.arrays import ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, Matrix, as_rows
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
@@ -17,7 +17,6 @@ from .advice import colour_warnings, gamma_warnings, noise_warnings
 from .chart.find import chart_at, find_chart
 from .chart.judge import FoundChart
 from .chart.picture import overlay
-from .chart.place import ChartPlace
 from .chart_gamma import fit_chart_gamma, reconciled
 from .colour_matrix import ColourFit, fit_colour, white_balanced
 from .delta_e import delta_e_2000
@@ -85,9 +84,7 @@ class Outcome:
     @property
     def verdict(self) -> str:
         """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None:
-            return "do not use it"
-        if self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR:
+        if self.camera is None or (self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR):
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 
@@ -110,7 +107,7 @@ def measure_chart(
     places = patch_samples(mosaic, chart.place.regions())
     fits = [fit_chart_gamma(places)]
     with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
-        fits.append(fit_scene_gamma(mosaic, _covered(chart.place, mosaic.shape)))
+        fits.append(fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape)))
     return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
 
 
@@ -221,17 +218,6 @@ def _colour(
     even = levels / colour.light[:, None]
     scale = float((reference[18:21, 1] / (even[18:21] / colour.neutral).mean(axis=1)).mean())
     return colour, shot.name, before, even * scale
-
-
-def _covered(place: ChartPlace, shape: tuple[int, int]) -> BoolArray:
-    """Return which pixels show the chart, with the card around it: (H, W)."""
-    covered = np.zeros(shape, bool)
-    for region in place.regions(1.4):
-        top, left = max(region.top, 0), max(region.left, 0)
-        mask = region.mask[top - region.top :, left - region.left :]
-        window = covered[top : top + mask.shape[0], left : left + mask.shape[1]]
-        window |= mask[: window.shape[0], : window.shape[1]]
-    return covered
 
 
 def _gamma_facts(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str, Any]:

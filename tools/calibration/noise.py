@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -86,8 +86,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         samples = stack[:, here][:, good]
         variance = float(samples.var(axis=0, ddof=1).mean() if len(frames) > 1 else samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - _ROUNDING, 0.0))
-    rows, columns = np.nonzero(defect)
-    return DarkResult(len(frames), black, error, read, tuple(zip(rows.tolist(), columns.tolist(), strict=True)))
+    return DarkResult(len(frames), black, error, read, tuple((row, column) for row, column in np.argwhere(defect).tolist()))
 
 
 def measure_flats(frames: Sequence[Mosaic], read: DoubleArray | None) -> tuple[NoiseResult, list[tuple[int, int]], list[int]]:
@@ -177,14 +176,9 @@ def _tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
     """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
     rarest = int(np.bincount(planes.ravel()).min())
     number = int(np.clip(np.sqrt(rarest / _LEAST_SAMPLES), 1, _TILES))
-    for top, bottom in _cuts(planes.shape[0], number):
-        for left, right in _cuts(planes.shape[1], number):
-            yield slice(top, bottom), slice(left, right)
-
-
-def _cuts(length: int, number: int) -> list[tuple[int, int]]:
-    edges = np.linspace(0, length, number + 1).astype(int).tolist()
-    return [(start, stop) for start, stop in pairwise(edges) if stop > start]
+    rows, columns = (pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()) for length in planes.shape)
+    for (top, bottom), (left, right) in product(rows, columns):
+        yield slice(top, bottom), slice(left, right)
 
 
 def _clipped(values: DoubleArray) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from string import Template
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
 
 from .chart.place import COLUMNS, PATCHES
 
+_TI3 = Path(__file__).with_name("chart.ti3")  # CGATS requires its declarations (KEYWORD) of non-standard keywords
 _PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
@@ -64,28 +66,11 @@ def ti3(reference: DoubleArray, camera: DoubleArray) -> str:
     colprof accepts device values from 0 to 100. A camera's values have no fixed scale: if one exceeds 1, all are scaled down.
     """
     camera = np.maximum(camera, 0) / max(1.0, float(camera.max()))
-    lines = [
-        "CTI3",
-        "",
-        'DESCRIPTOR "Panchroma chart measurement"',
-        'ORIGINATOR "Panchroma"',
-        'KEYWORD "DEVICE_CLASS"',  # CGATS requires declarations of non-standard keywords
-        'DEVICE_CLASS "INPUT"',
-        'KEYWORD "COLOR_REP"',
-        'COLOR_REP "XYZ_RGB"',
-        "",
-        "NUMBER_OF_FIELDS 7",
-        "BEGIN_DATA_FORMAT",
-        "SAMPLE_ID XYZ_X XYZ_Y XYZ_Z RGB_R RGB_G RGB_B",
-        "END_DATA_FORMAT",
-        "",
-        f"NUMBER_OF_SETS {PATCHES}",
-        "BEGIN_DATA",
-    ]
+    rows = []
     for index, values in enumerate(100 * np.concatenate([reference, camera], axis=1)):
         name = f"{'ABCDEF'[index % COLUMNS]}{index // COLUMNS + 1}"
-        lines.append(" ".join([name, *(f"{value:.6f}" for value in values)]))
-    return "\n".join([*lines, "END_DATA", ""])
+        rows.append(" ".join([name, *(f"{value:.6f}" for value in values)]))
+    return Template(_TI3.read_text("utf-8")).substitute(number=PATCHES, rows="\n".join(rows))
 
 
 def _table(text: str, path: Path) -> tuple[list[str], list[list[str]]]:

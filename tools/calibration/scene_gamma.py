@@ -9,8 +9,6 @@ would be too small. The colours of the eight neighbour blocks, whose noise is in
 holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block come from its neighbours.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.ndimage import convolve
 
@@ -34,22 +32,6 @@ LEAST_BLOCKS = 300
 LEAST_STRENGTH = 12.0  # strength of the instruments in the weakest direction, in standard deviations
 
 
-@dataclass(frozen=True, eq=False)
-class _Blocks:
-    """Measurements of the blocks on their grid (n, m).
-
-    level: panchromatic level at the centre.
-    colours: (n, m, C), channels there.
-    texture: variance of the ring about a linear surface.
-    usable: whether the block can be used.
-    """
-
-    level: DoubleArray
-    colours: DoubleArray
-    texture: DoubleArray
-    usable: BoolArray
-
-
 def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaFit:
     """Estimate gamma from the smooth places of a shot, for any number of channels.
 
@@ -58,15 +40,13 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
 
     Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
-    blocks = _measured(mosaic, excluded)
-    level, colours, instruments, classes = _chosen(blocks)
-    channels = colours.shape[1]
+    level, colours, instruments, classes = _chosen(*_measured(mosaic, excluded))
     if len(level) < LEAST_BLOCKS:
         raise InputError(
             f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
         )
     gamma, *_ = np.linalg.lstsq(colours, level, rcond=None)
-    deviation = weight = np.ones(len(level))
+    deviation, weighted = np.ones(len(level)), instruments
     for _ in range(_ROUNDS):
         residual = level - colours @ gamma
         deviation = _deviation(residual, classes)
@@ -75,14 +55,13 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
         gamma = np.linalg.lstsq(weighted.T @ colours, weighted.T @ level, rcond=None)[0]
     _check_strength(instruments, colours, deviation)
     residual = level - colours @ gamma
-    weighted = instruments * weight[:, None]
     inverse = np.linalg.inv(weighted.T @ colours)
     moments = weighted * residual[:, None]
     covariance = inverse @ (moments.T @ moments) @ inverse.T + np.diag((_FLOOR * gamma) ** 2)
     return GammaFit(
         gamma=gamma.astype(np.float64),
         covariance=covariance,
-        freedom=len(level) - channels,
+        freedom=len(level) - colours.shape[1],
         level=level,
         predicted=colours @ gamma,
         used=np.abs(residual) <= _HUBER * deviation,
@@ -92,8 +71,12 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
     )
 
 
-def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
-    """Measure every whole block that has a ring around it."""
+def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, DoubleArray, DoubleArray, BoolArray]:
+    """Measure every whole block that has a ring around it, on the grid (n, m) of blocks.
+
+    Returns the panchromatic level at a block's centre (n, m), the channels there (n, m, C), the variance of the ring about a linear
+    surface (n, m), and whether the block can be used (n, m).
+    """
     pattern, levels = mosaic.pattern, levels_of(mosaic).astype(np.float64)
     grid, (high, wide) = pattern.grid(mosaic.shape), pattern.block_shape
     reach = min(_REACH, pattern.period - max(high, wide))
@@ -127,22 +110,23 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
     usable = brightest < CLIPPED
     if excluded is not None:
         usable &= ~excluded[np.ix_(rows, columns)]
-    return _Blocks(level, colours / shading, texture, usable)
+    return level, colours / shading, texture, usable
 
 
-def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
-    """Return level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places."""
-    usable = blocks.usable.astype(np.float64)
-    number = convolve(usable, _NEIGHBOURS, mode="constant")
+def _chosen(
+    levels: DoubleArray, colours: DoubleArray, texture: DoubleArray, usable: BoolArray
+) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
+    """Return level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places; see `_measured`."""
+    number = convolve(usable.astype(np.float64), _NEIGHBOURS, mode="constant")
 
     def around(values: DoubleArray) -> DoubleArray:
         total: DoubleArray = convolve(values * usable, _NEIGHBOURS, mode="constant")
         return total / np.maximum(number, 1)
 
-    level = around(blocks.level)
-    roughness = around(blocks.texture) + np.maximum(around(blocks.level**2) - level**2, 0) / 10
-    instruments = np.stack([around(plane) for plane in np.moveaxis(blocks.colours, -1, 0)], axis=-1)
-    good = blocks.usable & (number >= _LEAST_NEIGHBOURS) & (level > _DARK)
+    level = around(levels)
+    roughness = around(texture) + np.maximum(around(levels**2) - level**2, 0) / 10
+    instruments = np.stack([around(plane) for plane in np.moveaxis(colours, -1, 0)], axis=-1)
+    good = usable & (number >= _LEAST_NEIGHBOURS) & (level > _DARK)
     level, roughness = level[good], roughness[good]
     classes = np.full(level.size, -1)
     for bright, at_level in enumerate(np.array_split(np.argsort(level), _LEVELS)):
@@ -153,7 +137,7 @@ def _chosen(blocks: _Blocks) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.
         for rough, alike in enumerate(np.array_split(smooth, _TEXTURES)):
             classes[alike] = bright * _TEXTURES + rough
     chosen = classes >= 0
-    return blocks.level[good][chosen], blocks.colours[good][chosen], instruments[good][chosen], classes[chosen]
+    return levels[good][chosen], colours[good][chosen], instruments[good][chosen], classes[chosen]
 
 
 def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:

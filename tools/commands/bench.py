@@ -7,8 +7,8 @@ ratios. With several sizes: how time and memory grow from one DNG to one TIFF, e
 import argparse
 import os
 
-from shared.errors import InputError
 from tools.host.console import Console
+from tools.host.options import check_at_least_one
 from tools.host.processors import THREAD_VARIABLES
 
 _MEGAPIXELS, _ROUNDS, _FRAMES = 3.2, 9, 100
@@ -35,9 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure and print; returns the exit code."""
-    for option in ("rounds", "frames"):
-        if getattr(arguments, option) < 1:
-            raise InputError(f"--{option} is {getattr(arguments, option)}, expected 1 or more")
+    check_at_least_one(arguments, "rounds", "frames")
     from offline import threads
 
     used = threads()

@@ -73,9 +73,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for warning in outcome.warnings:
         console.note(f"warning: {warning}")
     if folder is not None:
-        _write(folder / "report.html", report(outcome, session.skipped, provenance))
+        page = report(outcome, session.skipped, provenance)
+        write_durably(folder / "report.html", page.encode(), overwrite=True)
         if outcome.camera_rgb is not None and outcome.camera_rgb.shape[1] == 3:
-            _write(folder / "chart.ti3", ti3(reference, outcome.camera_rgb))
+            write_durably(folder / "chart.ti3", ti3(reference, outcome.camera_rgb).encode(), overwrite=True)
         console.say(f"{folder / 'report.html'}: {outcome.verdict}")
     if outcome.camera is None:
         console.error(f"{outcome.refusal}; no camera file was written")
@@ -100,10 +101,6 @@ def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
         return tuple((float(x), float(y)) for x, y in (corner.split(",") for corner in arguments.corners))
     except ValueError:
         raise InputError(f"--corners is {' '.join(arguments.corners)}, expected four X,Y in pixels") from None
-
-
-def _write(path: Path, text: str) -> None:
-    write_durably(path, text.encode(), overwrite=True)
 
 
 def _summary(camera: Camera) -> str:

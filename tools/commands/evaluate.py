@@ -80,7 +80,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.report or name != _PAGE]
     if not (arguments.overwrite or arguments.dry_run):
         refuse_existing(outputs)
-    team = Team(console, _jobs(arguments), allowed_memory(arguments.max_memory))
+    check_at_least_one(arguments, "jobs")
+    team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
     study, failures = _study(arguments, console, team)
     todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
     if arguments.dry_run:
@@ -161,9 +162,3 @@ def _list(todo: "list[Task]", there: int, failures: list[str], console: Console)
     results = sum(len(task.cells) for task in todo)
     console.say(f"{results} results to make, {there} kept from an earlier run; roughly {duration(seconds)} of one core")
     return FAILED if failures else 0
-
-
-def _jobs(arguments: argparse.Namespace) -> int:
-    check_at_least_one(arguments, "jobs")
-    given: int | None = arguments.jobs
-    return given or processors()

@@ -1,6 +1,7 @@
 """Both cameras in front of one scene at one noise level: their shots, and the pictures that methods make of them."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,13 +10,13 @@ from shared import Mosaic
 from shared.arrays import FloatArray
 
 from .protocol import BayerShot, Protocol
-from .rivals.bayer import sites
+from .rivals.bayer import channel_map
 
 Demosaic = Callable[..., FloatArray]  # (samples (H, W), order=) -> (H, W, 3)
 Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
-_WHOLE = slice(None)
 
 
+@dataclass(frozen=True, eq=False)
 class CameraPair:
     """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first needed.
 
@@ -23,26 +24,20 @@ class CameraPair:
     truth: light of the scene, (H, W, 3), scene units.
     period: of the sparse-colour pattern.
     neutral: what white reads in the scene, one value per channel; None = unknown.
-    rows, columns: the part of both shots that is rendered; it must begin at a multiple of both patterns' periods.
+    part: rows and columns of both shots that are rendered; they must begin at multiples of both patterns' periods.
     """
 
-    def __init__(
-        self,
-        protocol: Protocol,
-        level: float,
-        truth: FloatArray,
-        period: int,
-        neutral: tuple[float, ...] | None,
-        rows: slice = _WHOLE,
-        columns: slice = _WHOLE,
-    ) -> None:
-        self._protocol, self._level, self._truth, self._period, self._neutral = protocol, level, truth, period, neutral
-        self._part = rows, columns
-        self._denoised: dict[Denoise, FloatArray] = {}
+    protocol: Protocol
+    level: float
+    truth: FloatArray
+    period: int
+    neutral: tuple[float, ...] | None
+    part: tuple[slice, slice] = (slice(None), slice(None))
+    _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
         """Picture of the sparse-colour shot, float32 (H, W, 3), scene units of the scene."""
-        picture, gain = render(self._sparse), self._protocol.gain(self._level)
+        picture, gain = render(self._sparse), self.protocol.gain(self.level)
         return picture / np.float32(gain) if gain != 1 else picture
 
     def render_bayer(self, demosaic: Demosaic, *, balanced: bool = False, denoise: Denoise | None = None) -> FloatArray:
@@ -57,21 +52,18 @@ class CameraPair:
             if denoise not in self._denoised:
                 self._denoised[denoise] = denoise(samples, self._bayer.shot, self._bayer.read)
             samples = self._denoised[denoise]
-        if not balanced or self._neutral is None:
+        if not balanced or self.neutral is None:
             return demosaic(samples, order=order)
-        white = np.array(self._neutral, np.float32)
+        white = np.array(self.neutral, np.float32)
         white /= white.max()
-        balanced_samples = samples.copy()
-        for channel, row, column in sites(order):
-            balanced_samples[row::2, column::2] /= white[channel]
-        return demosaic(balanced_samples, order=order) * white
+        return demosaic(samples / white[channel_map(samples.shape, order)], order=order) * white
 
     @cached_property
     def _sparse(self) -> Mosaic:
-        shot = self._protocol.sparse_shot(self._truth, self._level, self._period)
-        return Mosaic(shot.samples[self._part], shot.pattern, shot.calibration)
+        shot = self.protocol.sparse_shot(self.truth, self.level, self.period)
+        return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 
     @cached_property
     def _bayer(self) -> BayerShot:
-        shot = self._protocol.bayer_shot(self._truth, self._level)
-        return BayerShot(shot.samples[self._part], shot.shot, shot.read, shot.order)
+        shot = self.protocol.bayer_shot(self.truth, self.level)
+        return replace(shot, samples=shot.samples[self.part])

@@ -2,7 +2,6 @@
 
 import ast
 import hashlib
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -26,13 +25,10 @@ def digest(*places: str) -> str:
     return total.hexdigest()[:16]
 
 
-def _files(place: Path) -> Iterator[Path]:
+def _files(place: Path) -> list[Path]:
     if not place.is_dir():
-        yield place
-    elif place.name != "__pycache__":
-        for path in place.iterdir():
-            if path.suffix != ".md":
-                yield from _files(path)
+        return [place]
+    return [path for path in place.rglob("*") if path.is_file() and path.suffix != ".md" and "__pycache__" not in path.parts]
 
 
 def _code(source: bytes) -> bytes:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .measures import PLANES, Histogram, Measures
+from .measures import TITLES, Histogram, Measures
 from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
@@ -158,12 +158,12 @@ class Figures:
 
     def losses(self, group: str) -> list[Loss]:
         """Scenes and levels at which the best rival beats us, the largest margin first."""
-        found = []
-        for level in self.study.levels:
-            for name in self.scene_names(group):
-                margin = self._scene_margin(name, level)
-                if margin is not None and margin[1] < -EVEN:
-                    found.append(Loss(name, level, margin[0], -margin[1]))
+        found = [
+            Loss(name, level, margin[0], -margin[1])
+            for level in self.study.levels
+            for name in self.scene_names(group)
+            if (margin := self._scene_margin(name, level)) is not None and margin[1] < -EVEN
+        ]
         return sorted(found, key=lambda loss: -loss.margin)
 
     def claims(self, group: str) -> list[Claim]:
@@ -172,12 +172,10 @@ class Figures:
         own = "paper" if "paper" in self.study.methods else self.ours
         if rival is None or own is None:
             return []
-        leads = []
-        for level in self.study.levels:
-            lead = _lead(partial(self.pooled, group, level), own, rival)
-            if lead is None:
-                return []
-            leads.append(lead)
+        compared = [_lead(partial(self.pooled, group, level), own, rival) for level in self.study.levels]
+        leads = [lead for lead in compared if lead is not None]
+        if len(leads) < len(compared):
+            return []
         claims = []
         if self.study.protocol.kind == "sensor" or self.study.levels[0] == 0:
             claims.append(self._noise_free(group, leads[0], own, rival))
@@ -202,10 +200,7 @@ class Figures:
 
     def _growing(self, leads: list[list[float]], own: str, rival: str) -> Claim:
         by_plane = list(zip(*leads, strict=True))
-        parts = [
-            f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each)
-            for name, each in zip(("RGB", *PLANES[1:]), by_plane, strict=True)
-        ]
+        parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
         first, last = by_plane[RGB][0], by_plane[RGB][-1]
         finding = "refuted" if last <= first + EVEN else "shown" if _rising(by_plane[RGB]) else "shown in part"
         noise = ", ".join(self.study.protocol.describe(level) for level in self.study.levels)

@@ -15,6 +15,7 @@ from .metrics import BORDER, CAP, QUANTILES, Quality, patch_psnr, psnr
 from .ssim import ssim
 
 PLANES = ("rgb", "luminance", "chrominance")
+TITLES = ("RGB", "luminance", "chrominance")
 WINDOW, STRIDE = 96, 24  # pixels: the squares among which the gallery chooses
 _STEP = 0.002  # dB, width of a bin: the error of pooled quantiles
 _LOWEST = -100.0
@@ -88,7 +89,7 @@ class Measures:
         """File content for the cache, which `decode` reads."""
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
-        quality = np.array([getattr(self.quality, plane) for plane in PLANES])
+        quality = np.array(self.quality)
         np.savez_compressed(buffer, quality=quality, whole=np.array([self.psnr, self.ssim]), errors=self.errors, **parts)
         return buffer.getvalue()
 

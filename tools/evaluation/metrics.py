@@ -1,6 +1,5 @@
 """Error of a rendering: PSNR over small patches, as in the paper's section 4, in RGB, luminance and chrominance."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +21,7 @@ class PatchPsnr(NamedTuple):
     chrominance: DoubleArray
 
 
-@dataclass(frozen=True)
-class Quality:
+class Quality(NamedTuple):
     """25 %, 50 % and 75 % quantiles of the patches' PSNR, dB, by plane."""
 
     rgb: tuple[float, float, float]

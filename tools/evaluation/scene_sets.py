@@ -2,9 +2,9 @@
 
 import hashlib
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +23,7 @@ from .protocol import CROP, cut
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
-_KNOWN: tuple[tuple[str, Callable[[str], object]], ...] = (
-    ("Kodak", re.compile(r"kodim\d\d").fullmatch),
-    ("McMaster", re.compile(r"(mcm|mcmaster)[-_]?\d\d?").fullmatch),
-)
+_KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
 _LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
@@ -122,16 +119,14 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
     """The scenes, each once and under a unique name; and a remark for the user on each one left out."""
     kept: dict[str, SceneInfo] = {}
     remarks = []
-    names: set[str] = set()
+    taken: set[str] = set()
     for scene in scenes:
         if scene.digest in kept:
             remarks.append(f"{scene.source}: has the same pixels as {kept[scene.digest].source} and is measured once")
             continue
-        name = scene.name if scene.name not in names else Path(scene.source).name
-        number = 2
-        while name in names:
-            name, number = f"{scene.name} ({number})", number + 1
-        names.add(name)
+        names = chain((scene.name, Path(scene.source).name), (f"{scene.name} ({number})" for number in count(2)))
+        name = next(name for name in names if name not in taken)
+        taken.add(name)
         kept[scene.digest] = replace(scene, name=name)
     return list(kept.values()), remarks
 
@@ -149,8 +144,8 @@ def _group(source: str, scene: Scene) -> str:
     if not _is_developed(Path(source)):
         return MEASURED
     stem = Path(source).stem.lower()
-    for name, matches in _KNOWN:
-        if matches(stem):
+    for name, files in _KNOWN.items():
+        if re.fullmatch(files, stem):
             return name
     numbered = stem.isdecimal() and 1 <= int(stem) <= _MCMASTER_COUNT
     return "McMaster" if numbered and scene.shape == (_MCMASTER_SIDE, _MCMASTER_SIDE) else DEVELOPED

@@ -107,30 +107,20 @@ class Task:
 def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
     """What is still to be done, and the number of results that are there already. Equal results are made once."""
     cache = Cache(folder / FOLDER)
-    todo: dict[tuple[str, float, str], list[Cell]] = {}
-    there = 0
     distinct: dict[str, Cell] = {}
     for cell in study.cells():
         distinct.setdefault(cell.name, cell)
-    for cell in distinct.values():
-        if cache.get(cell.name) is not None:
-            there += 1
-            continue
+    missing = [cell for cell in distinct.values() if cache.get(cell.name) is None]
+    todo: dict[tuple[str, float, str], list[Cell]] = {}
+    for cell in missing:
         shared = "bm3d" if methods()[cell.method].denoise else cell.name
         todo.setdefault((cell.scene.digest, cell.level, shared), []).append(cell)
-    return [Task(tuple(cells), study.protocol, study.reading, folder) for cells in todo.values()], there
+    pieces = [Task(tuple(cells), study.protocol, study.reading, folder) for cells in todo.values()]
+    return pieces, len(distinct) - len(missing)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What went wrong with single results of a task: (name in the cache, line for people)."""
-
-    task: Task
-    failures: tuple[tuple[str, str], ...] = ()
-
-
-def work(task: Task) -> Outcome:
-    """Make the results of a task and keep them. Raises OutputError when they cannot be kept."""
+def work(task: Task) -> list[str]:
+    """Make the results of a task and keep them; a line for each that failed. Raises OutputError when they cannot be kept."""
     cache = Cache(task.folder / FOLDER)
     failures = []
     for cell in task.cells:
@@ -138,13 +128,12 @@ def work(task: Task) -> Outcome:
             picture = render_cell(cell, task.protocol, task.reading)
             measures = Measures.of(picture, task.reading.truth(cell.scene.source))
         except PanchromaError as error:
-            failures.append((cell.name, f"{cell.scene.source}: {cell.method}, {task.protocol.describe(cell.level)}: {error}"))
-            continue
+            failures.append(f"{cell.scene.source}: {cell.method}, {task.protocol.describe(cell.level)}: {error}")
         except MemoryError:
-            failures.append((cell.name, f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size"))
-            continue
-        cache.put(cell.name, measures)
-    return Outcome(task, tuple(failures))
+            failures.append(f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size")
+        else:
+            cache.put(cell.name, measures)
+    return failures
 
 
 def render_cell(cell: Cell, protocol: Protocol, reading: Reading) -> FloatArray:

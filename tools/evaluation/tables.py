@@ -91,7 +91,7 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
 def _row(figure: Figure) -> dict[str, Any]:
     row: dict[str, Any] = {name: getattr(figure, name) for name in _COLUMNS}
     row["period"] = figure.period or None
-    for plane in PLANES:
-        for quantile, value in zip(QUANTILES, getattr(figure.quality, plane), strict=True):
+    for plane, quantiles in zip(PLANES, figure.quality, strict=True):
+        for quantile, value in zip(QUANTILES, quantiles, strict=True):
             row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)
     return {**row, "psnr": round(figure.psnr, 4), "ssim": round(figure.ssim, 6), "scenes": figure.scenes}

@@ -52,8 +52,7 @@ class Team:
 
     def read(self, sources: Sequence[str], reading: Reading) -> tuple[list[SceneInfo], list[str]]:
         """The scenes that can be read, in the order given, and a line for each other source, which is shown to the user."""
-        found: dict[str, SceneInfo] = {}
-        failures = []
+        scenes, failures = [], []
         for source, info in self._follow("reading scenes", reading.info, sources, _USUAL_PIXELS):
             if not isinstance(info, SceneInfo):
                 failures.append(self._fail(source, info))
@@ -61,8 +60,7 @@ class Team:
                 error = InputError(f"needs about {format_bytes(needed)} of memory; allow it with --max-memory, or use --crop")
                 failures.append(self._fail(source, error))
             else:
-                found[source] = info
-        scenes = [found[source] for source in sources if source in found]
+                scenes.append(info)
         self._notes(scenes)
         return scenes, failures
 
@@ -73,9 +71,9 @@ class Team:
         for task, outcome in self._follow("measuring", work, todo, pixels, lambda task: task.seconds):
             if isinstance(outcome, BaseException):
                 raise InputError(f"{task.title}: {outcome}") from outcome
-            for _, line in outcome.failures:
+            for line in outcome:
                 self.console.error(line)
-                failures.append(line)
+            failures += outcome
         return failures
 
     def together(self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int) -> list[R]:
@@ -83,22 +81,23 @@ class Team:
 
         title: names the work for the user.
         each: a function of a module, or a `partial` of one.
+        pieces: hashable.
         pixels: of the largest scene that a piece needs.
         """
-        results: dict[int, R] = {}
-        for (index, _), result in self._follow(title, partial(_second, each), list(enumerate(pieces)), pixels):
+        results = []
+        for _, result in self._follow(title, each, pieces, pixels):
             if isinstance(result, BaseException):
                 raise InputError(f"{title}: {result}") from result
-            results[index] = result
-        return [results[index] for index in range(len(pieces))]
+            results.append(result)
+        return results
 
     def _follow(
         self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int, length: Callable[[T], float] = lambda _: 1.0
     ) -> "list[tuple[T, R | PanchromaError | MemoryError]]":
-        """(piece, result or error) of each piece; `length` is its share of the work."""
+        """(piece, result or error) of each piece, in their order; `length` is a piece's share of the work."""
         if not pieces:
             return []
-        ended = []
+        ended = {}
         total = sum(map(length, pieces))
         countdown = Countdown(total, len(pieces))
         with self.console.progress("evaluate") as progress:
@@ -107,8 +106,8 @@ class Team:
                 countdown.finished(length(piece))
                 progress.advance(round(_TENTHS * length(piece)))
                 progress.remark(str(countdown))
-                ended.append((piece, result))
-        return ended
+                ended[piece] = result
+        return [(piece, ended[piece]) for piece in pieces]
 
     def _run(self, each: Callable[[T], R], pieces: Sequence[T], pixels: int) -> "Iterable[tuple[T, Any]]":
         if self.client is not None:
@@ -132,10 +131,6 @@ class Team:
         self.console.error(line)
         self.console.record(source=source, ok=False, error=line)
         return line
-
-
-def _second(each: Callable[[T], R], numbered: tuple[int, T]) -> R:
-    return each(numbered[1])
 
 
 def _without_note(each: Callable[[T], R], piece: T, note: Note) -> R:

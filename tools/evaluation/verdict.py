@@ -1,6 +1,6 @@
 """The verdict of an evaluation in words."""
 
-from .figures import EVEN, Figures, Loss
+from .figures import EVEN, Figures
 from .methods import methods
 
 _LOSSES = 3  # named at each level
@@ -79,7 +79,7 @@ def losses(figures: Figures, group: str) -> str:
     parts = []
     for level in figures.study.levels:
         here = [loss for loss in found if loss.level == level]
-        worst = ", ".join(_loss(loss) for loss in here[:_LOSSES])
+        worst = ", ".join(f"{loss.scene} -{loss.margin:.1f} dB ({loss.rival})" for loss in here[:_LOSSES])
         more = f", and {len(here) - _LOSSES} more" if len(here) > _LOSSES else ""
         parts += [f"{figures.study.protocol.describe(level)}: {worst}{more}"] if here else []
     return "; ".join(parts) + "."
@@ -102,7 +102,3 @@ def capital(text: str) -> str:
 
 def _listed(texts: list[str]) -> str:
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
-
-
-def _loss(loss: Loss) -> str:
-    return f"{loss.scene} -{loss.margin:.1f} dB ({loss.rival})"

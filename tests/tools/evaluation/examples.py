@@ -41,7 +41,7 @@ def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlm
 def measured(study: Study, folder: Path) -> Figures:
     """Make all results of a study in this process."""
     for task in tasks(study, folder)[0]:
-        assert work(task).failures == ()
+        assert work(task) == []
     return Figures(study, collect(study, folder))
 
 

@@ -122,8 +122,7 @@ def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.M
         return genuine(cell, protocol, reading)
 
     monkeypatch.setattr(module, "render_cell", failing)
-    outcomes = [work(task) for task in tasks(study, tmp_path)[0]]
-    lines = [line for outcome in outcomes for _, line in outcome.failures]
+    lines = [line for task in tasks(study, tmp_path)[0] for line in work(task)]
     assert lines[0].endswith("scene1.npy: dlmmse, no noise: stopped at 500 iterations")
     assert len(lines) == 2
     assert len(collect(study, tmp_path)) == 6

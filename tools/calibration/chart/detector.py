@@ -61,8 +61,7 @@ def resized(picture: ByteArray, scale: float) -> ByteArray:
     import cv2
 
     method = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-    smaller: Any = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=method)
-    return np.asarray(smaller, np.uint8)
+    return np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=method), np.uint8)
 
 
 def median_filtered(picture: ByteArray) -> ByteArray:

@@ -5,6 +5,7 @@ neighbour and so follows perspective. Each window of 6 x 4 nodes of a lattice is
 """
 
 from collections.abc import Iterator
+from itertools import permutations
 
 import numpy as np
 from scipy.ndimage import find_objects, gaussian_filter, label, sobel, zoom
@@ -84,17 +85,16 @@ def _grown(first: int, centres: DoubleArray, areas: DoubleArray) -> dict[Cell, i
     nearest = [index for index in np.argsort(far) if far[index] > 0][:6]
     best: dict[Cell, int] = {}
     highest = 0.0
-    for one in nearest:
-        for other in nearest:
-            right, down = away[one], away[other]
-            # Sine of the angle between the steps; positive if clockwise on the screen, because x runs right and y down.
-            sine = (right[0] * down[1] - right[1] * down[0]) / (far[one] * far[other])
-            if sine < _SQUARE or not 0.55 < far[one] / far[other] < 1.8:
-                continue
-            nodes = _followed(first, right, down, centres[alike], alike)
-            # A step and a diagonal span the same lattice, but slanted: prefer the squarer pair.
-            if len(nodes) * sine > highest:
-                best, highest = nodes, len(nodes) * sine
+    for one, other in permutations(nearest, 2):
+        right, down = away[one], away[other]
+        # Sine of the angle between the steps; positive if clockwise on the screen, because x runs right and y down.
+        sine = (right[0] * down[1] - right[1] * down[0]) / (far[one] * far[other])
+        if sine < _SQUARE or not 0.55 < far[one] / far[other] < 1.8:
+            continue
+        nodes = _followed(first, right, down, centres[alike], alike)
+        # A step and a diagonal span the same lattice, but slanted: prefer the squarer pair.
+        if len(nodes) * sine > highest:
+            best, highest = nodes, len(nodes) * sine
     return best
 
 

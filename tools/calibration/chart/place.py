@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from shared.arrays import BoolArray, DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError
 from tools.scenes.drawn.perspective import apply_homography, homography, rectangle
@@ -15,6 +15,7 @@ from ..samples import Region
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
 PATCH = 0.86  # side of a patch in cells (distances between patches): 0.84 to 0.88 on charts sold
+_CARD = 0.2  # of a cell: width of the card around the cells
 INNER = 0.74  # side of the measured part of a patch in cells: away from edges and lens blur
 LEAST_PERIODS = 2.5  # measured part of a patch in periods: holds at least 2 x 2 blocks, on some patches 3 x 3
 NAMES = (
@@ -72,9 +73,8 @@ class ChartPlace:
 
     def patch_corners(self, size: float) -> DoubleArray:
         """Return the corners of squares of `size` cells in the 24 patches, in reading order: (24, 4, 2), x and y."""
-        u, v = np.meshgrid(np.arange(COLUMNS) + 0.5, np.arange(ROWS) + 0.5)
         step = rectangle(-1, -1, 1, 1) * size / 2
-        x, y = self.at(u.ravel()[:, None] + step[:, 0], v.ravel()[:, None] + step[:, 1])
+        x, y = self.at(self.cells[:, :1] + step[:, 0], self.cells[:, 1:] + step[:, 1])
         return np.stack([x, y], axis=-1)
 
     @cached_property
@@ -83,9 +83,15 @@ class ChartPlace:
         quads = self.patch_corners(1.0)
         return float(np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=-1).min())
 
-    def regions(self, inner: float = INNER) -> list[Region]:
-        """Return the squares of `inner` cells in the patches, in reading order; by default the measured parts."""
-        return [_polygon(quad) for quad in self.patch_corners(inner)]
+    def regions(self) -> list[Region]:
+        """Return the measured parts of the patches, in reading order."""
+        return [_region(quad) for quad in self.patch_corners(INNER)]
+
+    def covered(self, shape: tuple[int, int]) -> BoolArray:
+        """Return which pixels of a frame (rows, columns) show the chart, with the card around it: (H, W)."""
+        ends = rectangle(-_CARD, -_CARD, COLUMNS + _CARD, ROWS + _CARD)
+        down, right = np.ogrid[: shape[0], : shape[1]]
+        return _inside(np.stack(self.at(*ends.T), axis=-1), right + 0.5, down + 0.5)
 
     @property
     def cells(self) -> DoubleArray:
@@ -97,12 +103,16 @@ class ChartPlace:
         return ChartPlace((*self.corners[quarter:], *self.corners[:quarter]))
 
 
-def _polygon(corners: DoubleArray) -> Region:
-    """Return the pixels whose centres lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
+def _region(corners: DoubleArray) -> Region:
+    """Return the pixels whose centres lie inside a convex polygon; corners: see `_inside`."""
     left, top = np.floor(corners.min(axis=0)).astype(int)
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
-    x, y = np.meshgrid(np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5)
-    mask = np.ones(x.shape, bool)
-    for (x0, y0), (x1, y1) in zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True):
-        mask &= (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0
-    return Region(int(top), int(left), mask)
+    down, right = np.ogrid[top:bottom, left:right]
+    return Region(int(top), int(left), _inside(corners, right + 0.5, down + 0.5))
+
+
+def _inside(corners: DoubleArray, x: DoubleArray, y: DoubleArray) -> BoolArray:
+    """Return which points lie inside a convex polygon; corners: (N, 2), x and y, clockwise."""
+    sides = zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True)
+    inside: BoolArray = np.logical_and.reduce([(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) >= 0 for (x0, y0), (x1, y1) in sides])
+    return inside

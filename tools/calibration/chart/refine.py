@@ -23,19 +23,15 @@ def refined(picture: FloatArray, place: ChartPlace) -> ChartPlace:
     luminance = picture.sum(axis=-1)
     best, scale = np.array(place.corners), place.pitch
     for reach in (0.12, 0.04):  # The second search has a new simplex: in eight dimensions the first may collapse too early.
-        start = best
-
-        def misfit(moved: DoubleArray, start: DoubleArray = start) -> float:
-            return _misfit(luminance, start + moved.reshape(4, 2) * scale)
-
         simplex = np.concatenate([np.zeros((1, 8)), reach * np.eye(8)])
         found = minimize(
-            misfit,
+            _misfit,
             np.zeros(8),
+            args=(luminance, best, scale),
             method="Nelder-Mead",
             options={"initial_simplex": simplex, "maxfev": 700, "xatol": 1e-3, "fatol": 1e-6, "adaptive": True},
         )
-        best = start + found.x.reshape(4, 2) * scale
+        best = best + found.x.reshape(4, 2) * scale
     return ChartPlace(as_rows(best))
 
 
@@ -53,10 +49,10 @@ def patch_means(picture: FloatArray, place: ChartPlace, size: float = 0.5) -> tu
     return values.mean(axis=1), luminance.std(axis=1)
 
 
-def _misfit(luminance: FloatArray, corners: DoubleArray) -> float:
-    """Return a measure of how uneven the patches and how bright the gaps are with these corners."""
+def _misfit(moved: DoubleArray, luminance: FloatArray, corners: DoubleArray, scale: float) -> float:
+    """Return a measure of how uneven the patches and how bright the gaps are if the corners move by `scale * moved`."""
     try:
-        place = ChartPlace(as_rows(corners))
+        place = ChartPlace(as_rows(corners + moved.reshape(4, 2) * scale))
     except InputError:
         return 1e3
     _, rough = patch_means(luminance[..., None], place, _EDGE)

@@ -5,8 +5,9 @@ from html import escape
 from pathlib import Path
 from string import Template
 
+from tools.pictures.html import bullets
+
 from ..measure import Outcome
-from .markup import bullets
 from .sections import camera_file, charts, colour, dark, gamma, luminance, noise
 
 _TEMPLATE = Path(__file__).with_name("page.html")

@@ -7,23 +7,24 @@ from html import escape
 import numpy as np
 
 from shared import Camera
-from shared.arrays import DoubleArray
+from shared.arrays import ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, encode_srgb, lab_to_xyz
+from tools.pictures.html import cell, data_address, row, table
 
+from ..advice import SIGMAS
 from ..chart.place import COLUMNS, NAMES, PATCHES
 from ..delta_e import delta_e_2000
 from ..measure import Outcome, ShotMeasurement
-from .markup import figure, picture, table
 from .plots import OTHER, luminance_plot, noise_plot, residuals_plot
 
-_SIGMAS = 1.96  # standard errors in half a 95 % interval
+_WIDEST = 1200  # pixels of a picture
 
 
 def charts(shots: Sequence[ShotMeasurement]) -> str:
     """Show where the chart was found and measured."""
     return "".join(
-        figure(
-            picture(shot.picture, "The shot with the measured places outlined"),
+        _figure(
+            _picture(shot.picture, "The shot with the measured places outlined"),
             f"{shot.name}: corners {shot.chart.place}, {shot.chart.place.pitch:.0f} pixels between patches. "
             "White: patches; magenta: their measured parts.",
         )
@@ -57,7 +58,7 @@ def gamma(outcome: Outcome) -> str:
         f"Offset of the panchromatic samples: {fit.offset:+.1f} standard errors."
     )
     head = ("shot", "measured on", "gamma", "± (95 %)", "places used")
-    return table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + table(head, shots)
+    return _table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + _table(head, shots)
 
 
 def luminance(outcome: Outcome) -> str:
@@ -66,8 +67,8 @@ def luminance(outcome: Outcome) -> str:
         return ""
     fits = [(shot.name, fit, shot.chart is not None and fit is shot.fits[0]) for shot in outcome.shots for fit in shot.fits]
     colours = _css(outcome.colour.reference) if outcome.colour is not None else [OTHER] * PATCHES
-    bars = next((figure(residuals_plot(fit, colours), name) for name, fit, chart in fits if chart), "")
-    return f'<div class="pair">{figure(luminance_plot(fits, colours))}{bars}</div>'
+    bars = next((_figure(residuals_plot(fit, colours), name) for name, fit, chart in fits if chart), "")
+    return f'<div class="pair">{_figure(luminance_plot(fits, colours))}{bars}</div>'
 
 
 def colour(outcome: Outcome) -> str:
@@ -95,9 +96,9 @@ def colour(outcome: Outcome) -> str:
         f"<p>From {escape(outcome.colour_shot)}. Each patch shows, from left to right: "
         f"{'' if before is None else 'before, '}after, reference.</p>"
         f'<div class="patches">{patches}</div>'
-        + table(("ΔE2000", "mean", "maximum"), rows)
+        + _table(("ΔE2000", "mean", "maximum"), rows)
         + '<div class="pair"><div><h3>Matrix from scene units to XYZ (D50)</h3>'
-        + table((), [tuple(f"{value:+.4f}" for value in row) for row in fit.matrix])
+        + _table((), [tuple(f"{value:+.4f}" for value in row) for row in fit.matrix])
         + f"<p>White reads {_row(fit.neutral)}.</p></div>"
         + f'<div><h3>Light on the chart</h3><div class="light" style="grid-template-columns:repeat({COLUMNS},1fr)">{light}</div>'
         + f"<p>Brightest over dimmest: {fit.unevenness:.2f}.</p></div></div>"
@@ -112,16 +113,16 @@ def noise(outcome: Outcome) -> str:
     rows = [
         (
             letter,
-            f"{line.shot:.3g} ± {_SIGMAS * line.shot_error:.1g}",
+            f"{line.shot:.3g} ± {SIGMAS * line.shot_error:.1g}",
             f"{1 / line.shot if line.shot > 0 else float('inf'):,.0f}",
-            f"{line.read:.3g}" + (f" ± {_SIGMAS * line.read_error:.1g}" if line.read_error else " (dark frames)"),
+            f"{line.read:.3g}" + (f" ± {SIGMAS * line.read_error:.1g}" if line.read_error else " (dark frames)"),
             f"{line.read / line.shot:.2f}" if line.shot > 0 else "",
         )
         for letter, line in zip(planes, found.lines, strict=True)
     ]
     head = ("plane", "variance / mean", "electrons at full scale", "read noise, part of full scale", "read noise, electrons")
     caption = f"From {found.source}; one line per filter colour, without the effect of rounding to codes."
-    return f'<div class="pair">{figure(plot, caption)}<div>{table(head, rows)}</div></div>'
+    return f'<div class="pair">{_figure(plot, caption)}<div>{_table(head, rows)}</div></div>'
 
 
 def dark(outcome: Outcome) -> str:
@@ -130,11 +131,11 @@ def dark(outcome: Outcome) -> str:
     if found is None:
         return ""
     rows = [
-        (letter, f"{black:.3f} ± {_SIGMAS * error:.3f}", f"{read:.3f}")
+        (letter, f"{black:.3f} ± {SIGMAS * error:.3f}", f"{read:.3f}")
         for letter, black, error, read in zip(outcome.channels + "W", found.black, found.black_error, found.read, strict=True)
     ]
     facts = f"<p>{found.frames} frames; {len(found.defects)} pixels are not black.</p>"
-    return table(("plane", "black level, codes", "read noise, codes"), rows) + facts
+    return _table(("plane", "black level, codes", "read noise, codes"), rows) + facts
 
 
 def camera_file(camera: Camera | None) -> str:
@@ -143,6 +144,24 @@ def camera_file(camera: Camera | None) -> str:
         return ""
     text = json.dumps(camera.to_json(), indent=1, ensure_ascii=False)
     return f"<details><summary>Content, id {camera.calibration.id}</summary><pre>{escape(text)}</pre></details>"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return table(head, [row(map(cell, texts)) for texts in rows])
+
+
+def _figure(content: str, caption: str = "") -> str:
+    """Return a figure. content: HTML; caption: text."""
+    return f"<figure>{content}" + (f"<figcaption>{escape(caption)}</figcaption>" if caption else "") + "</figure>"
+
+
+def _picture(pixels: ByteArray, description: str) -> str:
+    """Return uint8 RGB (H, W, 3) as an image inside the page, reduced if it is large."""
+    from PIL import Image
+
+    image = Image.fromarray(pixels)
+    image.thumbnail((_WIDEST, _WIDEST))
+    return f'<img src="{data_address(image, "JPEG", quality=85)}" alt="{escape(description)}">'
 
 
 def _row(values: DoubleArray) -> str:

@@ -16,7 +16,7 @@ from ..cameras import CameraPair
 from ..figures import RGB, Figures
 from ..measures import WINDOW, window_origins
 from ..methods import methods
-from ..metrics import BORDER
+from ..metrics import BORDER, psnr
 from ..scene_sets import SceneInfo
 from ..study import Study
 from ..team import Team
@@ -109,8 +109,7 @@ def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit
     truth = scene.rgb[crop.part]
     pictures = [Picture("", _display(truth, transform, stops), None)]
     for name, rendered in render_crop(study, crop, scene.rgb, names):
-        square = float(np.square(rendered.astype(np.float64) - truth).mean())
-        pictures.append(Picture(name, _display(rendered, transform, stops), -10 * float(np.log10(max(square, 1e-20)))))
+        pictures.append(Picture(name, _display(rendered, transform, stops), psnr(rendered, truth)))
     return Exhibit(crop, tuple(pictures), stops)
 
 
@@ -125,7 +124,7 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray, names: Iterable[str
     step = lcm(2, study.period)  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
-    cameras = CameraPair(study.protocol, crop.level, truth, study.period, crop.scene.neutral, rows, columns)
+    cameras = CameraPair(study.protocol, crop.level, truth, study.period, crop.scene.neutral, (rows, columns))
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in names:
         yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]

@@ -1,22 +1,22 @@
 """The page: verdict, plots, gallery and all tables in one HTML file that needs no network."""
 
-import base64
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
-from io import BytesIO
+from string import Template
+
+from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 
 from ..figures import Figures
+from ..measures import TITLES
 from ..methods import methods
 from ..metrics import BORDER, PATCH
 from ..protocol import CROP
 from ..verdict import capital, comparisons, heading, headline, losses
-from .elements import cell, css_class, row, table
 from .gallery import Exhibit, Picture
 from .sections import noise_section, period_section
 
 _HERE = files("tools.evaluation.page")
-_PLANE_TITLES = ("RGB", "luminance", "chrominance")
 
 
 def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> str:
@@ -45,9 +45,7 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
         "slider": _read(f"{slider}/index.js"),
         "script": _read("page.js"),
     }
-    # In pieces, not by replacing one name after the other: what is put in may contain braces.
-    pieces = _read("page.html").split("{{")
-    return pieces[0] + "".join(parts[name] + rest for name, rest in (piece.split("}}", 1) for piece in pieces[1:]))
+    return Template(_read("page.html")).substitute(parts)
 
 
 def _read(name: str) -> str:
@@ -89,10 +87,10 @@ def _verdict_section(figures: Figures) -> str:
         parts.append(f'<ul class="verdict">{"".join(items)}</ul>')
         tabs = "".join(
             f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(name)}</button>'
-            for plane, name in enumerate(_PLANE_TITLES)
+            for plane, name in enumerate(TITLES)
         )
         parts.append(f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>')
-        for plane, name in enumerate(_PLANE_TITLES):
+        for plane, name in enumerate(TITLES):
             parts.append(
                 f'<div id="table-{index}-{plane}" role="tabpanel" aria-labelledby="tab-{index}-{plane}"><p class="soft">'
                 f"Median {name} PSNR of all patches of the set, dB; higher is better. The winner of each column is marked ★.</p>"
@@ -113,12 +111,12 @@ def _pool_table(figures: Figures, group: str, plane: int) -> str:
     margins = [figures.margin(group, level, plane) for level in study.levels]
     if any(margins):
         cells = [f'<td>{lead[1]:+.1f}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–") for lead in margins]
-        rows.append(row(f"{figures.ours} minus best rival", cells, "margin"))
-    return table("Method", _levels(figures), rows)
+        rows.append(row([row_title(f"{figures.ours} minus best rival"), *cells], "margin"))
+    return table(["Method", *_levels(figures)], rows)
 
 
 def _method_row(name: str, cells: Sequence[str]) -> str:
-    return row(methods()[name].title, cells, "ours" * methods()[name].ours)
+    return row([row_title(methods()[name].title), *cells], "ours" * methods()[name].ours)
 
 
 def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
@@ -136,13 +134,13 @@ def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
 
 def _exhibit(exhibit: Exhibit, figures: Figures) -> str:
     crop = exhibit.crop
-    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not methods()[p.method].ours), 0)
+    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not _is_ours(p)), 0)
     own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.ours), 0)
     brighter = f", brightened by {exhibit.stops:.1f} stops" if exhibit.stops else ""
     where = f"{crop.why}; row {crop.row}, column {crop.column}{brighter}"
     strip = "".join(
-        f'<li{_kind(p)}><button type="button" title="show on the right side"><img src="{_data(p)}" alt="{escape(_name(p))}" '
-        f'width="{crop.width}" height="{crop.height}">{escape(_caption(p))}</button></li>'
+        f'<li{css_class("ours" * _is_ours(p))}><button type="button" title="show on the right side"><img src="{_data(p)}" '
+        f'alt="{escape(_name(p))}" width="{crop.width}" height="{crop.height}">{escape(_caption(p))}</button></li>'
         for p in exhibit.pictures
     )
     return (
@@ -164,8 +162,8 @@ def _options(pictures: Sequence[Picture], chosen: int) -> str:
     )
 
 
-def _kind(picture: Picture) -> str:
-    return css_class("ours" if picture.method and methods()[picture.method].ours else "")
+def _is_ours(picture: Picture) -> bool:
+    return bool(picture.method) and methods()[picture.method].ours
 
 
 def _name(picture: Picture) -> str:
@@ -182,9 +180,7 @@ def _caption(picture: Picture) -> str:
 def _data(picture: Picture) -> str:
     from PIL import Image
 
-    buffer = BytesIO()
-    Image.fromarray(picture.pixels).save(buffer, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return data_address(Image.fromarray(picture.pixels), "PNG", optimize=True)
 
 
 def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
@@ -200,15 +196,13 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
             found = [figures.of_scene(scene.name, level, name) for level in study.levels]
             texts = [" / ".join(f"{value:.1f}" for value in figure.quality.median) if figure else "–" for figure in found]
             rows.append(_method_row(name, [cell(text, best=name == best) for text, best in zip(texts, winners, strict=True)]))
-        notes = "".join(f"<li>{escape(note)}</li>" for note in scene.notes)
         summary = f"{scene.name} ({scene.columns} × {scene.rows}, {scene.group})"
         parts.append(
-            f"<details><summary>{escape(summary)}</summary>{f'<ul class=soft>{notes}</ul>' if notes else ''}"
-            f"{table('Method', _levels(figures), rows)}</details>"
+            f"<details><summary>{escape(summary)}</summary>{bullets(scene.notes, 'soft')}"
+            f"{table(['Method', *_levels(figures)], rows)}</details>"
         )
     if failures:
-        lines = "".join(f"<li>{escape(line)}</li>" for line in failures)
-        parts.append(f"<h3>Left out</h3><ul>{lines}</ul>")
+        parts.append(f"<h3>Left out</h3>{bullets(failures)}")
     return "\n".join(parts)
 
 

@@ -4,18 +4,17 @@ from collections.abc import Sequence
 from html import escape
 
 from shared import CfaPattern
+from tools.pictures.html import cell, row, row_title, table
 
 from ..figures import RGB, Figure, Figures
-from ..measures import PLANES
+from ..measures import TITLES
 from ..methods import methods
 from ..protocol import ORDER, fraction
 from ..verdict import capital, heading, periods
-from .elements import cell, row, table
-from .svg import Quartiles, Series, legend, line_plot
+from .plots import Quartiles, Series, legend, line_plot
 
 _OURS = ("--ours", "--ours-2", "--ours-3")
 _RIVALS, _LEVELS = 9, 6  # colours of the style sheet
-_PLANE_TITLES = ("RGB", "Luminance", "Chrominance")
 
 
 def noise_section(figures: Figures) -> str:
@@ -25,7 +24,7 @@ def noise_section(figures: Figures) -> str:
     labels = [f"{level:g}" if paper else fraction(level) for level in study.levels]
     places = list(study.levels) if paper else [float(index) for index in range(len(study.levels))]
     parts = ["<h2>Quality and noise</h2><p>Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches.</p>"]
-    for number, group in enumerate(figures.groups):
+    for group in figures.groups:
         shown = _shown(figures, group)
         planes = [
             {
@@ -40,11 +39,11 @@ def noise_section(figures: Figures) -> str:
                 )
                 for name in _drawn_last(figures)
             }
-            for plane in range(len(PLANES))
+            for plane in range(len(TITLES))
         ]
         plots = [
-            line_plot(f"set{number}", name, places, labels, list(lines.values()), "sigma" if paper else "exposure")
-            for name, lines in zip(_PLANE_TITLES, planes, strict=True)
+            line_plot(capital(name), places, labels, list(lines.values()), "sigma" if paper else "exposure")
+            for name, lines in zip(TITLES, planes, strict=True)
         ]
         parts.append(f"<div><h3>{escape(heading(figures, group))}</h3>")
         parts.append(f'<div class="plots">{"".join(plots)}</div>')
@@ -64,17 +63,17 @@ def period_section(figures: Figures) -> str:
         "of a Bayer sensor's. The large dot is the best K.</p>"
     ]
     labels = [f"K={period}" for period in study.periods]
-    for number, group in enumerate(figures.groups):
-        planes = [_period_lines(figures, group, own, plane) for plane in range(len(PLANES))]
+    for group in figures.groups:
+        planes = [_period_lines(figures, group, own, plane) for plane in range(len(TITLES))]
         plots = [
-            line_plot(f"period{number}", name, [float(period) for period in study.periods], labels, lines, "", light)
-            for name, lines in zip(_PLANE_TITLES, planes, strict=True)
+            line_plot(capital(name), [float(period) for period in study.periods], labels, lines, "", light)
+            for name, lines in zip(TITLES, planes, strict=True)
         ]
-        rows = [row(line.title, _cells(line.points)) for line in planes[RGB]]
+        rows = [row([row_title(line.title), *_cells(line.points)]) for line in planes[RGB]]
         parts.append(
             f"<h3>{escape(heading(figures, group))}</h3><p>{escape(periods(figures, group))}</p>"
             f'<div><div class="plots">{"".join(plots)}</div>{legend(planes[RGB])}</div>'
-            f"{table('Median RGB, dB', (f'K = {period}' for period in study.periods), rows)}"
+            f"{table(['Median RGB, dB', *(f'K = {period}' for period in study.periods)], rows)}"
         )
     return "\n".join(parts)
 
@@ -123,7 +122,4 @@ def _dashed(figures: Figures, name: str) -> bool:
 
 
 def _quartiles(figure: Figure | None, plane: int) -> Quartiles | None:
-    if figure is None:
-        return None
-    quartiles: Quartiles = getattr(figure.quality, PLANES[plane])
-    return quartiles
+    return figure.quality[plane] if figure else None

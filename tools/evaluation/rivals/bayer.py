@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
@@ -15,6 +16,14 @@ def sites(order: str) -> list[tuple[int, int, int]]:
     if order not in BAYER_ORDERS:
         raise InputError(f"unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}")
     return [("RGB".index(letter), place // 2, place % 2) for place, letter in enumerate(order)]
+
+
+def channel_map(shape: tuple[int, ...], order: str) -> NDArray[np.uint8]:
+    """The channel that each sample of a mosaic measures, (H, W). Raises InputError as `sites` does."""
+    channels = np.empty(shape, np.uint8)
+    for channel, row, column in sites(order):
+        channels[row::2, column::2] = channel
+    return channels
 
 
 def check_mosaic(mosaic: FloatArray, order: str = "RGGB") -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
-from .bayer import check_mosaic, sites
+from .bayer import channel_map, check_mosaic
 
 # At missing sites: green is the mean of its four neighbours, red and blue of the nearest two or four.
 _GREEN = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
@@ -19,9 +19,8 @@ def demosaic_bilinear(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
     check_mosaic(mosaic, order)
     from scipy.ndimage import correlate
 
-    planes = np.zeros((3, *mosaic.shape), np.float32)
-    for channel, row, column in sites(order):
-        planes[channel, row::2, column::2] = mosaic[row::2, column::2]
+    colour = channel_map(mosaic.shape, order)
+    planes = (np.where(colour == channel, mosaic, 0).astype(np.float32) for channel in range(3))
     # With zeros at the missing sites one kernel serves all cases of a channel. "mirror" is shared.arrays.BORDER, the only border
     # that keeps the phase of the filters.
     kernels = (_RED_BLUE, _GREEN, _RED_BLUE)

@@ -3,6 +3,8 @@
 The licence of the package `bm3d` allows non-commercial use only. It is imported only when a method that needs it is run.
 """
 
+from itertools import product
+
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
@@ -26,21 +28,16 @@ def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
     denoised = mosaic.copy()
     if min(mosaic.shape) < 2 * _LEAST or (shot == 0 and read == 0):
         return denoised
-    for row in (0, 1):
-        for column in (0, 1):
-            plane = mosaic[row::2, column::2].astype(np.float64)
-            if shot:
-                denoised[row::2, column::2] = _stabilised_bm3d(plane, shot, read)
-            else:
-                denoised[row::2, column::2] = _bm3d(plane, read)
+    for row, column in product((0, 1), repeat=2):
+        plane = mosaic[row::2, column::2].astype(np.float64)
+        denoised[row::2, column::2] = _stabilised_bm3d(plane, shot, read) if shot else _bm3d(plane, read)
     return denoised
 
 
 def _bm3d(plane: DoubleArray, sigma: float) -> DoubleArray:
     import bm3d
 
-    result: DoubleArray = np.asarray(bm3d.bm3d(plane, sigma), np.float64)
-    return result
+    return np.asarray(bm3d.bm3d(plane, sigma), np.float64)
 
 
 def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 
-from .bayer import check_mosaic, sites
+from .bayer import channel_map, check_mosaic
 
 _GREEN = 1
 # Second-order interpolation of the missing colour along a line (section II; after Hamilton and Adams).
@@ -31,7 +31,7 @@ def demosaic_dlmmse(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
     from scipy.ndimage import correlate
 
     samples = mosaic.astype(np.float64)
-    colour = _channel_map(mosaic.shape, order)
+    colour = channel_map(mosaic.shape, order)
     green_site = colour == _GREEN
     horizontal, horizontal_error = _directional_estimate(samples, green_site, axis=1)
     vertical, vertical_error = _directional_estimate(samples, green_site, axis=0)
@@ -72,10 +72,3 @@ def _moving_mean(values: DoubleArray, axis: int) -> DoubleArray:
     # Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
     mean: DoubleArray = correlate1d(values, np.full(_WINDOW, 1 / _WINDOW), axis, mode="mirror")
     return mean
-
-
-def _channel_map(shape: tuple[int, ...], order: str) -> np.ndarray:
-    channels = np.empty(shape, np.uint8)
-    for channel, row, column in sites(order):
-        channels[row::2, column::2] = channel
-    return channels

@@ -30,5 +30,4 @@ class Levels:
 
     def decode(self, codes: NDArray[np.uint16]) -> FloatArray:
         """Values in scene units, float32, of codes."""
-        values: FloatArray = ((codes - np.float32(self.black)) / np.float32(self.white - self.black)).astype(np.float32)
-        return values
+        return ((codes - np.float32(self.black)) / np.float32(self.white - self.black)).astype(np.float32)

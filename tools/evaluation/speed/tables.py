@@ -45,11 +45,7 @@ def speed_lines(ours: dict[str, Timing], stages: dict[str, dict[str, Timing]], r
 
 
 def _speed(name: str, timing: Timing) -> str:
-    return f"{name:<{_NAME}}" + "".join(f"{speed:>9.{_decimals(speed)}f}" for speed in timing.speed)
-
-
-def _decimals(value: float) -> int:
-    return 2 if value < 100 else 0
+    return f"{name:<{_NAME}}" + "".join(f"{speed:>9.{2 if speed < 100 else 0}f}" for speed in timing.speed)
 
 
 def preview_lines(timings: Iterable[PreviewTiming]) -> list[str]:

@@ -1,0 +1,50 @@
+"""Pieces of HTML pages: lists, tables, pictures. Texts are escaped here."""
+
+import base64
+import io
+from collections.abc import Iterable
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+
+def bullets(sentences: Iterable[str], kind: str = "") -> str:
+    """Return a list, "" if there is nothing to list; kind: a CSS class."""
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f"<ul{css_class(kind)}>{items}</ul>" if items else ""
+
+
+def table(head: Iterable[str], rows: Iterable[str]) -> str:
+    """Return a table that scrolls sideways if it is too wide. head: titles of the columns, empty = none; rows: made by `row`."""
+    top = "".join(f'<th scope="col">{escape(title)}</th>' for title in head)
+    body = f"<thead><tr>{top}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f'<div class="scroll" tabindex="0" role="region" aria-label="table"><table>{body}</table></div>'
+
+
+def row(cells: Iterable[str], kind: str = "") -> str:
+    """Return a row of a table; cells: made by `cell` and `row_title`, kind: a CSS class."""
+    return f"<tr{css_class(kind)}>{''.join(cells)}</tr>"
+
+
+def row_title(text: str) -> str:
+    """Return the cell that names its row."""
+    return f'<th scope="row">{escape(text)}</th>'
+
+
+def cell(text: str, *, best: bool = False, mark: str = "") -> str:
+    """Return a cell, with `mark` before the text of the best one."""
+    return f"<td{css_class('win' * best)}>{mark * best}{escape(text)}</td>"
+
+
+def css_class(name: str) -> str:
+    """Return the attribute that gives an element a CSS class; nothing for an empty name."""
+    return f' class="{name}"' if name else ""
+
+
+def data_address(image: "Image", format_: str, **options: Any) -> str:
+    """Return the `src` of a picture inside the page. format_: PNG or JPEG; options: as for `Image.save`."""
+    file = io.BytesIO()
+    image.save(file, format_, **options)
+    return f"data:image/{format_.lower()};base64,{base64.b64encode(file.getvalue()).decode()}"
