@@ -7,7 +7,7 @@ is compared with measured values at every pixel.
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY, Matrix
+from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
-from .decoders import guarded
 from .exif_reading import from_tags, positive, text, tiff_tags, whole
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
-_COLOR_MATRICES = ((50721, 50778), (50722, 50779))  # DNG: ColorMatrix1 and 2, CalibrationIlluminant1 and 2
+_COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
 # CIE x, y of Exif's LightSource values (tungsten, A, D50, D55, daylight, D75); all others are treated as D65.
 _ILLUMINANTS = {
     3: (0.4476, 0.4074),
@@ -37,7 +37,6 @@ _ILLUMINANTS = {
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
-@guarded
 def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene:
     """Read the scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...) at half its width and height.
 
@@ -117,8 +116,7 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     quad = [letters[index] for index in pattern.ravel().tolist()]
     if sorted(quad) != ["B", "G", "G", "R"] or (quad[0] == "G") == (quad[1] == "G") or (quad[0] == "G") == (quad[2] == "G"):
         raise InputError(f"the filters are {''.join(quad)}: {no_quads}")
-    quad_indices: NDArray[np.uint8] = pattern
-    return quad_indices
+    return cast(NDArray[np.uint8], pattern)
 
 
 def _neutral(raw: Any, rgb: FloatArray) -> tuple[tuple[float, ...] | None, tuple[str, ...]]:
