@@ -6,6 +6,7 @@ Imports the standard library alone: a new process loads this module before anyth
 import multiprocessing
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -60,11 +61,14 @@ def memory_now() -> int:
 
 def _status(name: str) -> int:
     # Preferred to getrusage, where a new process inherits the peak of the one that started it.
-    try:
-        with Path("/proc/self/status").open(encoding="ascii") as file:
-            return next((int(line.split()[1]) * 1024 for line in file if line.startswith(f"{name}:")), 0)
-    except OSError:
-        return 0
+    return system_figure("/proc/self/status", name)
+
+
+def system_figure(file: str, name: str) -> int:
+    """Return the bytes that a file of the system, with lines such as "MemAvailable: 12 kB", has under a name; 0 = unknown."""
+    with suppress(OSError), Path(file).open(encoding="ascii") as lines:
+        return next((int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:")), 0)
+    return 0
 
 
 def _usage() -> int:
