@@ -16,6 +16,8 @@ from .signals import end_with_parent
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_STATUS = "/proc/self/status"  # preferred to getrusage, where a new process inherits the peak of the one that started it
+
 
 def run_isolated(function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
     """What `function`, one of a module, returns in a new process. The process ends before this returns, also by an interrupt.
@@ -51,17 +53,12 @@ def _work(sending: Connection, function: Callable[..., R], arguments: tuple[obje
 
 def peak_memory() -> int:
     """Peak resident memory of this process, bytes."""
-    return _status("VmHWM") or _usage()
+    return system_figure(_STATUS, "VmHWM") or _usage()
 
 
 def memory_now() -> int:
     """Resident memory of this process now, bytes; its peak where the system does not say."""
-    return _status("VmRSS") or _usage()
-
-
-def _status(name: str) -> int:
-    # Preferred to getrusage, where a new process inherits the peak of the one that started it.
-    return system_figure("/proc/self/status", name)
+    return system_figure(_STATUS, "VmRSS") or _usage()
 
 
 def system_figure(file: str, name: str) -> int:

@@ -68,9 +68,8 @@ class ViewfinderServer(ThreadingTCPServer):
     @property
     def url(self) -> str:
         """The address of the page."""
-        host, port = self.server_address[:2]
-        name = str(host)
-        return f"http://[{name}]:{port}/" if ":" in name else f"http://{name}:{port}/"
+        host, port = map(str, self.server_address[:2])
+        return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore disconnects and timeouts of clients; report everything else."""

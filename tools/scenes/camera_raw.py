@@ -20,7 +20,7 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
-from .exif_reading import from_tags, positive, text, tiff_tags, whole
+from .exif_reading import from_tags, text, tiff_tags, whole
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
@@ -150,18 +150,11 @@ def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None
 
 def _metadata(raw: Any, tags: Mapping[int, Any]) -> CaptureMetadata:
     """Return the capture data: Exif if the file is based on TIFF, otherwise what LibRaw has read and this rawpy passes on."""
-    found = from_tags(tags)
-    lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
+    lens, other, taken = getattr(raw, "lens", None), getattr(raw, "other", None), None
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
-    found = replace(found, lens=found.lens or text(getattr(lens, "model", "")), orientation=_ORIENTATIONS.get(raw.sizes.flip, 1))
-    if tags or other is None:
-        return found
-    return replace(
-        found,
-        artist=text(other.artist),
-        taken=other.timestamp if other.timestamp and other.timestamp.year > 1970 else None,
-        exposure_time=positive(other.shutter_speed),
-        f_number=positive(other.aperture),
-        iso=whole(other.iso_speed),
-        focal_length=positive(other.focal_length),
-    )
+    if not tags and other is not None:
+        known: dict[int, Any] = {Tag.ARTIST: other.artist, Tag.F_NUMBER: other.aperture, Tag.FOCAL_LENGTH: other.focal_length}
+        tags = known | {Tag.EXPOSURE_TIME: other.shutter_speed, Tag.ISO_SPEED_RATINGS: other.iso_speed}
+        taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
+    found, flip = from_tags(tags), _ORIENTATIONS.get(raw.sizes.flip, 1)
+    return replace(found, lens=found.lens or text(getattr(lens, "model", "")), orientation=flip, taken=found.taken or taken)

@@ -1,6 +1,5 @@
 """Capture data from Exif blocks and TIFF directories. Invalid fields are skipped: they are never an error."""
 
-import math
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -62,11 +61,10 @@ def text(value: object) -> str:
 
 def positive(value: object) -> float | None:
     """Return the value if it is a positive, finite number that fits `CaptureMetadata`, otherwise None."""
-    try:
+    with suppress(TypeError, ValueError, ArithmeticError):
         number = float(_first(value))  # type: ignore[arg-type]
-    except (TypeError, ValueError, ArithmeticError):
-        return None
-    return number if math.isfinite(number) and 0 < number < 2**31 else None
+        return number if 0 < number < 2**31 else None
+    return None
 
 
 def whole(value: object) -> int | None:
@@ -77,10 +75,9 @@ def whole(value: object) -> int | None:
 
 def moment(value: object) -> datetime | None:
     """Return the time in Exif's form "YYYY:MM:DD HH:MM:SS" (local time without zone), or None."""
-    try:
+    with suppress(ValueError):
         return datetime.strptime(text(value)[:19], "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 -- Exif knows no zone
-    except ValueError:
-        return None
+    return None
 
 
 def orientation(value: object) -> int:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import FloatArray
 from shared.errors import InputError
 
 from .decoders import Decoded
@@ -61,11 +61,9 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
         raise InputError(f"a sample is {pixels.max()}, but the file declares {peak} as its largest value")
     light: FloatArray = np.empty(pixels.shape, np.float32)
     for channel in range(pixels.shape[2]):
-        curve = encoding.curves[channel]
-        plane = pixels[..., channel]
+        curve, plane = encoding.curves[channel], pixels[..., channel]
         if peak <= 65535:
-            table: DoubleArray = curve(np.arange(peak + 1) / peak)
-            light[..., channel] = table.astype(np.float32)[plane]
+            light[..., channel] = curve(np.arange(peak + 1) / peak).astype(np.float32)[plane]
         else:
             light[..., channel] = curve(plane / peak)
     return light
