@@ -36,7 +36,7 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
     main = metadata_directory(metadata)
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
     main.strips = [bytes(jpeg)]
-    main.fields.update(_picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
+    main.fields.update(picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
     main.fields.update(resolution_fields())
     main.fields.update(
         {
@@ -67,7 +67,7 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     _check_sides(samples.shape)
     # Predictor 1, not jpegsof3's 6: darktable reads no other.
     jpeg = imagecodecs.jpeg8_encode(samples, lossless=True, predictor=1, bitspersample=bits)
-    fields = _picture_fields(samples.shape, bits, Compression.JPEG, photometric)
+    fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
     return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[bytes(jpeg)])
 
 
@@ -86,7 +86,8 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
     return whole.digest()
 
 
-def _picture_fields(shape: tuple[int, ...], bits: int, compression: Compression, photometric: Photometric) -> Fields:
+def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photometric: int) -> Fields:
+    """The fields of a TIFF picture of samples (H, W) or (H, W, planes) in one strip; `bits` per sample."""
     planes = shape[2] if len(shape) == 3 else 1
     return {
         Tag.IMAGE_WIDTH: (FieldType.LONG, [shape[1]]),

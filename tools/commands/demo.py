@@ -19,7 +19,7 @@ from shared.dng import read_preview
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 from shared.writing import write_durably
-from tools.evaluation.metrics import Quality, quality
+from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host import options
@@ -94,7 +94,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
         figure.save(buffer, "PNG", optimize=True)
         write_durably(path, buffer.getvalue(), overwrite=overwrite)
     compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
-    console.say(_table({name: quality(rgb, scene.rgb) for name, rgb in compared.items()}, sigma))
+    console.say(_table({name: quality(rgb, scene.rgb).median for name, rgb in compared.items()}, sigma))
 
 
 def _photograph(scene: Scene, sigma: float) -> Mosaic:
@@ -103,13 +103,11 @@ def _photograph(scene: Scene, sigma: float) -> Mosaic:
     return simulate_additive(scene.rgb, CfaPattern.bayer(), camera, sigma, rng, scene.metadata)
 
 
-def _table(qualities: dict[str, Quality], sigma: float) -> str:
+def _table(medians: dict[str, tuple[float, float, float]], sigma: float) -> str:
     """Median PSNR of each method."""
     lines = [
         f"Median PSNR over all 10 x 10 patches, dB, at sigma {sigma:g}",
         f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
     ]
-    for name, each in qualities.items():
-        rgb, luminance, chrominance = each.median
-        lines.append(f"{name:18}{rgb:8.1f}{luminance:12.1f}{chrominance:13.1f}")
+    lines += [f"{name:18}{rgb:8.1f}{light:12.1f}{colour:13.1f}" for name, (rgb, light, colour) in medians.items()]
     return "\n".join(lines)

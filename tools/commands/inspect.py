@@ -73,9 +73,7 @@ def _text(value: Any) -> str:
 
 
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
-    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
-    panchromatic = mosaic.signal[measured]
-    metadata = asdict(mosaic.metadata)
+    panchromatic = mosaic.signal[mosaic.pattern.panchromatic_mask(mosaic.shape)]
     taken = mosaic.metadata.taken
     return {
         "width": mosaic.shape[1],
@@ -91,7 +89,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "saturated": float((panchromatic >= mosaic.calibration.full_scale).mean()),
         "calibration": mosaic.calibration.to_json(),
         "calibration_id": mosaic.calibration.id,
-        "metadata": {**metadata, "taken": taken.isoformat() if taken else None},
+        "metadata": {**asdict(mosaic.metadata), "taken": taken.isoformat() if taken else None},
         "preview_bytes": preview_bytes,
     }
 

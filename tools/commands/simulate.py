@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, write_dng
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
@@ -79,9 +79,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--seed is {arguments.seed}, expected 0 or more")
     if not 0 <= arguments.sigma < np.inf:
         raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
-    known = read_camera(arguments.camera) if arguments.camera else None
-    pattern = options.pattern_of(arguments, known.pattern if known else None)
-    camera = _calibration(arguments, known, pattern)
+    known, pattern = options.camera_of(arguments)
+    camera = _calibration(arguments, known)
     folder = output_folder(arguments.output)
     previews = Previews()
 
@@ -120,17 +119,11 @@ def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arg
     return simulate_additive(scene.rgb, pattern, camera, arguments.sigma, rng, scene.metadata)
 
 
-def _calibration(arguments: argparse.Namespace, known: Camera | None, pattern: CfaPattern) -> SensorCalibration:
+def _calibration(arguments: argparse.Namespace, known: Camera | None) -> SensorCalibration:
     """The calibration in --camera, or else the paper's: gamma = 1. --bits sets the levels."""
-    camera = SensorCalibration(sensor="simulated")
-    if known:
-        camera = known.calibration
-        try:
-            known.check(pattern, camera)
-        except InputError as error:
-            raise InputError(f"{arguments.camera}: {error}") from None
-        if arguments.bits is None:
-            return camera
+    camera = known.calibration if known else SensorCalibration(sensor="simulated")
+    if known and arguments.bits is None:
+        return camera
     bits = _DEFAULT_BITS if arguments.bits is None else arguments.bits
     # A simulated sensor itself clips at white, so nothing lies above it.
     levels = SensorCalibration.of_bits(bits, headroom=arguments.protocol != "sensor", channels=camera.channels)

@@ -24,18 +24,17 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
     """
     files = list(dict.fromkeys(file for source in sources for file in _files(source)))
     damaged: list[str] = []
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(jobs) as pool, console.progress("verifying") as progress:
         try:
-            with console.progress("verifying") as progress:
-                progress.begin(len(files))
-                for file, (facts, wrong) in zip(files, pool.map(partial(_checked, max_pixels=max_pixels), files), strict=True):
-                    progress.advance()
-                    progress.remark(f"{len(damaged)} damaged")
-                    if wrong:
-                        damaged.append(file)
-                        fail(file, (), wrong, console)
-                    else:
-                        console.record(source=file, ok=True, **facts)
+            progress.begin(len(files))
+            for file, (facts, wrong) in zip(files, pool.map(partial(_checked, max_pixels=max_pixels), files), strict=True):
+                progress.advance()
+                progress.remark(f"{len(damaged)} damaged")
+                if wrong:
+                    damaged.append(file)
+                    fail(file, (), wrong, console)
+                else:
+                    console.record(source=file, ok=True, **facts)
         finally:
             pool.shutdown(cancel_futures=True)  # whoever interrupts does not wait for a whole archive
     console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged))

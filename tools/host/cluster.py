@@ -31,20 +31,16 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
         from distributed import Client
     except ModuleNotFoundError:
         raise InputError("--scheduler needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
+    if not (address or Path(file or "").is_file()):  # dask would wait for it
+        raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
     try:
-        client = Client(address, timeout=_SECONDS) if address else Client(scheduler_file=_existing(file), timeout=_SECONDS)
+        client = Client(address, timeout=_SECONDS, scheduler_file=None if address else file)
     except (OSError, ValueError, TimeoutError, ImportError) as error:
         raise InputError(
             f"{address or file}: no scheduler answers ({error}); start one with `dask scheduler`, and workers with `dask worker`"
         ) from None
     with client:
         yield client
-
-
-def _existing(file: str | None) -> str:
-    if file is None or not Path(file).is_file():  # dask would wait for it
-        raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
-    return file
 
 
 def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tuple[P, R | BaseException]]:

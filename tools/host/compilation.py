@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 
 from .progress import StageProgress
 
@@ -11,12 +12,10 @@ def announced_compilation(note: Callable[[str], None], progress: StageProgress) 
     """In the `with` block, say once that the renderer is being compiled, and show which kernel, if it has to be."""
     from offline import compilation
 
-    announced: list[str] = []
+    note_once = cache(note)
 
     def begins(kernel: str) -> None:
-        if not announced:
-            note("compiling the renderer for this processor; it takes some seconds, once")
-        announced.append(kernel)
+        note_once("compiling the renderer for this processor; it takes some seconds, once")
         progress.remark(f"compiling {kernel}")
 
     with compilation(begins):

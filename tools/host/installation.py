@@ -99,14 +99,12 @@ _OPENCV = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "
 def _opencv() -> Iterator[Finding]:
     """The OpenCV packages all install the same module, cv2, and so overwrite each other."""
     installed = [f"{name} {found}" for name in _OPENCV if (found := package_version(name))]
-    wanted = _OPENCV[-1]
+    remedy = f"pip uninstall -y {' '.join(each.split()[0] for each in installed)} && pip install {_OPENCV[-1]}"
     if not installed:
         yield Finding("OpenCV", MISSING, "not installed: evaluate (the rival ea), calibrate's search for the chart", _ALL)
     elif len(installed) > 1:
-        remedy = f"pip uninstall -y {' '.join(each.split()[0] for each in installed)} && pip install {wanted}"
         yield Finding("OpenCV", BAD, f"{' and '.join(installed)} overwrite each other", remedy)
     elif "contrib" not in installed[0]:
-        remedy = f"pip uninstall -y {installed[0].split()[0]} && pip install {wanted}"
         yield Finding("OpenCV", BAD, f"{installed[0]} has no chart detection", remedy)
     else:
         yield Finding("OpenCV", GOOD, installed[0])

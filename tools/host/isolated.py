@@ -6,6 +6,7 @@ Imports the standard library alone: a new process loads this module before anyth
 import multiprocessing
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -14,6 +15,8 @@ from .signals import end_with_parent
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+_STATUS = "/proc/self/status"  # preferred to getrusage, where a new process inherits the peak of the one that started it
 
 
 def run_isolated(function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
@@ -50,21 +53,19 @@ def _work(sending: Connection, function: Callable[..., R], arguments: tuple[obje
 
 def peak_memory() -> int:
     """Peak resident memory of this process, bytes."""
-    return _status("VmHWM") or _usage()
+    return system_figure(_STATUS, "VmHWM") or _usage()
 
 
 def memory_now() -> int:
     """Resident memory of this process now, bytes; its peak where the system does not say."""
-    return _status("VmRSS") or _usage()
+    return system_figure(_STATUS, "VmRSS") or _usage()
 
 
-def _status(name: str) -> int:
-    # Preferred to getrusage, where a new process inherits the peak of the one that started it.
-    try:
-        with Path("/proc/self/status").open(encoding="ascii") as file:
-            return next((int(line.split()[1]) * 1024 for line in file if line.startswith(f"{name}:")), 0)
-    except OSError:
-        return 0
+def system_figure(file: str, name: str) -> int:
+    """Return the bytes that a file of the system, with lines such as "MemAvailable: 12 kB", has under a name; 0 = unknown."""
+    with suppress(OSError), Path(file).open(encoding="ascii") as lines:
+        return next((int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:")), 0)
+    return 0
 
 
 def _usage() -> int:

@@ -148,15 +148,17 @@ def refuse_existing(outputs: Iterable[Path]) -> None:
             raise OutputError(f"{output}: exists already; use --overwrite to replace it")
 
 
-def identity(path: str | Path) -> tuple[int, int] | None:
-    """Device and inode number, which are the same for all links to a file; None when there is no such file."""
+def identity(path: str | Path | int) -> tuple[int, int] | None:
+    """Device and inode number, which are the same for all links to a file; None when there is no such file.
+
+    path: its name, or the descriptor of an open file.
+    """
     status = file_status(path)
     return (status.st_dev, status.st_ino) if status else None
 
 
-def file_status(path: str | Path) -> os.stat_result | None:
+def file_status(path: str | Path | int) -> os.stat_result | None:
     """`os.stat` of a file; None when there is no such file."""
-    try:
+    with suppress(OSError, ValueError):
         return os.stat(path)  # noqa: PTH116 (Path takes no impossible names)
-    except (OSError, ValueError):
-        return None
+    return None

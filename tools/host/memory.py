@@ -6,6 +6,8 @@ from pathlib import Path
 
 from shared.errors import InputError
 
+from .isolated import system_figure
+
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
 _UNKNOWN = 4 * 2**30
@@ -34,13 +36,8 @@ def available_memory() -> int:
 
 
 def _machine() -> int:
-    try:
-        with Path("/proc/meminfo").open(encoding="ascii") as file:
-            for line in file:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
+    if free := system_figure("/proc/meminfo", "MemAvailable"):
+        return free
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
     except (AttributeError, ValueError, OSError):

@@ -2,7 +2,7 @@
 
 import argparse
 
-from shared import CfaPattern
+from shared import Camera, CfaPattern, read_camera
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS, PERIODS
 from shared.reading import MAX_PIXELS
@@ -11,7 +11,7 @@ _PERIOD, _ORDER, _ORIGIN = 6, "RGGB", (0, 0)
 
 
 def add_camera(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """--camera, --period, --order and --origin of a sensor without shots, in a group that is returned; see `pattern_of`."""
+    """--camera, --period, --order and --origin of a sensor without shots, in a group that is returned; see `camera_of`."""
     group = parser.add_argument_group("the camera")
     group.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
     add_pattern(group)
@@ -36,6 +36,21 @@ def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -
         return known
     period = _PERIOD if arguments.period is None else arguments.period
     return CfaPattern.bayer(period, arguments.order or _ORDER, tuple(origin or _ORIGIN))
+
+
+def camera_of(arguments: argparse.Namespace) -> tuple[Camera | None, CfaPattern]:
+    """Return the camera in the --camera file, None without that option, and the pattern of the options; see `pattern_of`.
+
+    Raises InputError that names the file when the camera was measured with another pattern.
+    """
+    camera = read_camera(arguments.camera) if arguments.camera else None
+    pattern = pattern_of(arguments, camera.pattern if camera else None)
+    try:
+        if camera:
+            camera.check_pattern(pattern)
+    except InputError as error:
+        raise InputError(f"{arguments.camera}: {error}") from None
+    return camera, pattern
 
 
 def add_output_folder(parser: argparse.ArgumentParser, files: str) -> None:

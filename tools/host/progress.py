@@ -101,15 +101,11 @@ class BarProgress(StageProgress):
 
 def rich_display() -> "RichProgress":
     """The display of all bars of a terminal, not yet started."""
-    import rich.console
     import rich.progress
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-    columns = (
-        rich.progress.TextColumn("{task.description}", markup=False),
-        rich.progress.BarColumn(),
-        rich.progress.TimeElapsedColumn(),
-    )
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
     # rich would print to stderr, above the bar, what goes to stdout: right only where both are the same terminal.
-    return rich.progress.Progress(
-        *columns, console=rich.console.Console(stderr=True), transient=True, redirect_stdout=sys.stdout.isatty()
-    )
+    one_terminal = sys.stdout.isatty()
+    return rich.progress.Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=one_terminal)

@@ -29,9 +29,8 @@ def orderly_end() -> Iterator[None]:
 
     A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the main thread.
     """
-    free = [number for number in _ENDING if signal.getsignal(number) == signal.SIG_DFL]
-    if threading.current_thread() is not threading.main_thread():
-        free = []
+    main = threading.current_thread() is threading.main_thread()
+    free = [number for number in _ENDING if main and signal.getsignal(number) == signal.SIG_DFL]
     _received.clear()
     for number in free:
         signal.signal(number, _terminate)

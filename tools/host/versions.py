@@ -1,5 +1,6 @@
 """Versions of Panchroma and of the packages that it uses."""
 
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
@@ -7,10 +8,9 @@ from importlib.metadata import PackageNotFoundError, version
 @cache
 def package_version(name: str) -> str | None:
     """Version of an installed distribution, None where it is not installed."""
-    try:
+    with suppress(PackageNotFoundError):
         return version(name)
-    except PackageNotFoundError:
-        return None
+    return None
 
 
 def program_version() -> str:

@@ -7,9 +7,9 @@ import sys
 import threading
 from functools import cache
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
-from socketserver import TCPServer
+from socketserver import ThreadingTCPServer
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -39,8 +39,8 @@ _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
 
-class ViewfinderServer(ThreadingHTTPServer):
-    """The server of a viewfinder.
+class ViewfinderServer(ThreadingTCPServer):
+    """The server of a viewfinder. No HTTPServer: that looks its own name up, and a camera in the field would wait for it.
 
     address: (host, port); port 0 takes any free port.
     finder: the viewfinder.
@@ -48,6 +48,7 @@ class ViewfinderServer(ThreadingHTTPServer):
     Raises InputError if the host is not an IP address, OutputError if the port cannot be used.
     """
 
+    allow_reuse_address = True
     daemon_threads = True
     block_on_close = False
 
@@ -67,19 +68,13 @@ class ViewfinderServer(ThreadingHTTPServer):
     @property
     def url(self) -> str:
         """The address of the page."""
-        host, port = self.server_address[:2]
-        name = str(host)
-        return f"http://[{name}]:{port}/" if ":" in name else f"http://{name}:{port}/"
+        host, port = map(str, self.server_address[:2])
+        return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore disconnects and timeouts of clients; report everything else."""
         if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
-
-    def server_bind(self) -> None:
-        """Bind without a look-up of our own name: in the field a camera would wait for the name service."""
-        TCPServer.server_bind(self)
-        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -176,12 +171,8 @@ class _Handler(BaseHTTPRequestHandler):
 def _is_own(host: str) -> bool:
     try:
         name = urlsplit(f"//{host}").hostname or ""
-    except ValueError:
-        return False
-    if name in _own_names():
-        return True
-    try:
-        ipaddress.ip_address(name)
+        if name not in _own_names():
+            ipaddress.ip_address(name)  # raises ValueError for any other name
     except ValueError:
         return False
     return True

@@ -12,12 +12,12 @@ from pathlib import Path
 from device.capture import Sensor
 from device.frame_folder import watch_folder
 from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from shared import CfaPattern, SensorCalibration, read_camera
+from shared import SensorCalibration
 from shared.calibration import BITS
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from shared.sensor import typical_noise
-from tools.host.options import add_camera, pattern_of
+from tools.host.options import add_camera, camera_of
 
 _STREAM, _BUILTIN = "-", "builtin:"
 _BUILTIN_BITS = 12
@@ -114,26 +114,16 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
         )
     name, bits = format_named(arguments.format)
     layout = FrameLayout(arguments.width, arguments.height, name, arguments.stride)
-    if arguments.camera:
-        if arguments.bits:
-            raise InputError("--bits does not go with --camera: the camera file says it")
-        return Sensor(layout, *_known(arguments)), ()
+    if arguments.camera and arguments.bits:
+        raise InputError("--bits does not go with --camera: the camera file says it")
+    camera, pattern = camera_of(arguments)
+    if camera:
+        return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False)
     black, white = calibration.black_level[0], calibration.white_level
     note = f"no --camera: black is taken to be {black:.0f}, white {white}, and the colours stay unknown"
-    return Sensor(layout, pattern_of(arguments), calibration), (note,)
-
-
-def _known(arguments: argparse.Namespace) -> tuple[CfaPattern, SensorCalibration]:
-    """Return pattern and calibration from the --camera file. Raises InputError if the options name another pattern."""
-    camera = read_camera(arguments.camera)
-    pattern = pattern_of(arguments, camera.pattern)
-    try:
-        camera.check_pattern(pattern)
-    except InputError as error:
-        raise InputError(f"{arguments.camera}: {error}") from None
-    return pattern, camera.calibration
+    return Sensor(layout, pattern, calibration), (note,)
 
 
 def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
@@ -141,19 +131,16 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
     rate = float(found[3]) if found else 0.0
     if not found or not rate:
         raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
-    if arguments.camera:
-        pattern, camera = _known(arguments)
-    else:
-        pattern = pattern_of(arguments)
-        camera = SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated")
+    camera, pattern = camera_of(arguments)
+    known = camera.calibration if camera else SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated")
     # The colours are the scene's where the camera's are unknown.
-    camera = replace(
-        camera,
-        noise=camera.noise or typical_noise(camera),
-        camera_to_xyz=camera.camera_to_xyz or SRGB_TO_XYZ,
-        neutral=camera.neutral or (1.0,) * 3,
+    calibration = replace(
+        known,
+        noise=known.noise or typical_noise(known),
+        camera_to_xyz=known.camera_to_xyz or SRGB_TO_XYZ,
+        neutral=known.neutral or (1.0,) * 3,
     )
-    sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, camera)
+    sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
 
     def frames(*_: object) -> Iterator[RawFrame]:
         from .simulated_sensor import moving_scene

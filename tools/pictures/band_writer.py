@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
@@ -58,40 +58,22 @@ def write_picture_bands(
     directory = picture_directory(noted, srgb=kind.space == "srgb")
     with (
         durable_file(path, overwrite=overwrite, on_complete=on_complete) as file,
-        tempfile.TemporaryFile(dir=Path(path).parent, buffering=0) as spool,
+        tempfile.TemporaryFile(dir=Path(path).parent) as spool,
     ):
-        turned = _turn(samples, shape, turn, spool)
+        turned = _turn(samples, (*shape, len(channels)), dtype, turn, spool)
         write_tiff_picture(file, turned, whole, dtype, directory, icc=icc, rgb=channels == "RGB")
 
 
-def _turn(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, spool: BinaryIO) -> Iterator[NDArray[Any]]:
-    """Turn a picture of `shape` (H, W) upright: yield bands of the turned picture. `spool` holds it meanwhile."""
+def _turn(
+    bands: Iterable[NDArray[Any]], shape: tuple[int, int, int], dtype: DTypeLike, orientation: int, spool: BinaryIO
+) -> Iterator[NDArray[Any]]:
+    """Turn a picture of `shape` (H, W, C) upright: yield bands of the turned picture. The file `spool` holds it meanwhile."""
     if orientation in (1, 2):  # rows stay rows, in the same order
         yield from (upright(band, orientation) for band in bands)
         return
-    height, width = shape
-    swapped, backwards = orientation >= 5, orientation in (3, 4, 6, 7)
-    done, pixel, dtype = 0, 0, np.dtype(np.uint8)
     for band in bands:
-        dtype, pixel = band.dtype, band.itemsize * band.shape[2]
-        first = height - done - len(band) if backwards else done
-        part = np.ascontiguousarray(upright(band, orientation))
-        done += len(band)
-        if not swapped:
-            _write_at(spool, first * width * pixel, part)
-            continue
-        for row, line in enumerate(part):
-            _write_at(spool, (row * height + first) * pixel, line)
-    rows, columns = (width, height) if swapped else (height, width)
-    for top in range(0, rows, _READ):
-        count = min(_READ, rows - top)
-        spool.seek(top * columns * pixel)
-        data = spool.read(count * columns * pixel)
-        yield np.frombuffer(data, dtype).reshape(count, columns, -1)
-
-
-def _write_at(spool: BinaryIO, place: int, data: NDArray[Any]) -> None:
-    spool.seek(place)
-    rest = data.data.cast("B")
-    while rest:  # an unbuffered file may write only a part
-        rest = rest[spool.write(rest) :]
+        spool.write(np.ascontiguousarray(band).data)
+    spool.flush()
+    for top in range(0, shape[1] if orientation >= 5 else shape[0], _READ):
+        # Mapped again for each band: pages that have been read count as memory of the process as long as they are mapped.
+        yield np.array(upright(np.memmap(spool, dtype, "r", shape=shape), orientation)[top : top + _READ])

@@ -17,19 +17,19 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from shared.arrays import FloatArray
+from shared.dng.container import picture_fields
+from shared.dng.tags import LONGEST_SIDE, Compression, Tag
 from shared.errors import InputError, OutputError
 from shared.tiff import Directory, Fields, FieldType, write_tiff
 
-LONGEST_JPEG_SIDE = 65500  # libjpeg's JPEG_MAX_DIMENSION
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a JPEG segment
 _JPEG_QUALITY = 95
 _STRIP_ROWS = 64
 _PNG_START = 8 + 25  # signature and IHDR
 
 # TIFF 6.0; 8 is Adobe's Deflate (TIFF Technical Note 2); 34675 is ICC.1:2010 Annex B.4.
-_WIDTH, _LENGTH, _BITS, _COMPRESSION, _PHOTOMETRIC = 256, 257, 258, 259, 262
-_SAMPLES, _ROWS_PER_STRIP, _PLANAR, _PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 277, 278, 284, 317, 338, 339, 34675
-_UNCOMPRESSED, _DEFLATE, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 1, 8, 2, 1, 3, 1, 2
+_PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 317, 338, 339, 34675
+_DEFLATE, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 8, 2, 1, 3, 1, 2
 
 
 def encode_tiff_picture(pixels: NDArray[Any], directory: Directory, *, icc: bytes = b"", rgb: bool = True) -> bytes:
@@ -82,17 +82,11 @@ def regrouped(bands: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]
 
 
 def _tiff_fields(shape: tuple[int, ...], dtype: np.dtype[Any], icc: bytes, *, rgb: bool) -> Fields:
-    height, width, channels = shape
+    channels = shape[2]
     floating = dtype.kind == "f"
-    fields: Fields = {
-        _WIDTH: (FieldType.LONG, [width]),
-        _LENGTH: (FieldType.LONG, [height]),
-        _BITS: (FieldType.SHORT, [8 * dtype.itemsize] * channels),
-        _COMPRESSION: (FieldType.SHORT, [_UNCOMPRESSED if floating else _DEFLATE]),
-        _PHOTOMETRIC: (FieldType.SHORT, [_RGB if rgb else _BLACK_IS_ZERO]),
-        _SAMPLES: (FieldType.SHORT, [channels]),
-        _ROWS_PER_STRIP: (FieldType.LONG, [_STRIP_ROWS]),
-        _PLANAR: (FieldType.SHORT, [1]),
+    compression, photometric = Compression.NONE if floating else _DEFLATE, _RGB if rgb else _BLACK_IS_ZERO
+    fields = picture_fields(shape, 8 * dtype.itemsize, compression, photometric) | {
+        Tag.ROWS_PER_STRIP: (FieldType.LONG, [_STRIP_ROWS]),
         _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if floating else _UNSIGNED] * channels),
     }
     if not floating:
@@ -134,8 +128,8 @@ def encode_jpeg(codes: NDArray[Any], *, icc: bytes, exif: bytes) -> bytes:
     Raises InputError if a side exceeds 65500 pixels, or the Exif block 64 KiB.
     """
     height, width = codes.shape[:2]
-    if max(height, width) > LONGEST_JPEG_SIDE:
-        raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_JPEG_SIDE}; use png or tif")
+    if max(height, width) > LONGEST_SIDE:
+        raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
     if len(exif) > _LONGEST_EXIF:
         raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
     jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=_JPEG_QUALITY, subsampling="444"))
@@ -160,13 +154,13 @@ def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping
     """
     import OpenEXR
 
+    stored: NDArray[np.floating[Any]] = pixels
+    compression = OpenEXR.NO_COMPRESSION
     if bits == 16:
         largest = float(np.finfo(np.float16).max)
-        stored: NDArray[np.floating[Any]] = pixels.clip(-largest, largest).astype(np.float16)
-    else:
-        stored = pixels
-    # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for which it takes too long.
-    compression = OpenEXR.ZIP_COMPRESSION if bits == 16 else OpenEXR.NO_COMPRESSION
+        stored = pixels.clip(-largest, largest).astype(np.float16)
+        # ZIP saves 40 % of half floats, but only 5 % of floats (their last bits are noise), for which it takes too long.
+        compression = OpenEXR.ZIP_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
     planes = {letter: np.ascontiguousarray(stored[..., index]) for index, letter in enumerate(channels)}
     try:

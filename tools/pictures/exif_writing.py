@@ -8,7 +8,7 @@ from shared.tiff import Directory, FieldType
 from tools.host.versions import package_version
 
 # Exif 2.3, tables 4 and 15: required fields besides the capture data.
-_COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y, _YCBCR_POSITIONING = 40961, 37121, 40960, 40962, 40963, 531
+_COLOR_SPACE, _COMPONENTS, _FLASHPIX, _PIXEL_X, _PIXEL_Y = 40961, 37121, 40960, 40962, 40963
 _SRGB, _UNCALIBRATED = 1, 65535
 
 
@@ -27,7 +27,7 @@ def picture_directory(metadata: CaptureMetadata, *, srgb: bool) -> Directory:
 def jpeg_directory(metadata: CaptureMetadata, shape: tuple[int, ...], *, srgb: bool) -> Directory:
     """Return `picture_directory` with the fields that Exif requires in a JPEG; shape: (rows, columns, ...) of the picture."""
     directory = picture_directory(metadata, srgb=srgb)
-    directory.fields[_YCBCR_POSITIONING] = FieldType.SHORT, [1]
+    directory.fields[Tag.YCBCR_POSITIONING] = FieldType.SHORT, [1]
     directory.children[Tag.EXIF_IFD].fields |= {
         _COMPONENTS: (FieldType.UNDEFINED, b"\1\2\3\0"),  # Y, Cb, Cr
         _PIXEL_X: (FieldType.LONG, [shape[1]]),

@@ -1,11 +1,12 @@
 """Pictures that explain: how the camera works, and how its render compares."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from offline import Rendering
-from shared import CfaPattern, Mosaic
+from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 
@@ -40,13 +41,12 @@ def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
     tints[-1] = 1
     colours = np.where((planes < 3)[..., None], np.sqrt(np.clip(grey * 3, 0, 1)) * tints[planes], 0.1)
     luminance = np.repeat(rendering.luminance[rows, columns, None] * scale, 3, axis=2)
-    bayer = ("RG", "GB")
     panels = [
-        ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(tuple(row * (_DRAWN // 2) for row in bayer * 6))),
+        ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(("RG", "GB"))),
         (
             "The sparse-colour sensor",
             f"{mosaic.pattern.light_efficiency:.1f} times the light, full-resolution luminance",
-            _pattern(_letters(mosaic.pattern)),
+            _pattern(mosaic.pattern.letters_from()),
         ),
         ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(grey, 0, 1)))),
         ("... and colour", f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels", _enlarged(colours)),
@@ -74,20 +74,15 @@ def comparison(pictures: dict[str, FloatArray], crops: dict[str, Crop], size: in
     return _sheet(panels, across=len(pictures))
 
 
-def _letters(pattern: CfaPattern) -> tuple[str, ...]:
-    planes = pattern.filter_map((_DRAWN, _DRAWN))
-    return tuple("".join(pattern.planes[plane] for plane in row) for row in planes.tolist())
-
-
-def _pattern(letters: tuple[str, ...]) -> ByteArray:
-    """A drawing of filters, one cell per pixel."""
-    cell = _PANEL // len(letters)
+def _pattern(tile: Sequence[str]) -> ByteArray:
+    """A drawing of filters, which repeat the letters of `tile`, one cell per pixel."""
+    cell = _PANEL // _DRAWN
     picture = np.full((_PANEL, _PANEL, 3), _PAPER, np.uint8)
-    margin = (_PANEL - cell * len(letters)) // 2
-    for row, line in enumerate(letters):
-        for column, letter in enumerate(line):
-            top, left = margin + row * cell, margin + column * cell
-            picture[top : top + cell - 2, left : left + cell - 2] = _FILTERS[letter]
+    margin = (_PANEL - cell * _DRAWN) // 2
+    for row, column in np.ndindex(_DRAWN, _DRAWN):
+        top, left = margin + row * cell, margin + column * cell
+        letter = tile[row % len(tile)][column % len(tile)]
+        picture[top : top + cell - 2, left : left + cell - 2] = _FILTERS[letter]
     return picture
 
 

@@ -18,11 +18,12 @@ from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import encode_picture_dng
+from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import OnComplete, write_durably
 
-from .encoders import LONGEST_JPEG_SIDE, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
+from .encoders import encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
 from .exif_writing import jpeg_directory, picture_directory, software
 from .icc_writing import icc_profile
 from .samples import quantise, upright
@@ -98,8 +99,8 @@ def check_output(kind: PictureKind, calibration: SensorCalibration, shape: tuple
         if len(calibration.channels) != 3:
             raise InputError(f"dng holds pictures of 3 channels, the sensor has {calibration.channels}; use tif, exr or npy")
         ColourTransform.to_space(calibration)
-    if kind.format in ("dng", "jpg") and max(shape) > LONGEST_JPEG_SIDE:
-        raise InputError(f"{shape[1]} x {shape[0]} pixels: a side of a {kind.format} holds at most {LONGEST_JPEG_SIDE}; use tif")
+    if kind.format in ("dng", "jpg") and max(shape) > LONGEST_SIDE:
+        raise InputError(f"{shape[1]} x {shape[0]} pixels: a side of a {kind.format} holds at most {LONGEST_SIDE}; use tif")
 
 
 def write_picture(

@@ -21,15 +21,15 @@ from .picture_file import check_memory, needed_memory, render_to
 from .shots import Shot
 
 
-def attempt(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress) -> Outcome:
+def attempt(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress | None = None) -> Outcome:
     """Make a picture, or say why there is none. Raises nothing but interrupts: one bad shot must not stop the others.
 
     share: what it may use of the machine.
     note: called with each remark for the user.
-    progress: listens to the stages.
+    progress: listens to the stages, if there is one.
     """
     try:
-        return _make(order, share, shot, note, progress)
+        return _make(order, share, shot, note, progress or StageProgress())
     except ForeignFileError as error:
         return Outcome("foreign" if shot.found else "failed", str(error))
     except Exception as error:  # one odd file must not end a night's batch

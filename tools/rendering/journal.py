@@ -9,9 +9,12 @@ import hashlib
 import json
 import os
 import stat
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+from shared.writing import sync_folder
 
 NAME = ".panchroma-journal.jsonl"
 _FORMAT = 1
@@ -51,23 +54,16 @@ class Journal:
     def append(self, entry: Entry) -> None:
         """Add an entry, and wait until it is on the disk. Raises OSError; the torn line that may be left then is ignored."""
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
-        descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        try:
-            exclusive(descriptor)
-            size = os.fstat(descriptor).st_size
-            if size and os.pread(descriptor, 1, size - 1) != b"\n":
+        with self._path.open("ab+", buffering=0) as file:
+            exclusive(file.fileno())
+            size = file.seek(0, os.SEEK_END)
+            if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
                 line = b"\n" + line  # the last writer was cut off: keep its torn line apart from this one
             while line:
-                line = line[os.write(descriptor, line) :]
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+                line = line[file.write(line) :]
+            os.fsync(file.fileno())
         if not size:
-            folder = os.open(self._path.parent, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
+            sync_folder(self._path.parent)
 
     def _catch_up(self) -> None:
         """Read what has been appended since."""
@@ -106,17 +102,15 @@ def key(**parts: Any) -> str:
 
 def digest(path: Path | str) -> str | None:
     """SHA-256 of a file; None when it is not a file or cannot be read."""
-    try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116 (a pipe would never end; Path takes no impossible names)
-            return None
-        with Path(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):
-        return None
+    with suppress(OSError, ValueError):
+        if stat.S_ISREG(os.stat(path).st_mode):  # noqa: PTH116 (a pipe would never end; Path takes no impossible names)
+            with Path(path).open("rb") as file:
+                return hashlib.file_digest(file, "sha256").hexdigest()
+    return None
 
 
-def exclusive(descriptor: int, *, wait: bool = True) -> bool:
-    """Lock an open file until it is closed or this process ends; False on a file system without locks.
+def exclusive(descriptor: int, *, wait: bool = True) -> None:
+    """Lock an open file until it is closed or this process ends; on a file system without locks, do nothing.
 
     Raises BlockingIOError when another process holds the lock and `wait` is not set.
     """
@@ -125,5 +119,4 @@ def exclusive(descriptor: int, *, wait: bool = True) -> bool:
     except BlockingIOError:
         raise
     except OSError:
-        return False
-    return True
+        pass

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tools.host.jobs import identity
+
 from .journal import exclusive
 
 _LONGEST = 100  # bytes of the output's name in the lock's name: together short enough for every file system
@@ -23,28 +25,16 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
     shown = name[:_LONGEST].decode(errors="ignore")
     path = output.with_name(f".{shown}.{hashlib.sha256(name).hexdigest()[:8]}.panchroma.lock")
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        try:
-            exclusive(descriptor, wait=wait)
-        except BlockingIOError:
-            os.close(descriptor)
-            yield False
+        with path.open("ab") as file:
+            try:
+                exclusive(file.fileno(), wait=wait)
+            except BlockingIOError:
+                yield False
+                return
+            if identity(path) != identity(file.fileno()):
+                continue  # its last owner has removed it meanwhile: this locks nothing
+            try:
+                yield True
+            finally:
+                path.unlink(missing_ok=True)
             return
-        except BaseException:
-            os.close(descriptor)
-            raise
-        if _is(path, descriptor):
-            break
-        os.close(descriptor)  # its last owner has removed it meanwhile: this locks nothing
-    try:
-        yield True
-    finally:
-        path.unlink(missing_ok=True)
-        os.close(descriptor)
-
-
-def _is(path: Path, descriptor: int) -> bool:
-    try:
-        return os.path.samestat(path.stat(), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False

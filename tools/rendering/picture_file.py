@@ -41,12 +41,10 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
         return
     rows, columns = mosaic.shape
     least = needed_memory(mosaic, PictureKind.of(FORMAT), settings)
-    remedy = f"use -f {FORMAT}, which needs {format_bytes(least)}, or" if kind.format != FORMAT and least <= limit else ""
+    remedy = f"use -f {FORMAT}, which needs {format_bytes(least)}, or " if kind.format != FORMAT and least <= limit else ""
     raise InputError(
         f"{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
-        f"{remedy} set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much".replace(
-            "  ", " "
-        )
+        f"{remedy}set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much"
     )
 
 

@@ -5,17 +5,16 @@ A lost worker costs no result: another one gets its shots, and finds in the jour
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from tools.host.cluster import everywhere, run
 from tools.host.jobs import reason
 from tools.host.memory import allowed_memory
-from tools.host.progress import StageProgress
 
 from .attempt import attempt
 from .order import Note, Order, Outcome, Share
-from .run import Pass, each_once
+from .run import Pass
 from .shots import Shot
 
 
@@ -27,7 +26,7 @@ def passes(order: Order, client: Any, threads: int | None, memory: str | None, n
     note: called with each remark of the workers, once.
     """
     order = replace(order, folder=order.folder.absolute())
-    note = each_once(note)
+    note = cache(note)  # several workers have the same to say: once is enough
     return [partial(_pass, client, partial(_work, order, threads, memory, last), note) for last in (False, True)]
 
 
@@ -56,4 +55,4 @@ def _work(order: Order, threads: int | None, memory: str | None, last: bool, sho
 
     notes: list[str] = []
     use_threads(min(threads or get_worker().state.nthreads, available_threads()))  # counts for this thread alone
-    return attempt(order, Share(allowed_memory(memory), last), shot, notes.append, StageProgress()), notes
+    return attempt(order, Share(allowed_memory(memory), last), shot, notes.append), notes

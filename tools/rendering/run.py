@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 from shared.errors import PanchromaError
 from tools.host import worker_pool
@@ -16,7 +16,7 @@ from tools.host.processors import processors
 from tools.host.progress import StageProgress
 
 from .attempt import attempt
-from .order import Note, Order, Outcome, Share
+from .order import Order, Outcome, Share
 from .picture_file import needed_memory
 from .shots import Shard, Shot
 
@@ -82,30 +82,14 @@ def passes(order: Order, resources: Resources, console: Console, count: int) -> 
             yield shot, outcome
 
     def by_workers(shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:
-        work = partial(_attempt_silently, order, Share(resources.memory // resources.workers))
-        note, threads = each_once(console.note), resources.threads
+        work = partial(attempt, order, Share(resources.memory // resources.workers))
+        note, threads = cache(console.note), resources.threads  # several processes have the same to say: once is enough
         for shot, result in worker_pool.run(work, shots, resources.workers, note=note, remedy=_REMEDY, threads=threads):
             yield shot, result if isinstance(result, Outcome) else Outcome("failed", str(result))
 
     if resources.workers > 1:
         return [by_workers, partial(one_by_one, True)]
     return [partial(one_by_one, True)] if count == 1 else [partial(one_by_one, False), partial(one_by_one, True)]
-
-
-def _attempt_silently(order: Order, share: Share, shot: Shot, note: Note) -> Outcome:
-    return attempt(order, share, shot, note, StageProgress())
-
-
-def each_once(note: Note) -> Note:
-    """`note`, but called only once with each text, for several processes have the same to say."""
-    said: set[str] = set()
-
-    def once(text: str) -> None:
-        if text not in said:
-            said.add(text)
-            note(text)
-
-    return once
 
 
 def possible_shots(found: Sequence[Shot], shard: Shard, order: Order, console: Console) -> tuple[list[Shot], bool]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shared.errors import InputError
+from tools.host.jobs import identity
 
 _SUFFIX = ".dng"
 
@@ -37,7 +38,7 @@ def expand(given: Sequence[str], folder: Path, suffix: str) -> tuple[list[Shot],
     shots: list[Shot] = []
     failures = []
     for source in given:
-        if not _is_folder(source):
+        if not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
             shots.append(Shot(source, folder / (Path(source).stem + suffix)))
             continue
         errors: list[OSError] = []
@@ -49,26 +50,13 @@ def expand(given: Sequence[str], folder: Path, suffix: str) -> tuple[list[Shot],
     return shots, failures
 
 
-def _is_folder(source: str) -> bool:
-    try:
-        return Path(source).is_dir()
-    except (OSError, ValueError):  # an impossible name: reading it will say so
-        return False
-
-
 def _below(top: Path, output: Path, errors: list[OSError]) -> Iterator[Path]:
+    left_out = {identity(output)} - {None}
     for place, folders, files in os.walk(top, onerror=errors.append):
-        folders[:] = sorted(name for name in folders if not (name.startswith(".") or _same(Path(place, name), output)))
+        folders[:] = sorted(name for name in folders if not (name.startswith(".") or identity(Path(place, name)) in left_out))
         for name in sorted(files):
             if name.lower().endswith(_SUFFIX) and not name.startswith("."):
                 yield Path(place, name)
-
-
-def _same(one: Path, other: Path) -> bool:
-    try:
-        return one.samefile(other)
-    except OSError:
-        return False
 
 
 @dataclass(frozen=True)

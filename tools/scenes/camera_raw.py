@@ -7,7 +7,7 @@ is compared with measured values at every pixel.
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY, Matrix
+from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
-from .decoders import guarded
-from .exif_reading import from_tags, positive, text, tiff_tags, whole
+from .exif_reading import from_tags, text, tiff_tags, whole
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
-_COLOR_MATRICES = ((50721, 50778), (50722, 50779))  # DNG: ColorMatrix1 and 2, CalibrationIlluminant1 and 2
+_COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
 # CIE x, y of Exif's LightSource values (tungsten, A, D50, D55, daylight, D75); all others are treated as D65.
 _ILLUMINANTS = {
     3: (0.4476, 0.4074),
@@ -37,7 +37,6 @@ _ILLUMINANTS = {
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
-@guarded
 def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene:
     """Read the scene in a Bayer RAW (CR2, CRW, NEF, ARW, DNG, ...) at half its width and height.
 
@@ -117,8 +116,7 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     quad = [letters[index] for index in pattern.ravel().tolist()]
     if sorted(quad) != ["B", "G", "G", "R"] or (quad[0] == "G") == (quad[1] == "G") or (quad[0] == "G") == (quad[2] == "G"):
         raise InputError(f"the filters are {''.join(quad)}: {no_quads}")
-    quad_indices: NDArray[np.uint8] = pattern
-    return quad_indices
+    return cast(NDArray[np.uint8], pattern)
 
 
 def _neutral(raw: Any, rgb: FloatArray) -> tuple[tuple[float, ...] | None, tuple[str, ...]]:
@@ -152,18 +150,11 @@ def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None
 
 def _metadata(raw: Any, tags: Mapping[int, Any]) -> CaptureMetadata:
     """Return the capture data: Exif if the file is based on TIFF, otherwise what LibRaw has read and this rawpy passes on."""
-    found = from_tags(tags)
-    lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
+    lens, other, taken = getattr(raw, "lens", None), getattr(raw, "other", None), None
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
-    found = replace(found, lens=found.lens or text(getattr(lens, "model", "")), orientation=_ORIENTATIONS.get(raw.sizes.flip, 1))
-    if tags or other is None:
-        return found
-    return replace(
-        found,
-        artist=text(other.artist),
-        taken=other.timestamp if other.timestamp and other.timestamp.year > 1970 else None,
-        exposure_time=positive(other.shutter_speed),
-        f_number=positive(other.aperture),
-        iso=whole(other.iso_speed),
-        focal_length=positive(other.focal_length),
-    )
+    if not tags and other is not None:
+        known: dict[int, Any] = {Tag.ARTIST: other.artist, Tag.F_NUMBER: other.aperture, Tag.FOCAL_LENGTH: other.focal_length}
+        tags = known | {Tag.EXPOSURE_TIME: other.shutter_speed, Tag.ISO_SPEED_RATINGS: other.iso_speed}
+        taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
+    found, flip = from_tags(tags), _ORIENTATIONS.get(raw.sizes.flip, 1)
+    return replace(found, lens=found.lens or text(getattr(lens, "model", "")), orientation=flip, taken=found.taken or taken)

@@ -1,17 +1,18 @@
 """Decoders: picture files to arrays as stored. One function per format; each checks the declared size before decoding pixels.
 
-All of them raise InputError, whatever the decoding library raises. Their messages do not name the file: the caller does.
+Call them in a `guarded` block: then they raise InputError, whatever the decoding library raises. The messages do not name the file:
+the caller does.
 """
 
 import io
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,6 @@ from shared.tiff_check import check_directories
 from .exif_reading import from_tags, merged_tags, tiff_tags
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .scene import check_size
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 _ICC_PROFILE = 34675  # TIFF tag
 _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples; profile, texts and capture data
@@ -57,25 +55,22 @@ class Decoded:
     notes: tuple[str, ...] = ()
 
 
-def guarded(decode: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a decoder so that it raises only InputError: on damaged files the libraries raise nearly everything."""
-
-    def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        try:
-            with _quiet_libraries():
-                return decode(*args, **kwargs)
-        except InputError:
-            raise
-        except MemoryError:
-            raise InputError("the picture does not fit into memory; cut or reduce it") from None
-        except Exception as error:
-            said = error.args[0] if error.args else ""
-            lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
-            reason = lines[0] if lines else type(error).__name__
-            reason = reason.replace(f"'{args[0]}'", "").strip()  # whoever shows the error names the file
-            raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
-
-    return call
+@contextmanager
+def guarded(path: Path) -> Iterator[None]:
+    """Raise only InputError in a `with` block that decodes a file: on damaged files the libraries raise nearly everything."""
+    try:
+        with _quiet_libraries():
+            yield
+    except InputError:
+        raise
+    except MemoryError:
+        raise InputError("the picture does not fit into memory; cut or reduce it") from None
+    except Exception as error:
+        said = error.args[0] if error.args else ""
+        lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
+        reason = lines[0] if lines else type(error).__name__
+        reason = reason.replace(f"'{path}'", "").strip()  # whoever shows the error names the file
+        raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
 
 
 @contextmanager
@@ -95,7 +90,6 @@ def _quiet_libraries() -> Iterator[None]:
         os.close(kept)
 
 
-@guarded
 def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode a PNG of any kind. 16-bit colour goes through libpng, because Pillow would reduce it to 8 bits."""
     with path.open("rb") as file:
@@ -116,7 +110,6 @@ def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         return _described(image, pixels, 65535, notes)
 
 
-@guarded
 def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode an 8-bit PNG, a JPEG or a WebP."""
     if path.stat().st_size > _LARGEST_WEBP and path.suffix.lower() == ".webp":
@@ -133,7 +126,6 @@ def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         return _described(image, pixels, 255, (_NO_ALPHA,) if transparent else ())
 
 
-@guarded
 def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode the first page of a grey or RGB TIFF, integer or floating point."""
     import tifffile
@@ -169,7 +161,6 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     return Decoded(pixels, peak, encoding, from_tags(tiff_tags(path)), notes + remarks)
 
 
-@guarded
 def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode the channels R, G, B or Y of the first part of an OpenEXR file; its values are linear by definition."""
     import OpenEXR
@@ -191,7 +182,6 @@ def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
 
 
-@guarded
 def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled objects are refused."""
     with path.open("rb") as file:

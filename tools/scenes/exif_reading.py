@@ -1,6 +1,5 @@
 """Capture data from Exif blocks and TIFF directories. Invalid fields are skipped: they are never an error."""
 
-import math
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
@@ -9,27 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from shared import CaptureMetadata
+from shared.dng.tags import Tag
 from shared.tiff_check import check_directories
-
-# TIFF 6.0 section 8 and Exif 2.3 section 4.6
-DESCRIPTION, MAKE, MODEL, ORIENTATION, DATE_TIME, ARTIST, EXIF_IFD = 270, 271, 272, 274, 306, 315, 34665
-EXPOSURE_TIME, F_NUMBER, ISO, DATE_TIME_ORIGINAL, FOCAL_LENGTH, LENS_MODEL = 33434, 33437, 34855, 36867, 37386, 42036
 
 
 def from_tags(tags: Mapping[int, Any]) -> CaptureMetadata:
     """Return the capture data in `tags`: those of a first directory and its Exif directory, merged."""
     return CaptureMetadata(
-        make=text(tags.get(MAKE)),
-        model=text(tags.get(MODEL)),
-        lens=text(tags.get(LENS_MODEL)),
-        artist=text(tags.get(ARTIST)),
-        description=text(tags.get(DESCRIPTION)),
-        taken=moment(tags.get(DATE_TIME_ORIGINAL)) or moment(tags.get(DATE_TIME)),
-        exposure_time=positive(tags.get(EXPOSURE_TIME)),
-        f_number=positive(tags.get(F_NUMBER)),
-        iso=whole(tags.get(ISO)),
-        focal_length=positive(tags.get(FOCAL_LENGTH)),
-        orientation=orientation(tags.get(ORIENTATION)),
+        make=text(tags.get(Tag.MAKE)),
+        model=text(tags.get(Tag.MODEL)),
+        lens=text(tags.get(Tag.LENS_MODEL)),
+        artist=text(tags.get(Tag.ARTIST)),
+        description=text(tags.get(Tag.IMAGE_DESCRIPTION)),
+        taken=moment(tags.get(Tag.DATE_TIME_ORIGINAL)) or moment(tags.get(Tag.DATE_TIME)),
+        exposure_time=positive(tags.get(Tag.EXPOSURE_TIME)),
+        f_number=positive(tags.get(Tag.F_NUMBER)),
+        iso=whole(tags.get(Tag.ISO_SPEED_RATINGS)),
+        focal_length=positive(tags.get(Tag.FOCAL_LENGTH)),
+        orientation=orientation(tags.get(Tag.ORIENTATION)),
     )
 
 
@@ -37,7 +33,7 @@ def merged_tags(exif: Any) -> dict[int, Any]:
     """Return the tags of a Pillow `Exif`, first directory and Exif directory; empty if they are damaged."""
     # Capture data are optional, so warnings are dropped; hostile directories raise all kinds of exceptions.
     with suppress(Exception), warnings.catch_warnings(action="ignore"):
-        return {**dict(exif), **exif.get_ifd(EXIF_IFD)}
+        return {**dict(exif), **exif.get_ifd(Tag.EXIF_IFD)}
     return {}
 
 
@@ -65,11 +61,10 @@ def text(value: object) -> str:
 
 def positive(value: object) -> float | None:
     """Return the value if it is a positive, finite number that fits `CaptureMetadata`, otherwise None."""
-    try:
+    with suppress(TypeError, ValueError, ArithmeticError):
         number = float(_first(value))  # type: ignore[arg-type]
-    except (TypeError, ValueError, ArithmeticError):
-        return None
-    return number if math.isfinite(number) and 0 < number < 2**31 else None
+        return number if 0 < number < 2**31 else None
+    return None
 
 
 def whole(value: object) -> int | None:
@@ -80,10 +75,9 @@ def whole(value: object) -> int | None:
 
 def moment(value: object) -> datetime | None:
     """Return the time in Exif's form "YYYY:MM:DD HH:MM:SS" (local time without zone), or None."""
-    try:
+    with suppress(ValueError):
         return datetime.strptime(text(value)[:19], "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 -- Exif knows no zone
-    except ValueError:
-        return None
+    return None
 
 
 def orientation(value: object) -> int:

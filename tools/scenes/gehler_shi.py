@@ -8,18 +8,24 @@ import re
 
 import numpy as np
 
+from .camera_colour import estimate_neutral
 from .decoders import Decoded
-from .picture import Range
+from .scene import Scene
 
 _CAMERAS = ((re.compile(r"IMG_\d{4}"), 129, "Canon 5D"), (re.compile(r"8D5U\d{4}"), 0, "Canon 1D"))
 _WHITE = 4095  # 12 bits
 
 
-def sample_range(picture: Decoded, stem: str) -> Range | None:
-    """Return black and white level of a picture in this data set, or None: file name and 12-bit samples identify it."""
+def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
+    """Return the scene in a picture of this data set, or None for any other: file name and 12-bit samples identify it.
+
+    rgb is (code - black) / (white - black); values below black, which noise causes, become 0.
+    """
     if picture.pixels.dtype != np.uint16 or picture.pixels.shape[2] != 3 or picture.pixels.max() > _WHITE:
         return None
     for name, black, camera in _CAMERAS:
         if name.fullmatch(stem):
-            return Range(black, _WHITE, f"recognised as Gehler's data set in Shi and Funt's version: {camera}, black level {black}")
+            light = np.maximum((picture.pixels.astype(np.float32) - black) / np.float32(_WHITE - black), 0)
+            note = f"recognised as Gehler's data set in Shi and Funt's version: {camera}, black level {black}"
+            return Scene(light, stem, None, estimate_neutral(light), picture.metadata, (*picture.notes, note))
     return None

@@ -6,6 +6,7 @@ Supports the profiles that pictures use in practice: RGB with curves and a matri
 
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,10 +52,9 @@ LINEAR = Encoding((power_curve(1.0),) * 3, SRGB_TO_XYZ, "linear")
 
 def read_profile(profile: bytes) -> Encoding | None:
     """Return the encoding that an ICC profile describes; None if it is damaged or of another kind (tables, CMYK, Lab)."""
-    try:
+    with suppress(struct.error, ValueError, KeyError, IndexError, ZeroDivisionError):
         return _parse(profile)
-    except (struct.error, ValueError, KeyError, IndexError, ZeroDivisionError):
-        return None
+    return None
 
 
 def _parse(profile: bytes) -> Encoding:

@@ -5,23 +5,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from shared.dng.tags import MAKER
+from shared.dng.tags import MAKER, Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiff_check import check_directories
 
 from .camera_raw import camera_raw_scene
-from .decoders import Decoded, decode_exr, decode_npy, decode_png, decode_tiff, decode_with_pillow
+from .decoders import Decoded, decode_exr, decode_npy, decode_png, decode_tiff, decode_with_pillow, guarded
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
-from .gehler_shi import sample_range
-from .picture import picture_scene, sampled_scene
+from .gehler_shi import gehler_shi_scene
+from .picture import picture_scene
 from .scene import Scene, check_size
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[[int, int], Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene}
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_DNG_VERSION, _DNG_PRIVATE_DATA = 50706, 50740
 
 # Kind, pattern of the first bytes, name endings, decoder.
 _KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]], ...] = (
@@ -59,17 +58,21 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
         if re.match(pattern, start, re.DOTALL):
             if suffix not in suffixes:
                 raise InputError(f"is a {kind} picture by its content; if that is right, rename it {path.stem}{suffixes[0]}")
-            picture = decode(path, max_pixels)
-            if kind == "PNG" and (known := sample_range(picture, path.stem)):
-                return sampled_scene(picture, path.stem, known)
+            with guarded(path):
+                picture = decode(path, max_pixels)
+            if kind == "PNG" and (scene := gehler_shi_scene(picture, path.stem)):
+                return scene
             return picture_scene(picture, path.stem, linear=linear)
     if start.startswith(_TIFF_STARTS):
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
             raise InputError("this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render")
         if suffix in _TIFF_SUFFIXES and not is_dng:
-            return picture_scene(decode_tiff(path, max_pixels), path.stem, linear=linear)
-    return camera_raw_scene(path, path.stem, max_pixels)
+            with guarded(path):
+                picture = decode_tiff(path, max_pixels)
+            return picture_scene(picture, path.stem, linear=linear)
+    with guarded(path):
+        return camera_raw_scene(path, path.stem, max_pixels)
 
 
 def is_drawn(source: str) -> bool:
@@ -114,13 +117,13 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
 
     try:
         with path.open("rb") as stream:
-            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _DNG_PRIVATE_DATA})
+            check_directories(stream, {*tifffile.TIFF.TAG_LOAD, Tag.DNG_PRIVATE_DATA})
         with tifffile.TiffFile(path) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
-            private = [directory.tags.get(_DNG_PRIVATE_DATA) for directory in directories]
+            private = [directory.tags.get(Tag.DNG_PRIVATE_DATA) for directory in directories]
             is_shot = any(tag is not None and bytes(tag.value).startswith(MAKER.encode()) for tag in private)
-            return is_shot, _DNG_VERSION in first.tags
+            return is_shot, Tag.DNG_VERSION in first.tags
     except Exception:  # A damaged directory: the next decoder will report it, but LibRaw must not get a shot of ours.
         return _mentions(path, MAKER.encode()), False
 

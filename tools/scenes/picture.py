@@ -1,41 +1,15 @@
 """Decoded pictures as scenes: which values are linear light already, and which must be converted."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import FloatArray
 from shared.errors import InputError
 
-from .camera_colour import estimate_neutral
 from .decoders import Decoded
 from .icc_reading import LINEAR, SRGB, Encoding
 from .scene import Scene
 
 _ASSUMED_LINEAR = "the file does not say how its values are encoded: taken as linear light with sRGB primaries, white balanced"
-
-
-@dataclass(frozen=True)
-class Range:
-    """Levels of linear camera samples in a picture file.
-
-    black, white: the codes for no light and for white.
-    note: how they are known, for the user.
-    """
-
-    black: int
-    white: int
-    note: str
-
-
-def sampled_scene(picture: Decoded, name: str, known: Range) -> Scene:
-    """Return the scene in linear camera samples: (code - black) / (white - black), values below black (noise) set to 0.
-
-    Raises InputError for whatever `Scene` refuses.
-    """
-    light = (picture.pixels.astype(np.float32) - known.black) / np.float32(known.white - known.black)
-    light = np.maximum(light, 0)
-    return Scene(light, name, None, estimate_neutral(light), picture.metadata, (*picture.notes, known.note))
 
 
 def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:
@@ -87,11 +61,9 @@ def _linearised(picture: Decoded, peak: int, encoding: Encoding) -> FloatArray:
         raise InputError(f"a sample is {pixels.max()}, but the file declares {peak} as its largest value")
     light: FloatArray = np.empty(pixels.shape, np.float32)
     for channel in range(pixels.shape[2]):
-        curve = encoding.curves[channel]
-        plane = pixels[..., channel]
+        curve, plane = encoding.curves[channel], pixels[..., channel]
         if peak <= 65535:
-            table: DoubleArray = curve(np.arange(peak + 1) / peak)
-            light[..., channel] = table.astype(np.float32)[plane]
+            light[..., channel] = curve(np.arange(peak + 1) / peak).astype(np.float32)[plane]
         else:
             light[..., channel] = curve(plane / peak)
     return light
