@@ -5,7 +5,7 @@ DNG files, TIFF files and Exif blocks share it. It is written little-endian, in 
 
 import struct
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum
 from fractions import Fraction
 from io import BytesIO
@@ -48,7 +48,7 @@ class Directory:
     """
 
     fields: Fields = field(default_factory=dict)
-    strips: Iterable[bytes] = ()
+    strips: Sequence[bytes] = ()
     children: dict[int, "Directory"] = field(default_factory=dict)
 
 
@@ -68,19 +68,19 @@ def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) ->
     Raises InputError beyond the 4 GiB of the format.
     """
     file.write(_HEADER)
-    first = _place(replace(directory, strips=strips), file)
+    first = _place(directory, strips, file)
     file.seek(_FIRST)
     file.write(struct.pack("<I", first))
 
 
-def _place(directory: Directory, file: BinaryIO) -> int:
-    """Append a directory, after everything it points to, to a file. Returns its offset."""
+def _place(directory: Directory, strips: Iterable[bytes], file: BinaryIO) -> int:
+    """Append a directory with these strips, after everything it points to, to a file. Returns its offset."""
     fields = dict(directory.fields)
-    if strips := [(_append(strip, file), len(strip)) for strip in directory.strips]:
-        fields[STRIP_OFFSETS] = FieldType.LONG, [offset for offset, _ in strips]
-        fields[STRIP_BYTES] = FieldType.LONG, [size for _, size in strips]
+    if placed := [(_append(strip, file), len(strip)) for strip in strips]:
+        fields[STRIP_OFFSETS] = FieldType.LONG, [offset for offset, _ in placed]
+        fields[STRIP_BYTES] = FieldType.LONG, [size for _, size in placed]
     for tag, child in directory.children.items():
-        fields[tag] = FieldType.LONG, [_place(child, file)]
+        fields[tag] = FieldType.LONG, [_place(child, child.strips, file)]
     table = bytearray(struct.pack("<H", len(fields)))
     for tag, (kind, values) in sorted(fields.items()):
         count, payload = _encode(kind, values)
