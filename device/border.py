@@ -57,8 +57,7 @@ def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -
 def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:
     """Samples at rows x columns. Indexing by the shorter list first is many times faster than by both at once."""
     rows, columns = places
-    samples: CodeArray = codes[rows][:, columns] if len(rows) < len(columns) else codes[:, columns][rows]
-    return samples
+    return codes[rows][:, columns] if len(rows) < len(columns) else codes[:, columns][rows]
 
 
 def _mirrored(places: IndexArray, size: int) -> IndexArray:
@@ -74,5 +73,4 @@ def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:
     first = places % period
     last = first + (size - 1 - first) // period * period
     inside = np.where(places < 0, first, np.where(places >= size, last, places))
-    clipped: IndexArray = np.clip(inside, 0, size - 1)
-    return clipped
+    return np.clip(inside, 0, size - 1)

@@ -151,8 +151,7 @@ class FrameLayout:
         lower = packing.bits - 8
         shifts = lower * np.arange(packing.pixels)
         samples = (np.arange(256)[:, None] >> shifts & ((1 << lower) - 1)).astype(np.uint16)
-        table: np.ndarray[tuple[int], np.dtype[np.unsignedinteger]] = samples.view(f"u{2 * packing.pixels}")[:, 0]
-        return table
+        return samples.view(f"u{2 * packing.pixels}")[:, 0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -195,8 +195,7 @@ class Geometry:
 def _lagrange(steps: list[int]) -> DoubleArray:
     """Weights of samples at `steps` that give the value at 0 of the polynomial through them."""
     nodes = np.array(steps, float)
-    weights: DoubleArray = np.array([np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes])
-    return weights
+    return np.array([np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes])
 
 
 def _cells(pattern: CfaPattern, side: int) -> FloatArray:

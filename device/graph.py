@@ -261,12 +261,4 @@ def finish(g: Nodes, geometry: Geometry, picture: str, *, linear: bool) -> onnx.
         halo=geometry.halo,
         builder=BUILDER,
     )
-    return g.finish(
-        "preview",
-        inputs,
-        (picture, contract.PICTURE, kind),
-        opset=contract.OPSET,
-        ir_version=contract.IR_VERSION,
-        version=BUILDER,
-        metadata=description.to_metadata(),
-    )
+    return g.finish(picture, inputs, kind, description)

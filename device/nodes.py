@@ -1,4 +1,4 @@
-"""A small builder of ONNX graphs, which names and collects nodes and constants. Needs `onnx`, like `device.graph`."""
+"""A small builder of preview graphs in ONNX, which names and collects nodes and constants. Needs `onnx`, like `device.graph`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,6 +7,8 @@ import numpy as np
 import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
+
+from . import contract
 
 Operand = str | float | Sequence[int] | NDArray[Any]
 """The name of a tensor, or a constant."""
@@ -54,39 +56,26 @@ class Nodes:
         return self("Reshape", values, self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0))
 
     def finish(
-        self,
-        name: str,
-        inputs: Mapping[str, tuple[int, Shape]],
-        output: tuple[str, str, tuple[int, Shape]],
-        *,
-        opset: int,
-        ir_version: int,
-        version: str,
-        metadata: Mapping[str, str],
+        self, result: str, inputs: Mapping[str, tuple[int, Shape]], kind: tuple[int, Shape], description: contract.Description
     ) -> onnx.ModelProto:
         """The finished model, checked by onnx.
 
-        name: name of the graph.
+        result: name of the result that is the picture.
         inputs: (type, shape) of each input, by name.
-        output: name of the result that is the output, name of the output, (type, shape).
-        opset, ir_version: versions of ONNX.
-        version: producer version.
-        metadata: strings to store in the model.
+        kind: (type, shape) of the picture.
+        description: kept in the metadata; its builder is the version of the producer.
         """
-        result, shown, kind = output
-        self._nodes.append(helper.make_node("Identity", [result], [shown], shown))
+        self._nodes.append(helper.make_node("Identity", [result], [contract.PICTURE], contract.PICTURE))
         graph = helper.make_graph(
             self._nodes,
-            name,
+            "preview",
             [helper.make_tensor_value_info(each, *kind) for each, kind in inputs.items()],
-            [helper.make_tensor_value_info(shown, *kind)],
+            [helper.make_tensor_value_info(contract.PICTURE, *kind)],
             list(self._constants.values()),
         )
-        opsets = [helper.make_opsetid("", opset)]
-        model = helper.make_model(
-            graph, opset_imports=opsets, ir_version=ir_version, producer_name="panchroma", producer_version=version
-        )
-        helper.set_model_props(model, dict(metadata))
+        versions = {"opset_imports": [helper.make_opsetid("", contract.OPSET)], "ir_version": contract.IR_VERSION}
+        model = helper.make_model(graph, **versions, producer_name="panchroma", producer_version=description.builder)
+        helper.set_model_props(model, description.to_metadata())
         onnx.checker.check_model(model, full_check=True)
         return model
 

@@ -110,7 +110,7 @@ def _response(extent: tuple[int, int], holes: IndexArray) -> FloatArray:
     )
     pairs = ((low_down, high_across), (high_down, low_across), (high_down, high_across))
     response = np.stack([down[:, None] * across for down, across in pairs]).reshape(-1, len(holes))
-    return np.pad(response, ((0, 0), (0, -len(holes) % CHUNK)))
+    return np.pad(response, ((0, 0), (0, -len(holes) % CHUNK))).reshape(len(response), -1, CHUNK)
 
 
 def _seen(taps: FloatArray, size: int) -> FloatArray:

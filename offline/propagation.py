@@ -30,10 +30,9 @@ def propagate(
     height, width = luminance.shape
     grid = pattern.grid((height, width))
     (above, _), (left, _) = grid.padding
-    rows, columns = domain_places(grid)
     fields, first = affinity.reshape(4, *affinity.shape[2:]), band.patches[0]
     top = max(first * grid.period - above, 0)
     bottom = min(first * grid.period + fields.shape[1] - above, height)
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
-    mix(fields, blocks, luminance, rows, columns, first, (top + above - first * grid.period, left), settings.softness, out)
+    mix(fields, blocks, luminance, domain_places(grid), first, (top + above - first * grid.period, left), settings.softness, out)
     return out

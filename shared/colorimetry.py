@@ -32,8 +32,7 @@ def xyz(x: float, y: float) -> DoubleArray:
 def adaptation(source: DoubleArray, destination: DoubleArray = D50) -> DoubleArray:
     """Matrix of the linear Bradford adaptation of XYZ from one white to another (ICC.1:2022, annex E); float64 (3, 3)."""
     gain: DoubleArray = (BRADFORD @ destination) / (BRADFORD @ source)
-    adapted: DoubleArray = np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD)
-    return adapted
+    return np.linalg.solve(BRADFORD, gain[:, None] * BRADFORD)
 
 
 def primaries_to_xyz(primaries: Sequence[tuple[float, float]], white: tuple[float, float] = D65_XY) -> DoubleArray:
@@ -45,8 +44,7 @@ def primaries_to_xyz(primaries: Sequence[tuple[float, float]], white: tuple[floa
     """
     columns = np.stack([xyz(*primary) for primary in primaries], axis=1)
     source = xyz(*white)
-    matrix: DoubleArray = adaptation(source) @ (columns * np.linalg.solve(columns, source))
-    return matrix
+    return adaptation(source) @ (columns * np.linalg.solve(columns, source))
 
 
 def as_rows(matrix: NDArray[np.floating]) -> Matrix:
@@ -66,16 +64,14 @@ def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:
     """Sample values of sRGB, 0..1 (IEC 61966-2-1) -> linear light 0..1. Below 0 the straight part continues, above 1 the power."""
     scale = 1 + SRGB_OFFSET
     power = (np.maximum(encoded, SRGB_ENCODED_KNEE) / scale + SRGB_OFFSET / scale) ** SRGB_POWER
-    linear: DoubleArray = np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
-    return linear
+    return np.where(encoded <= SRGB_ENCODED_KNEE, encoded / SRGB_SLOPE, power)
 
 
 def xyz_to_lab(values: DoubleArray) -> DoubleArray:
     """XYZ (..., 3) relative to D50, white Y = 1 -> L*a*b* (..., 3) (CIE 15:2018, 8.2.1)."""
     ratio = np.asarray(values) / D50
     f = np.where(ratio > CIE_EPSILON, np.cbrt(np.maximum(ratio, 0)), (CIE_KAPPA * ratio + 16) / 116)
-    lab: DoubleArray = np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
-    return lab
+    return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
 
 def lab_to_xyz(lab: DoubleArray) -> DoubleArray:

@@ -117,8 +117,7 @@ class CfaPattern:
         rows, columns = (
             (np.arange(size) + start - origin) % self.period for size, start, origin in zip(shape, first, self.origin, strict=True)
         )
-        planes: ByteArray = self._tile_planes[np.ix_(rows, columns)]
-        return planes
+        return self._tile_planes[np.ix_(rows, columns)]
 
     @cached_property
     def lattices(self) -> tuple[tuple[int, slice, slice], ...]:

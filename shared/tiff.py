@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from fractions import Fraction
+from io import BytesIO
 from typing import BinaryIO
 
 from .errors import InputError
@@ -53,65 +54,50 @@ class Directory:
 
 def encode_tiff(directory: Directory) -> bytes:
     """A whole little-endian TIFF file with one main directory. Raises InputError beyond the 4 GiB of the format."""
-    buffer = bytearray(_HEADER)
-    first = _place(directory, buffer)
-    struct.pack_into("<I", buffer, _FIRST, first)
-    return bytes(buffer)
+    file = BytesIO()
+    write_tiff(file, directory, directory.strips)
+    return file.getvalue()
 
 
 def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) -> None:
     """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with these strips.
 
     file: seekable, at its beginning.
-    directory: the main directory, without strips.
+    directory: the main directory; its own strips are ignored.
     strips: encoded strips from top to bottom, each written as soon as it arrives.
     Raises InputError beyond the 4 GiB of the format.
     """
     file.write(_HEADER)
-    end, offsets, sizes = len(_HEADER), [], []
-    for strip in strips:
-        end += file.write(bytes(end % 2))
-        offsets.append(end)
-        sizes.append(len(strip))
-        _check_size(end + len(strip))
-        end += file.write(strip)
-    fields: Fields = {STRIP_OFFSETS: (FieldType.LONG, offsets), STRIP_BYTES: (FieldType.LONG, sizes)}
-    rest = bytearray()
-    first = _place(Directory({**directory.fields, **fields}, (), directory.children), rest, end)
-    file.write(rest)
+    first = _place(directory, strips, file)
     file.seek(_FIRST)
     file.write(struct.pack("<I", first))
 
 
-def _place(directory: Directory, buffer: bytearray, start: int = 0) -> int:
-    """Append a directory, after everything it points to, to a buffer that begins at `start` in the file. Returns its offset."""
+def _place(directory: Directory, strips: Iterable[bytes], file: BinaryIO) -> int:
+    """Append a directory with these strips, after everything it points to, to a file. Returns its offset."""
     fields = dict(directory.fields)
-    if directory.strips:
-        fields[STRIP_OFFSETS] = FieldType.LONG, [_append(strip, buffer, start) for strip in directory.strips]
-        fields[STRIP_BYTES] = FieldType.LONG, [len(strip) for strip in directory.strips]
+    if placed := [(_append(strip, file), len(strip)) for strip in strips]:
+        fields[STRIP_OFFSETS] = FieldType.LONG, [offset for offset, _ in placed]
+        fields[STRIP_BYTES] = FieldType.LONG, [size for _, size in placed]
     for tag, child in directory.children.items():
-        fields[tag] = FieldType.LONG, [_place(child, buffer, start)]
+        fields[tag] = FieldType.LONG, [_place(child, child.strips, file)]
     table = bytearray(struct.pack("<H", len(fields)))
     for tag, (kind, values) in sorted(fields.items()):
         count, payload = _encode(kind, values)
         if len(payload) > 4:
-            payload = struct.pack("<I", _append(payload, buffer, start))
+            payload = struct.pack("<I", _append(payload, file))
         table += struct.pack("<HHI4s", tag, kind, count, payload)
-    return _append(bytes(table + bytes(4)), buffer, start)
+    return _append(bytes(table + bytes(4)), file)
 
 
-def _append(data: bytes, buffer: bytearray, start: int) -> int:
+def _append(data: bytes, file: BinaryIO) -> int:
     """Append data at an even offset, as TIFF requires, and return that offset."""
-    buffer += bytes((start + len(buffer)) % 2)
-    offset = start + len(buffer)
-    buffer += data
-    _check_size(offset + len(data))
-    return offset
-
-
-def _check_size(size: int) -> None:
-    if size >= LARGEST:
+    file.write(bytes(file.tell() % 2))
+    offset = file.tell()
+    if offset + len(data) >= LARGEST:
         raise InputError("the file would pass the 4 GiB of a TIFF; use fewer bits, another format, or a part of the picture")
+    file.write(data)
+    return offset
 
 
 def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int, bytes]:

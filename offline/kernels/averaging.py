@@ -14,11 +14,16 @@ from .compile import kernel, parallel_kernel, prange
 from .functions import LEAST_EXPONENT, copy_mirrored, exponential, mirrored, zeros
 from .lanes import WIDTH, Scalar, greater, load, quotient, store, where_less
 
-_LANES = WIDTH
 _STRIP, _COLUMNS, _BATCH = 128, 256, 16
 _TOGETHER = 4  # planes summed at a time: the light and three channels
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
+
+Area = tuple[int, int, int, int]
+Similarity = tuple[int, FloatArray, Scalar]
+"""(radius, blur, falloff), as `average` takes them."""
+Memory = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""(light, blurred, weights, colour): what one worker computes with."""
 
 
 @parallel_kernel
@@ -53,44 +58,31 @@ def average(
     windows = (rows[1] - rows[0] + _STRIP - 1) // _STRIP * along
     for worker in prange(workers):
         # Memory is allocated once per worker, in rows long enough for the widest window.
-        span = (_COLUMNS + 2 * repetitions * radius + 2 * _LANES) // _LANES * _LANES
+        span = (_COLUMNS + 2 * repetitions * radius + 2 * WIDTH) // WIDTH * WIDTH
         offsets = radius * (2 * radius + 1) + radius
         planes = (initial.shape[2] + _TOGETHER) // _TOGETHER * _TOGETHER
-        light = zeros((_BATCH + len(blur) + radius) * (span + len(blur) + 2 * radius)).reshape(_BATCH + len(blur) + radius, -1)
-        blurred = zeros(offsets * (_BATCH + len(blur)) * span).reshape(offsets, _BATCH + len(blur), span)
-        weights = zeros((repetitions * radius + _BATCH) * offsets * span).reshape(-1, offsets, span)
-        colour = zeros(repetitions * (2 * radius + _BATCH) * planes * (span + 2 * radius)).reshape(
-            repetitions, 2 * radius + _BATCH, planes, span + 2 * radius
-        )
+        light = zeros(_BATCH + len(blur) + radius, span + len(blur) + 2 * radius)
+        blurred = zeros(offsets, _BATCH + len(blur), span)
+        weights = zeros(repetitions * radius + _BATCH, offsets, span)
+        colour = zeros(repetitions, 2 * radius + _BATCH, planes, span + 2 * radius)
+        similarity, memory = (radius, blur, np.float32(falloff)), (light, blurred, weights, colour)
         for window in range(worker, windows, workers):
             top, left = rows[0] + window // along * _STRIP, window % along * _COLUMNS
             area = top, min(top + _STRIP, rows[1]), left, min(left + _COLUMNS, width)
-            part = out[top - rows[0] :]
-            _window(initial, first, luminance, area, radius, blur, np.float32(falloff), light, blurred, weights, colour, part)
+            _window(initial, first, luminance, area, similarity, memory, out[top - rows[0] :])
 
 
 @kernel
 def _window(
-    initial: FloatArray,
-    first: int,
-    luminance: FloatArray,
-    area: tuple[int, int, int, int],
-    radius: int,
-    blur: FloatArray,
-    falloff: Scalar,
-    light: FloatArray,
-    blurred: FloatArray,
-    weights: FloatArray,
-    colour: FloatArray,
-    out: FloatArray,
+    initial: FloatArray, first: int, luminance: FloatArray, area: Area, similarity: Similarity, memory: Memory, out: FloatArray
 ) -> None:
     """Average one window. area: first and end row, first and end column. `weights` and `colour` are ring buffers of rows."""
-    height, width = luminance.shape
-    top, bottom, left, right = area
+    (height, width), (top, bottom, left, right) = luminance.shape, area
+    (radius, blur, _), (_, _, weights, colour) = similarity, memory
     repetitions, ring = colour.shape[0], colour.shape[1]
     edge = left - repetitions * radius  # the frame's column at column 0 of the buffers
     columns = right - left + 2 * repetitions * radius
-    sums = zeros(colour.shape[2] * colour.shape[3]).reshape(colour.shape[2], colour.shape[3])
+    sums = zeros(colour.shape[2], colour.shape[3])
     begin, end = max(-radius, top - repetitions * radius), bottom + (repetitions - 1) * radius
     coloured = max(top - repetitions * radius, 0)  # the first row that is not in colour[0] yet
     for batch in range(begin, end, _BATCH):
@@ -98,7 +90,7 @@ def _window(
         if batch < height:
             known = 0 if batch == begin else len(blur) - 1
             rows = batch, min(after, height)
-            _weigh(luminance, rows, known, edge, columns, radius, blur, falloff, light, blurred, weights)
+            _weigh(luminance, rows, known, edge, columns, similarity, memory)
         for repetition in range(repetitions):
             behind, around = repetition * radius, (repetitions - 1 - repetition) * radius
             start, stop = max(left - around, 0) - edge, min(right + around, width) - edge
@@ -117,24 +109,14 @@ def _window(
 
 @kernel
 def _weigh(
-    luminance: FloatArray,
-    rows: tuple[int, int],
-    known: int,
-    edge: int,
-    columns: int,
-    radius: int,
-    blur: FloatArray,
-    falloff: Scalar,
-    light: FloatArray,
-    blurred: FloatArray,
-    weights: FloatArray,
+    luminance: FloatArray, rows: tuple[int, int], known: int, edge: int, columns: int, similarity: Similarity, memory: Memory
 ) -> None:
     """Compute the weights of Eq. 16, without the light, for a batch of rows, offset by offset; 0 below an exponent of -87.
 
     known: how many of the rows blurred for the previous batch are the first rows of this one: 0, or one less than there are taps.
     """
-    height = len(luminance)
-    reach = len(blur) // 2
+    (radius, blur, falloff), (light, blurred, weights, _) = similarity, memory
+    height, reach = len(luminance), len(blur) // 2
     count = rows[1] - rows[0] + 2 * reach
     for row in range(known, count + radius):
         source = luminance[mirrored(rows[0] - reach + row, height)]
@@ -146,17 +128,17 @@ def _weigh(
                 blurred[offset, :known] = blurred[offset, _BATCH : _BATCH + known]
             for row in range(known, count):
                 # Squared differences from the pixel at the offset, stored in the row after the batch's blurred rows.
-                for column in range(0, columns + 2 * reach, _LANES):
+                for column in range(0, columns + 2 * reach, WIDTH):
                     difference = load(light, (row + down, column + radius + across)) - load(light, (row, column + radius))
                     store(blurred, (offset, count, column), difference * difference)
-                for column in range(0, columns, _LANES):
+                for column in range(0, columns, WIDTH):
                     mean = blur[0] * load(blurred, (offset, count, column))
                     for tap in range(1, len(blur)):
                         mean += blur[tap] * load(blurred, (offset, count, column + tap))
                     store(blurred, (offset, row, column), mean)
             for row in range(rows[1] - rows[0]):
                 slot = (rows[0] + row) % len(weights)
-                for column in range(0, columns, _LANES):
+                for column in range(0, columns, WIDTH):
                     distance = blur[0] * load(blurred, (offset, row, column))
                     for tap in range(1, len(blur)):
                         distance += blur[tap] * load(blurred, (offset, row + tap, column))
@@ -192,7 +174,7 @@ def _sum(
         slots[down, 1] = mirrored(row - down, height) % ring
         slots[down, 2] = (row - down) % kept
     for plane in range(0, colour.shape[1], _TOGETHER):
-        for column in range(start, stop, _LANES):
+        for column in range(start, stop, WIDTH):
             x = column + radius
             a, b, c, d = (
                 load(colour, (at, plane, x)), load(colour, (at, plane + 1, x)),
@@ -222,7 +204,7 @@ def _sum(
 @kernel
 def _finish(sums: FloatArray, initial: FloatArray, start: int, stop: int, edge: int, out: FloatArray) -> None:
     """Divide the sums of Eq. 15 and write them to `out`; a pixel without light keeps its initial chromaticity."""
-    for column in range(start, stop, _LANES):
+    for column in range(start, stop, WIDTH):
         share = quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
         for channel in range(out.shape[1]):
             store(sums, (channel + 1, column), load(sums, (channel + 1, column)) * share)
@@ -241,7 +223,7 @@ def _finish(sums: FloatArray, initial: FloatArray, start: int, stop: int, edge: 
 @kernel
 def _pass_on(sums: FloatArray, colour: FloatArray, start: int, stop: int, radius: int, following: FloatArray) -> None:
     """Divide the sums of Eq. 15 and multiply by light again, for the next repetition; a pixel without light has no weight there."""
-    for column in range(start, stop, _LANES):
+    for column in range(start, stop, WIDTH):
         light = load(colour, (0, column + radius))
         share = light * quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
         store(following, (0, column + radius), light)

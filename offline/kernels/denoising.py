@@ -17,11 +17,16 @@ from .compile import kernel, parallel_kernel, prange
 from .functions import mirrored, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
-_LANES = WIDTH
 _ROWS, _COLUMNS = 128, 256  # of a window
 _TOGETHER = 4  # rows of coefficients at a time: sizes are multiples of it
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-30)
+
+Area = tuple[int, int, int, int]
+Model = tuple[Scalar, Scalar, Scalar]
+"""(shot, read, threshold), as `denoise` takes them."""
+Memory = tuple[FloatArray, FloatArray, FloatArray]
+"""What one worker computes with: planes of a window (samples, pilot, sums, weights), half-transformed rows, and blocks in lanes."""
 
 
 @parallel_kernel
@@ -54,14 +59,10 @@ def denoise(
     halo = 2 * (most - 1)
     along = (width + _COLUMNS - 1) // _COLUMNS
     windows = (rows[1] - rows[0] + _ROWS - 1) // _ROWS * along
-    tall, wide = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * _LANES) // _LANES * _LANES
+    tall, wide = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * WIDTH) // WIDTH * WIDTH
     for worker in prange(workers):
-        samples = zeros(tall * wide).reshape(tall, wide)
-        pilot = zeros(tall * wide).reshape(tall, wide)
-        sums = zeros(tall * wide).reshape(tall, wide)
-        weights = zeros(tall * wide).reshape(tall, wide)
-        halves = zeros((3 * most + 1) * wide).reshape(3 * most + 1, wide)
-        block = zeros(3 * most * most * _LANES).reshape(3, most * most, _LANES)
+        planes, halves, block = zeros(4, tall, wide), zeros(4, most, wide), zeros(3, most * most, WIDTH)
+        samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
         for window in range(worker, windows, workers):
             top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
             down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
@@ -71,7 +72,7 @@ def denoise(
                     samples[row, column] = noisy[source, mirrored(left - halo + column, width)]
             inner = halo // 2
             area = 0, down + 2 * halo, 0, across + 2 * halo
-            _aggregate(samples, pilot, False, area, sizes, transforms, shot, read, threshold, sums, weights, halves, block)
+            _aggregate((planes, halves, block), False, area, sizes, transforms, (shot, read, threshold))
             for row in range(inner, down + 2 * halo - inner):
                 source = mirrored(top - halo + row, height)
                 for column in range(inner, across + 2 * halo - inner):
@@ -79,36 +80,22 @@ def denoise(
                     if uncertain[source, mirrored(left - halo + column, width)]:
                         samples[row, column] = pilot[row, column]
             area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
-            _aggregate(samples, pilot, True, area, sizes, transforms, shot, read, _ONE, sums, weights, halves, block)
+            _aggregate((planes, halves, block), True, area, sizes, transforms, (shot, read, threshold))
             for row in range(down):
                 for column in range(across):
                     out[top + row, left + column] = sums[row + halo, column + halo] / weights[row + halo, column + halo]
 
 
 @kernel
-def _aggregate(
-    samples: FloatArray,
-    pilot: FloatArray,
-    guided: bool,
-    area: tuple[int, int, int, int],
-    sizes: IndexArray,
-    transforms: FloatArray,
-    shot: Scalar,
-    read: Scalar,
-    threshold: Scalar,
-    sums: FloatArray,
-    weights: FloatArray,
-    halves: FloatArray,
-    block: FloatArray,
-) -> None:
+def _aggregate(memory: Memory, guided: bool, area: Area, sizes: IndexArray, transforms: FloatArray, model: Model) -> None:
     """Sum all shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column."""
+    planes, halves, block = memory
+    samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
+    forward, expected, backward, light = halves[0], halves[1], halves[2], halves[3, 0]
     sums[:] = _NONE
     weights[:] = _NONE
-    most = transforms.shape[1]
     for kind in range(len(sizes)):
         size, transform = sizes[kind], transforms[kind]
-        forward, backward, light = halves[:most], halves[2 * most : 3 * most], halves[3 * most]
-        expected = halves[most : 2 * most]
         for row in range(area[0], area[1] - size + 1):
             _down(samples, row, area, size, transform, forward)
             if guided:
@@ -116,30 +103,30 @@ def _aggregate(
             for k in range(size):
                 backward[k] = _NONE
             light[:] = _NONE
-            for column in range(area[2], area[3] - size + 1, _LANES):
+            for column in range(area[2], area[3] - size + 1, WIDTH):
                 _across(forward, column, size, transform, block[1], block[0])
                 if guided:
                     _across(expected, column, size, transform, block[1], block[2])
-                    weight = _wiener(block, size, shot, read)
+                    weight = _wiener(block, size, model)
                 else:
-                    weight = _hard(block, size, shot, read, threshold)
+                    weight = _hard(block, size, model)
                 # Lanes beyond the last block get no weight.
                 last = area[3] - size
-                if column + _LANES - 1 > last:
-                    for lane in range(_LANES):
+                if column + WIDTH - 1 > last:
+                    for lane in range(WIDTH):
                         block[1, 0, lane] = _ONE if column + lane <= last else _NONE
                     weight = weight * load(block, (1, 0, 0))
                 _back(block[0], column, size, transform, weight, backward)
                 for i in range(size):
                     store(light, column + i, load(light, column + i) + weight)
-            _up(backward, light, row, area, size, transform, sums, weights)
+            _up(backward, light, row, area, size, transform, planes)
 
 
 @kernel
-def _down(plane: FloatArray, row: int, area: tuple[int, int, int, int], size: int, transform: FloatArray, out: FloatArray) -> None:
+def _down(plane: FloatArray, row: int, area: Area, size: int, transform: FloatArray, out: FloatArray) -> None:
     """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     half = size // 2
-    for column in range(area[2], area[3], _LANES):
+    for column in range(area[2], area[3], WIDTH):
         for k in range(0, size, 2):
             even, odd = load(plane, (row, column)) * _NONE, load(plane, (row, column)) * _NONE
             for i in range(half):
@@ -185,10 +172,9 @@ def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, f
 
 
 @kernel
-def _hard(block: FloatArray, size: int, shot: Scalar, read: Scalar, threshold: Scalar) -> Lanes:
+def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
     """Set the coefficients below the threshold to 0, except the mean. Returns the weight, pixels over remaining variance."""
-    mean = load(block, (0, 0, 0))
-    variance = _variance(mean, size, shot, read)
+    variance, threshold = _variance(load(block, (0, 0, 0)), size, model), model[2]
     limit = variance * (threshold * threshold)
     kept = limit * _NONE + _ONE
     for place in range(1, size * size):
@@ -200,9 +186,9 @@ def _hard(block: FloatArray, size: int, shot: Scalar, read: Scalar, threshold: S
 
 
 @kernel
-def _wiener(block: FloatArray, size: int, shot: Scalar, read: Scalar) -> Lanes:
+def _wiener(block: FloatArray, size: int, model: Model) -> Lanes:
     """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight."""
-    variance = _variance(load(block, (2, 0, 0)), size, shot, read)
+    variance = _variance(load(block, (2, 0, 0)), size, model)
     kept = variance * _NONE + _ONE
     for place in range(1, size * size):
         value = load(block, (2, place, 0))
@@ -214,8 +200,9 @@ def _wiener(block: FloatArray, size: int, shot: Scalar, read: Scalar) -> Lanes:
 
 
 @kernel
-def _variance(mean: Lanes, size: int, shot: Scalar, read: Scalar) -> Lanes:
+def _variance(mean: Lanes, size: int, model: Model) -> Lanes:
     """Noise variance of the samples of a block, given its DC coefficient `mean`."""
+    shot, read, _ = model
     return greater(greater(mean, _NONE) * (shot / np.float32(size)) + read * read, _LEAST)
 
 
@@ -247,24 +234,16 @@ def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weig
 
 
 @kernel
-def _up(
-    halves: FloatArray,
-    light: FloatArray,
-    row: int,
-    area: tuple[int, int, int, int],
-    size: int,
-    transform: FloatArray,
-    sums: FloatArray,
-    weights: FloatArray,
-) -> None:
-    """Add a row of blocks, transformed back vertically, to the picture."""
-    for column in range(area[2], area[3], _LANES):
+def _up(half: FloatArray, light: FloatArray, row: int, area: Area, size: int, transform: FloatArray, planes: FloatArray) -> None:
+    """Add a row of blocks, transformed back vertically, to the picture: to the planes `sums` and `weights`."""
+    sums, weights = planes[2], planes[3]
+    for column in range(area[2], area[3], WIDTH):
         weight = load(light, column)
         for i in range(size // 2):
             even, odd = weight * _NONE, weight * _NONE
             for k in range(0, size, 2):
-                even += transform[k, i] * load(halves, (k, column))
-                odd += transform[k + 1, i] * load(halves, (k + 1, column))
+                even += transform[k, i] * load(half, (k, column))
+                odd += transform[k + 1, i] * load(half, (k + 1, column))
             a, b = row + i, row + size - 1 - i
             store(sums, (a, column), load(sums, (a, column)) + (even + odd))
             store(sums, (b, column), load(sums, (b, column)) + (even - odd))

@@ -13,59 +13,50 @@ from .compile import kernel
 from .functions import exponential, zeros
 from .lanes import WIDTH, load, store
 
-_LANES = WIDTH
 _NONE = np.float32(0)
-_ONE = np.float32(1)
+
+Filters = tuple[FloatArray, FloatArray, NDArray[np.intp]]
+Filter = tuple[FloatArray, FloatArray, int]
 
 
 @kernel
-def transmission(
-    light: FloatArray, period: int, smooth: FloatArray, slope: FloatArray, radii: NDArray[np.intp], through: FloatArray
-) -> None:
+def transmission(light: FloatArray, period: int, filters: Filters, through: FloatArray) -> None:
     """Compute exp(-e_h) and exp(-e_v) of a window of whole patches. A patch without gradients has a transmission of 1.
 
-    light: luminance of the window, with `reach` more pixels on every side and 3 LANES columns of slack at the right.
+    light: luminance of the window, with `reach` more pixels on every side and 3 WIDTH columns of slack at the right.
     period: K, rows and columns of a patch.
-    smooth, slope: (scales, reach + 1), a Gaussian and its slope at distances 0, 1, ...
-    radii: (scales,), the radius at which each ends.
-    through: (2, rows + 2, LANES + columns + 2 LANES), written from row 1, column LANES on.
+    filters: (smooth, slope, radii), (scales, reach + 1) twice, a Gaussian and its slope at distances 0, 1, ..., and (scales,), the
+        radius at which each ends.
+    through: (2, rows + 2, WIDTH + columns + 2 WIDTH), written from row 1, column WIDTH on.
     """
+    smooth, slope, radii = filters
     reach = smooth.shape[1] - 1
-    rows, columns = light.shape[0] - 2 * reach, light.shape[1] - 2 * reach - 3 * _LANES
-    width = columns + _LANES
-    energy = zeros(2 * period * width).reshape(2, period, width)
+    rows, columns = light.shape[0] - 2 * reach, light.shape[1] - 2 * reach - 3 * WIDTH
+    width = columns + WIDTH
+    energy, relative = zeros(2, period, width), zeros(2, width)
     smoothed, sloped = zeros(light.shape[1]), zeros(light.shape[1])
-    relative = zeros(2 * width).reshape(2, width)
     for top in range(0, rows, period):
         energy[:] = _NONE
         for row in range(period):
             for scale in range(len(radii)):
-                radius = radii[scale]
-                _filter_down(light, top + row + reach, columns + 2 * reach, smooth[scale], slope[scale], radius, smoothed, sloped)
-                _add_energy(smoothed, sloped, columns, reach, smooth[scale], slope[scale], radius, energy, row)
+                pair = smooth[scale], slope[scale], radii[scale]
+                _filter_down(light, top + row + reach, columns + 2 * reach, pair, smoothed, sloped)
+                _add_energy(smoothed, sloped, columns, reach, pair, energy, row)
         _over_mean(energy, columns, period, relative)
         for row in range(period):
             for axis in range(2):
-                for column in range(0, columns, _LANES):
+                for column in range(0, columns, WIDTH):
                     e = load(energy, (axis, row, column)) * load(relative, (axis, column))
-                    store(through, (axis, top + row + 1, column + _LANES), exponential(e))
+                    store(through, (axis, top + row + 1, column + WIDTH), exponential(e))
 
 
 @kernel
-def _filter_down(
-    light: FloatArray,
-    row: int,
-    columns: int,
-    smooth: FloatArray,
-    slope: FloatArray,
-    radius: int,
-    smoothed: FloatArray,
-    sloped: FloatArray,
-) -> None:
+def _filter_down(light: FloatArray, row: int, columns: int, pair: Filter, smoothed: FloatArray, sloped: FloatArray) -> None:
     """Apply the vertical halves of both filters to one row. Written as differences of symmetric pairs, so that flat input gives
     exactly 0.
     """
-    for column in range(0, columns, _LANES):
+    smooth, slope, radius = pair
+    for column in range(0, columns, WIDTH):
         sum_ = smooth[0] * load(light, (row, column))
         difference = _NONE * load(light, (row, column))
         for step in range(1, radius + 1):
@@ -78,18 +69,11 @@ def _filter_down(
 
 @kernel
 def _add_energy(
-    smoothed: FloatArray,
-    sloped: FloatArray,
-    columns: int,
-    reach: int,
-    smooth: FloatArray,
-    slope: FloatArray,
-    radius: int,
-    energy: FloatArray,
-    row: int,
+    smoothed: FloatArray, sloped: FloatArray, columns: int, reach: int, pair: Filter, energy: FloatArray, row: int
 ) -> None:
     """Apply the horizontal halves: add |G_hs * l|^2 to plane 0 of `energy`, |G_vs * l|^2 to plane 1."""
-    for column in range(0, columns, _LANES):
+    smooth, slope, radius = pair
+    for column in range(0, columns, WIDTH):
         across = _NONE * load(smoothed, column)
         down = smooth[0] * load(sloped, column + reach)
         for step in range(1, radius + 1):

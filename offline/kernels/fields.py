@@ -15,16 +15,16 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
-from .edges import transmission
+from .edges import Filters, transmission
 from .functions import zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, lesser, load, quotient, shifted, square_root, store, total
 
 SOLVED = 3
 """Fields that are solved; the fourth is one minus their sum."""
-_LANES = WIDTH
 _LAST = WIDTH - 1
 _MARGIN = WIDTH  # columns of a region's planes left of its first column; as many and up to one vector more follow its last
 _NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+_ONES = (_ONE,) * 8
 _LEAST = np.float32(1e-37)
 _RESIDUAL, _DIRECTION, _APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED  # planes of the unknowns, after the solutions
 _PLANES = 4 + 1 + 2 + 4 * SOLVED
@@ -39,7 +39,7 @@ def solve_regions(
     core: int,
     halo: int,
     pins: FloatArray,
-    filters: tuple[FloatArray, FloatArray, IndexArray],
+    filters: Filters,
     limits: tuple[float, int],
     workers: int,
     fields: FloatArray,
@@ -53,7 +53,7 @@ def solve_regions(
     patches: (first row, end row, columns) of the patches. Both rows are multiples of `core`, unless the domain ends there.
     period: K, pixels.
     core, halo: patches from one side of a core to the other, and around it.
-    pins: (4, 2 period, 4 period + a region's columns + 3 LANES), from the domain's corner on, repeating in both directions: 1 at
+    pins: (4, 2 period, 4 period + a region's columns + 3 WIDTH), from the domain's corner on, repeating in both directions: 1 at
         the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
     filters: (smooth, slope, radii) as `transmission` takes them.
     limits: (tolerance, iterations) of conjugate gradients: norm of the residual relative to that of the right-hand side, both
@@ -72,7 +72,7 @@ def solve_regions(
     for worker in prange(workers):
         # Memory is taken once: fresh pages for every region would cost as much as solving it.
         memory = zeros(_PLANES * (largest + 2) * _width(largest))
-        window = zeros((largest + 2 * reach) * (largest + 2 * reach + 3 * _LANES))
+        window = zeros((largest + 2 * reach) * (largest + 2 * reach + 3 * WIDTH))
         for region in range(worker, regions, workers):
             top, left = first + region // along * core, region % along * core
             bottom, right = min(top + core, end), min(left + core, across)
@@ -80,7 +80,7 @@ def solve_regions(
             below, after = min(bottom + halo, height // period), min(right + halo, across)
             size = (below - above) * period, (after - before) * period
             place = above * period, before * period
-            light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * _LANES)].reshape(size[0] + 2 * reach, -1)
+            light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * WIDTH)].reshape(size[0] + 2 * reach, -1)
             for row in range(size[0] + 2 * reach):
                 for column in range(size[1] + 2 * reach):
                     light[row, column] = luminance[rows[place[0] + row], columns[place[1] + column]]
@@ -88,20 +88,19 @@ def solve_regions(
             planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
             planes[:] = _NONE
             weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
-            transmission(light, period, filters[0], filters[1], filters[2], through)
+            transmission(light, period, filters, through)
             _weigh(through, place, size, pins, weights, scale)
             norm = _start(weights, scale, pins, place, size, unknowns)
             residuals[region], used[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
             inner = (top - above) * period, (left - before) * period
-            extent = (bottom - top) * period, (right - left) * period
             out = fields[:, (top - first) * period : (bottom - first) * period, left * period : right * period]
-            _finish(unknowns, scale, pins, place, inner, extent, out)
+            _finish(unknowns, scale, pins, place, inner, out)
 
 
 @kernel
 def _width(columns: int) -> int:
     """Columns of the planes of a region that has `columns` of its own."""
-    return _MARGIN + (columns + _LANES - 1) // _LANES * _LANES + _MARGIN
+    return _MARGIN + (columns + WIDTH - 1) // WIDTH * WIDTH + _MARGIN
 
 
 @kernel
@@ -117,7 +116,7 @@ def _weigh(
     period = pins.shape[1] // 2
     through[:, :, _MARGIN + size[1] :] = _NONE  # no neighbours past the end
     for row in range(1, size[0] + 1):
-        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
             h, v = load(through, (0, row, column)), load(through, (1, row, column))
             either = lesser(h, v)  # e is the greater of both directions' along a diagonal (errata)
             store(weights, (0, row, column), lesser(h, load(through, (0, row, column + 1))))
@@ -129,8 +128,8 @@ def _weigh(
     phase = _phase(place, period)
     for row in range(1, size[0] + 1):
         at = (place[0] + row - 1) % (2 * period)
-        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
-            degree = _around(weights, row, column, _ONE, _ONE, _ONE, _ONE, _ONE, _ONE, _ONE, _ONE)
+        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
+            degree = _around(weights, row, column, _ONES)
             free = _ONE - load(pins, (SOLVED, at, phase + column - _MARGIN))
             store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
         scale[row, _MARGIN + size[1] :] = _NONE
@@ -143,20 +142,9 @@ def _phase(place: tuple[int, int], period: int) -> int:
 
 
 @kernel
-def _around(
-    weights: FloatArray,
-    row: int,
-    column: int,
-    right: Lanes | Scalar,
-    left: Lanes | Scalar,
-    below: Lanes | Scalar,
-    above: Lanes | Scalar,
-    below_right: Lanes | Scalar,
-    above_left: Lanes | Scalar,
-    below_left: Lanes | Scalar,
-    above_right: Lanes | Scalar,
-) -> Lanes:
-    """The sum over eight neighbours of c[n, n'] times a value at n'."""
+def _around(weights: FloatArray, row: int, column: int, near: tuple[Lanes | Scalar, ...]) -> Lanes:
+    """The sum over eight neighbours of c[n, n'] times a value at n', in the order of their names here."""
+    right, left, below, above, below_right, above_left, below_left, above_right = near
     return (
         load(weights, (0, row, column)) * right
         + load(weights, (0, row, column - 1)) * left
@@ -180,11 +168,11 @@ def _start(
     """
     period2 = pins.shape[1]
     phase = _phase(place, period2 // 2)
-    squares = zeros(SOLVED * _LANES).reshape(SOLVED, _LANES)
+    squares = zeros(SOLVED, WIDTH)
     for row in range(1, size[0] + 1):
         at = place[0] + row - 1
         above, at, below = (at - 1) % period2, at % period2, (at + 1) % period2
-        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
             x = phase + column - _MARGIN
             every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x)
             here = load(scale, (row, column))
@@ -194,7 +182,7 @@ def _start(
                 side = here * pulled
                 store(squares, (field, 0), load(squares, (field, 0)) + side * side)
     for row in range(1, size[0] + 1):
-        for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
             here = load(scale, (row, column))
             # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
             store(weights, (0, row, column), load(weights, (0, row, column)) * here * load(scale, (row, column + 1)))
@@ -209,10 +197,7 @@ def _pulled(
     weights: FloatArray, row: int, column: int, pins: FloatArray, field: int, above: int, at: int, below: int, x: int
 ) -> Lanes:
     """The sum over the pinned neighbours of c[n, n'] times their value: the right-hand side, before scaling."""
-    return _around(
-        weights,
-        row,
-        column,
+    near = (
         load(pins, (field, at, x + 1)),
         load(pins, (field, at, x - 1)),
         load(pins, (field, below, x)),
@@ -222,6 +207,7 @@ def _pulled(
         load(pins, (field, below, x - 1)),
         load(pins, (field, above, x + 1)),
     )
+    return _around(weights, row, column, near)
 
 
 @kernel
@@ -257,7 +243,7 @@ def _conjugate_gradients(
             break
     for field in range(SOLVED):
         for row in range(1, size[0] + 1):
-            for column in range(_MARGIN, _MARGIN + size[1], _LANES):
+            for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
                 step = steps[field] * load(planes, (_DIRECTION + field, row, column))
                 store(planes, (field, row, column), load(planes, (field, row, column)) + step)
     return math.sqrt(worst / norm), used
@@ -268,7 +254,7 @@ def _sweep(
     weights: FloatArray, size: tuple[int, int], planes: FloatArray, steps: FloatArray, turns: FloatArray, sums: DoubleArray
 ) -> None:
     """Run one iteration. sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
-    parts = zeros(SOLVED * 4 * _LANES).reshape(SOLVED, 4, _LANES)
+    parts = zeros(SOLVED, 4, WIDTH)
     _update(planes, 1, size[1], steps, turns, parts)
     for row in range(1, size[0] + 1):
         if row < size[0]:
@@ -285,7 +271,7 @@ def _update(planes: FloatArray, row: int, columns: int, steps: FloatArray, turns
     for field in range(SOLVED):
         step, turn = steps[field], turns[field]
         squared = load(parts, (field, 0, 0))
-        for column in range(_MARGIN, _MARGIN + columns, _LANES):
+        for column in range(_MARGIN, _MARGIN + columns, WIDTH):
             direction = load(planes, (_DIRECTION + field, row, column))
             store(planes, (field, row, column), load(planes, (field, row, column)) + step * direction)
             residual = load(planes, (_RESIDUAL + field, row, column)) - step * load(planes, (_APPLIED + field, row, column))
@@ -300,14 +286,15 @@ def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, part
     """Apply the matrix to the directions of one row, and add its other three products to `parts`."""
     for field in range(SOLVED):
         curvature, applied, mixed = load(parts, (field, 1, 0)), load(parts, (field, 2, 0)), load(parts, (field, 3, 0))
-        start = _MARGIN - _LANES
+        start = _MARGIN - WIDTH
         a0, b0, c0 = _three(planes, field, row, start)
-        a1, b1, c1 = _three(planes, field, row, start + _LANES)
-        for column in range(_MARGIN, _MARGIN + columns, _LANES):
-            a2, b2, c2 = _three(planes, field, row, column + _LANES)
+        a1, b1, c1 = _three(planes, field, row, start + WIDTH)
+        for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+            a2, b2, c2 = _three(planes, field, row, column + WIDTH)
             right, below_right, above_right = shifted(b1, b2, 1), shifted(c1, c2, 1), shifted(a1, a2, 1)
             left, below_left, above_left = shifted(b0, b1, _LAST), shifted(c0, c1, _LAST), shifted(a0, a1, _LAST)
-            product = b1 - _around(weights, row, column, right, left, c1, a1, below_right, above_left, below_left, above_right)
+            near = right, left, c1, a1, below_right, above_left, below_left, above_right
+            product = b1 - _around(weights, row, column, near)
             store(planes, (_APPLIED + field, row, column), product)
             curvature += b1 * product
             applied += product * product
@@ -331,22 +318,17 @@ def _three(planes: FloatArray, field: int, row: int, column: int) -> tuple[Lanes
 
 @kernel
 def _finish(
-    solution: FloatArray,
-    scale: FloatArray,
-    pins: FloatArray,
-    place: tuple[int, int],
-    inner: tuple[int, int],
-    extent: tuple[int, int],
-    out: FloatArray,
+    solution: FloatArray, scale: FloatArray, pins: FloatArray, place: tuple[int, int], inner: tuple[int, int], out: FloatArray
 ) -> None:
     """Write the four fields of a core: not below zero, and scaled to a sum of one, despite rounding and tolerance."""
     period2 = pins.shape[1]
     phase = _phase(place, period2 // 2)
     first = _MARGIN + inner[1]
-    line = zeros((SOLVED + 1) * (extent[1] + _LANES)).reshape(SOLVED + 1, -1)
-    for row in range(extent[0]):
+    _, rows, columns = out.shape
+    line = zeros(SOLVED + 1, columns + WIDTH)
+    for row in range(rows):
         at = (place[0] + inner[0] + row) % period2
-        for column in range(0, extent[1], _LANES):
+        for column in range(0, columns, WIDTH):
             x = phase + inner[1] + column
             here = load(scale, (inner[0] + row + 1, first + column))
             free = _QUARTER * (_ONE - load(pins, (SOLVED, at, x)))
@@ -362,4 +344,4 @@ def _finish(
             for field in range(SOLVED):
                 store(line, (field, column), load(line, (field, column)) * share)
         for field in range(SOLVED + 1):
-            out[field, row] = line[field, : extent[1]]
+            out[field, row] = line[field, :columns]

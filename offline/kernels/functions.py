@@ -5,7 +5,7 @@ import numpy as np
 from shared.arrays import FloatArray
 
 from .compile import kernel
-from .lanes import BYTES, Lanes, Scalar, greater, root_seed, times_power
+from .lanes import BYTES, WIDTH, Lanes, Scalar, greater, root_seed, times_power
 
 # x^(-1/2) from its seed y: r = x y^2 is within 0.875 .. 0.993, and y times this cubic in r is off by 5.4e-7 at most (minimax fit).
 _ROOT0, _ROOT1, _ROOT2, _ROOT3 = (np.float32(c) for c in (2.2662262, -2.4310766, 1.5637192, -0.39887085))
@@ -17,7 +17,6 @@ _EXP1, _EXP2, _EXP3, _EXP4, _EXP5 = (np.float32(c) for c in (0.9999997072, 0.499
 _ROUND = np.float32(1.5 * 2**23)  # added and taken off again, rounds to an integer
 LEAST_EXPONENT = np.float32(-87.0)  # e^-87 is about the least normal float32
 _ONE = np.float32(1)
-_BYTES, _ITEM = BYTES, 4
 
 
 @kernel
@@ -60,8 +59,11 @@ def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -
 
 
 @kernel
-def zeros(size: int) -> FloatArray:
-    """`size` float32 zeros, aligned to the size of a vector, where reading them is fastest."""
-    buffer = np.zeros(size + _BYTES // _ITEM, np.float32)
-    first = -(buffer.ctypes.data // _ITEM) % (_BYTES // _ITEM)
-    return buffer[first : first + size]
+def zeros(*shape: int) -> FloatArray:
+    """An array of float32 zeros, aligned to the size of a vector, where reading them is fastest."""
+    size = 1
+    for length in shape:
+        size *= length
+    buffer = np.zeros(size + WIDTH, np.float32)
+    first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
+    return buffer[first : first + size].reshape(shape)

@@ -18,11 +18,10 @@ from .lanes import WIDTH, Lanes, lesser, load, store
 REACH = 4
 """Radius in pixels of the area on which a hole's new value depends: three for the taps, one for the neighbourhood of Eq. 2."""
 CHUNK = 4
-"""The number of columns of `response` is a multiple of this."""
+"""Holes that are computed together; their number is rounded up to a multiple of this."""
 _BANDS = 3
 _ONE = np.float32(1)
 _NONE = np.float32(0)
-_LANES = WIDTH
 
 
 @parallel_kernel
@@ -46,31 +45,28 @@ def fill_blocks(
     period: pixels from one block to the next, at least `extent` + `REACH` in both directions.
     extent: (rows, columns) of a block.
     holes: (holes, 2), row and column of each hole in a block.
-    response: (3 (rows + 3) (columns + 3), holes rounded up to a multiple of `CHUNK`), what a sample of 1 in each hole adds to the
-        high-pass coefficients that see it.
+    response: (3 (rows + 3) (columns + 3), chunks of holes, CHUNK), what a sample of 1 in each hole adds to the high-pass
+        coefficients that see it.
     taps: (2, 4), low-pass and high-pass.
     thresholds: one per iteration, at least one, scene units.
     changes: (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
     rows, columns = extent
-    bands = _BANDS * (rows + 3) * (columns + 3)
     for row in prange(blocks[0]):
-        window = zeros((rows + 2 * REACH) * (columns + 2 * REACH) * _LANES).reshape(rows + 2 * REACH, columns + 2 * REACH, _LANES)
-        energy = zeros(_BANDS * (rows + 5) * (columns + 5) * _LANES).reshape(_BANDS, rows + 5, columns + 5, _LANES)
-        fixed = zeros(bands * _LANES).reshape(bands, _LANES)
-        removed = zeros(bands * _LANES).reshape(bands, _LANES)
-        values = zeros(response.shape[1] * _LANES).reshape(response.shape[1], _LANES)
-        before = zeros(response.shape[1] * _LANES).reshape(response.shape[1], _LANES)
+        window = zeros(rows + 2 * REACH, columns + 2 * REACH, WIDTH)
+        energy = zeros(_BANDS, rows + 5, columns + 5, WIDTH)
+        fixed, removed = zeros(len(response), WIDTH), zeros(len(response), WIDTH)
+        values, before = zeros(response.shape[1] * CHUNK, WIDTH), zeros(response.shape[1] * CHUNK, WIDTH)
         changes[row] = _NONE
-        for group in range(0, blocks[1], _LANES):
+        for group in range(0, blocks[1], WIDTH):
             # The spare lanes of the last group repeat the last block.
-            places = first[1] + period * np.minimum(np.arange(group, group + _LANES), blocks[1] - 1)
+            places = first[1] + period * np.minimum(np.arange(group, group + WIDTH), blocks[1] - 1)
             top = first[0] + row * period
             _gather(signal, top, places, holes, window, values)
             _decompose(window, taps, fixed, energy)
             _iterate(fixed, energy, response, thresholds, removed, values, before)
             for hole in range(len(holes)):
-                for lane in range(_LANES):
+                for lane in range(WIDTH):
                     changes[row] = max(changes[row], abs(values[hole, lane] - before[hole, lane]))
                     luminance[top + holes[hole, 0], places[lane] + holes[hole, 1]] = values[hole, lane]
 
@@ -82,10 +78,10 @@ def _gather(
     """Copy the surroundings of the blocks at row `top` to `window`, one block per lane, and the samples of holes to `values`."""
     for down in range(window.shape[0]):
         for across in range(window.shape[1]):
-            for lane in range(_LANES):
+            for lane in range(WIDTH):
                 window[down, across, lane] = signal[top + down - REACH, places[lane] + across - REACH]
     for hole in range(len(holes)):
-        for lane in range(_LANES):
+        for lane in range(WIDTH):
             place = holes[hole, 0] + REACH, holes[hole, 1] + REACH, lane
             values[hole, lane] = window[place]  # l_0 = m
             window[place] = _NONE
@@ -125,16 +121,12 @@ def _iterate(
     for iteration in range(len(thresholds)):
         threshold = thresholds[iteration]
         before[:] = values
-        for chunk in range(0, len(values), CHUNK):
+        for chunk in range(response.shape[1]):
             source = removed if chunk else fixed
-            h0, h1, h2, h3 = (
-                load(values, (chunk, 0)), load(values, (chunk + 1, 0)), load(values, (chunk + 2, 0)), load(values, (chunk + 3, 0))
-            )  # fmt: skip
+            h0, h1, h2, h3 = _four(values, CHUNK * chunk)
             for place in range(len(fixed)):
-                c0, c1, c2, c3 = (
-                    response[place, chunk], response[place, chunk + 1], response[place, chunk + 2], response[place, chunk + 3]
-                )  # fmt: skip
-                store(removed, (place, 0), load(source, (place, 0)) + c0 * h0 + c1 * h1 + c2 * h2 + c3 * h3)
+                c = response[place, chunk]
+                store(removed, (place, 0), load(source, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3)
         place = 0
         for band in range(_BANDS):
             start = place
@@ -153,23 +145,23 @@ def _iterate(
                     store(removed, (place, 0), load(removed, (place, 0)) * part)
                     left, middle = middle, right
                     place += 1
-        for chunk in range(0, len(values), CHUNK):
-            h0, h1, h2, h3 = (
-                load(values, (chunk, 0)), load(values, (chunk + 1, 0)), load(values, (chunk + 2, 0)), load(values, (chunk + 3, 0))
-            )  # fmt: skip
+        for chunk in range(response.shape[1]):
+            h0, h1, h2, h3 = _four(values, CHUNK * chunk)
             for place in range(len(fixed)):
-                c0, c1, c2, c3 = (
-                    response[place, chunk], response[place, chunk + 1], response[place, chunk + 2], response[place, chunk + 3]
-                )  # fmt: skip
+                c = response[place, chunk]
                 gone = load(removed, (place, 0))
-                h0 -= c0 * gone
-                h1 -= c1 * gone
-                h2 -= c2 * gone
-                h3 -= c3 * gone
-            store(values, (chunk, 0), h0)
-            store(values, (chunk + 1, 0), h1)
-            store(values, (chunk + 2, 0), h2)
-            store(values, (chunk + 3, 0), h3)
+                h0 -= c[0] * gone
+                h1 -= c[1] * gone
+                h2 -= c[2] * gone
+                h3 -= c[3] * gone
+            for hole, value in enumerate((h0, h1, h2, h3)):
+                store(values, (CHUNK * chunk + hole, 0), value)
+
+
+@kernel
+def _four(values: FloatArray, first: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    """Four rows of `values`."""
+    return load(values, (first, 0)), load(values, (first + 1, 0)), load(values, (first + 2, 0)), load(values, (first + 3, 0))
 
 
 @kernel

@@ -8,10 +8,11 @@ from .compile import kernel, parallel_kernel, prange
 from .functions import zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
-_LANES = WIDTH
 _CLASSES = 4
 _NONE, _ONE, _MINUS, _QUARTER = np.float32(0), np.float32(1), np.float32(-1), np.float32(0.25)
 _LEAST = np.finfo(np.float32).tiny
+
+Places = tuple[IndexArray, IndexArray]
 
 
 @parallel_kernel
@@ -19,8 +20,7 @@ def mix(
     fields: FloatArray,
     blocks: FloatArray,
     luminance: FloatArray,
-    rows: IndexArray,
-    columns: IndexArray,
+    places: Places,
     first: int,
     corner: tuple[int, int],
     softness: float,
@@ -31,7 +31,7 @@ def mix(
     fields: (4, pixel rows, domain columns), the fields of whole rows of patches.
     blocks: (block rows, block columns, C), all blocks of the grid.
     luminance: (H, W), the whole frame.
-    rows, columns: the frame's row at each row of the domain, and its column at each column.
+    places: the frame's row at each row of the domain, and its column at each column.
     first: index of the first row of patches in `fields`.
     corner: row of `fields` and domain column that belong to out[0, 0].
     softness: alpha (alpha + softness) replaces alpha^2 in Eq. 14.
@@ -40,14 +40,12 @@ def mix(
     across = blocks.shape[1] - 1
     period = fields.shape[2] // across
     channels = blocks.shape[2]
-    width = fields.shape[2] + _LANES
+    width = fields.shape[2] + WIDTH
     for patch in prange(fields.shape[1] // period):
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
-        light = zeros(_CLASSES * width).reshape(_CLASSES, width)
-        colour = zeros((_CLASSES + 1) * channels * width).reshape(_CLASSES + 1, channels, width)
-        _expand(blocks, luminance, rows, columns, first + patch, period, light, colour)
-        alpha = zeros(_CLASSES * width).reshape(_CLASSES, width)
-        line = zeros(channels * width).reshape(channels, width)
+        light, colour = zeros(_CLASSES, width), zeros(_CLASSES + 1, channels, width)
+        _expand(blocks, luminance, places, first + patch, period, light, colour)
+        alpha, line = zeros(_CLASSES, width), zeros(channels, width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
             alpha[:, : fields.shape[2]] = fields[:, row + corner[0]]
@@ -59,16 +57,10 @@ def mix(
 
 @kernel
 def _expand(
-    blocks: FloatArray,
-    luminance: FloatArray,
-    rows: IndexArray,
-    columns: IndexArray,
-    patch: int,
-    period: int,
-    light: FloatArray,
-    colour: FloatArray,
+    blocks: FloatArray, luminance: FloatArray, places: Places, patch: int, period: int, light: FloatArray, colour: FloatArray
 ) -> None:
     """Repeat light and colour of each class's corner over its patch; the last plane of `colour` is the mean of the four corners."""
+    rows, columns = places
     for across in range(blocks.shape[1] - 1):
         left, right = across * period, (across + 1) * period
         for kind in range(_CLASSES):
@@ -84,7 +76,7 @@ def _expand(
 
 @kernel
 def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatArray, softness: Scalar, line: FloatArray) -> None:
-    for column in range(0, columns, _LANES):
+    for column in range(0, columns, WIDTH):
         kappa0, kappa1, kappa2, kappa3 = (
             _kappa(alpha, light, 0, column, softness), _kappa(alpha, light, 1, column, softness),
             _kappa(alpha, light, 2, column, softness), _kappa(alpha, light, 3, column, softness),

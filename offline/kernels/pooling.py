@@ -10,7 +10,6 @@ from .lanes import WIDTH, Scalar, load, quotient, store
 
 SLACK = WIDTH
 """Columns after the border, so that the last vector stays inside the array."""
-_LANES = WIDTH
 _NONE = np.float32(0)
 
 
@@ -30,7 +29,7 @@ def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, 
     """
     rows = out.shape[1]
     for row in prange(rows):
-        total = zeros(len(sums) * _LANES).reshape(len(sums), _LANES)
+        total = zeros(len(sums), WIDTH)
         _pool_row(sums, features, row, radius, near, np.float32(light), total, out)
 
 
@@ -46,7 +45,7 @@ def _pool_row(
     out: FloatArray,
 ) -> None:
     channels = len(features) - 2
-    for column in range(0, out.shape[2] - SLACK, _LANES):
+    for column in range(0, out.shape[2] - SLACK, WIDTH):
         total[:] = _NONE
         variance = load(features, (channels, row + radius, column + radius))
         brightness = load(features, (channels + 1, row + radius, column + radius))

@@ -10,7 +10,7 @@ from shared.arrays import FloatArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import mirrored, scaled_reciprocal_root, zeros
-from .lanes import WIDTH, Scalar, lesser, load, store
+from .lanes import WIDTH, Lanes, Scalar, lesser, load, store
 
 REACH = 4
 """Radius in pixels of the area on which a new value depends: three for the taps, one for the 3 x 3 neighbourhood of Eq. 2."""
@@ -19,7 +19,6 @@ SLACK = REACH + 2 * WIDTH
 _BANDS = 3
 _STRIP = 64
 _ONE = np.float32(1)
-_LANES = WIDTH
 
 
 @parallel_kernel
@@ -39,8 +38,7 @@ def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: Floa
         first, last = strip * _STRIP, min(height, (strip + 1) * _STRIP)
         width = plane.shape[1]
         low, high = zeros(width), zeros(width)
-        bands = zeros(_BANDS * 3 * width).reshape(_BANDS, 3, width)
-        removed = zeros(_BANDS * 4 * width).reshape(_BANDS, 4, width)
+        bands, removed = zeros(_BANDS, 3, width), zeros(_BANDS, 4, width)
         # Row r of the bands sees rows r - 4 .. r - 1 of the frame.
         for row in range(first, last + REACH + 1):
             _decompose(plane, row, columns, taps, low, high, bands)
@@ -49,7 +47,7 @@ def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: Floa
             below = row - REACH - 1
             if below >= first and holes[below % len(holes), :columns].any():
                 _synthesise(removed, below, columns, taps, low, high)
-                for column in range(0, columns, _LANES):
+                for column in range(0, columns, WIDTH):
                     change = load(holes, (below % len(holes), column)) * load(low, column)
                     store(result, (below, column + REACH), load(plane, (below, column + REACH)) - change)
                 mirror_columns(result[below], columns)
@@ -73,12 +71,12 @@ def _decompose(
     )  # fmt: skip
     l0, l1, l2, l3 = taps[0]
     h0, h1, h2, h3 = taps[1]
-    for column in range(0, columns + 2 * REACH, _LANES):
+    for column in range(0, columns + 2 * REACH, WIDTH):
         p0, p1, p2, p3 = load(plane, (r0, column)), load(plane, (r1, column)), load(plane, (r2, column)), load(plane, (r3, column))
         store(low, column, l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3)
         store(high, column, h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
     place = row % 3
-    for column in range(0, columns + REACH + 1, _LANES):
+    for column in range(0, columns + REACH + 1, WIDTH):
         p0, p1, p2, p3 = load(low, column), load(low, column + 1), load(low, column + 2), load(low, column + 3)
         store(bands, (0, place, column), h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
         p0, p1, p2, p3 = load(high, column), load(high, column + 1), load(high, column + 2), load(high, column + 3)
@@ -90,10 +88,10 @@ def _decompose(
 def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, squares: FloatArray, removed: FloatArray) -> None:
     """Compute what Eq. 5 removes from row `row` of the bands; the rows above and below must be there too."""
     for band in range(_BANDS):
-        for column in range(0, columns + REACH + 1, _LANES):
+        for column in range(0, columns + REACH + 1, WIDTH):
             b0, b1, b2 = load(bands, (band, 0, column)), load(bands, (band, 1, column)), load(bands, (band, 2, column))
             store(squares, column, b0 * b0 + b1 * b1 + b2 * b2)
-        for column in range(0, columns + REACH, _LANES):
+        for column in range(0, columns + REACH, WIDTH):
             box = load(squares, column) + load(squares, column + 1) + load(squares, column + 2)
             part = lesser(_ONE, scaled_reciprocal_root(box, threshold))
             store(removed, (band, row % 4, column), load(bands, (band, row % 3, column + 1)) * part)
@@ -102,27 +100,25 @@ def _shrink(bands: FloatArray, row: int, columns: int, threshold: Scalar, square
 @kernel
 def _synthesise(removed: FloatArray, row: int, columns: int, taps: FloatArray, low: FloatArray, high: FloatArray) -> None:
     """Synthesise row `row` of the frame from rows row + 1 .. row + 4 of the bands, into `low`; the taps are reversed."""
-    r0, r1, r2, r3 = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
+    rows = (row + 1) % 4, (row + 2) % 4, (row + 3) % 4, row % 4
     l3, l2, l1, l0 = taps[0]
     h3, h2, h1, h0 = taps[1]
-    for column in range(0, columns + REACH, _LANES):
-        p0, p1, p2, p3 = (
-            load(removed, (0, r0, column)), load(removed, (0, r1, column)),
-            load(removed, (0, r2, column)), load(removed, (0, r3, column)),
-        )  # fmt: skip
+    for column in range(0, columns + REACH, WIDTH):
+        p0, p1, p2, p3 = _four(removed, 0, rows, column)
         across = l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3
-        p0, p1, p2, p3 = (
-            load(removed, (2, r0, column)), load(removed, (2, r1, column)),
-            load(removed, (2, r2, column)), load(removed, (2, r3, column)),
-        )  # fmt: skip
+        p0, p1, p2, p3 = _four(removed, 2, rows, column)
         store(high, column, across + h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
-        p0, p1, p2, p3 = (
-            load(removed, (1, r0, column)), load(removed, (1, r1, column)),
-            load(removed, (1, r2, column)), load(removed, (1, r3, column)),
-        )  # fmt: skip
+        p0, p1, p2, p3 = _four(removed, 1, rows, column)
         store(low, column, h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3)
-    for column in range(0, columns, _LANES):
+    for column in range(0, columns, WIDTH):
         p0, p1, p2, p3 = load(high, column), load(high, column + 1), load(high, column + 2), load(high, column + 3)
         across = h0 * p0 + h1 * p1 + h2 * p2 + h3 * p3
         p0, p1, p2, p3 = load(low, column), load(low, column + 1), load(low, column + 2), load(low, column + 3)
         store(low, column, across + l0 * p0 + l1 * p1 + l2 * p2 + l3 * p3)
+
+
+@kernel
+def _four(bands: FloatArray, band: int, rows: tuple[int, int, int, int], x: int) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+    """The coefficients of one band in four of its rows, from column x on."""
+    a, b, c, d = rows
+    return load(bands, (band, a, x)), load(bands, (band, b, x)), load(bands, (band, c, x)), load(bands, (band, d, x))

@@ -17,11 +17,11 @@ SCALES = (0.5, 1.0)
 
 def through(area: DoubleArray, period: int, scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     """Horizontally and vertically, of whole patches."""
-    smooth, slope, radii = derivative_filters(scales)
-    reach = smooth.shape[1] - 1
+    filters = derivative_filters(scales)
+    reach = filters[0].shape[1] - 1
     light = np.pad(np.pad(area.astype(np.float32), reach, mode="reflect"), ((0, 0), (0, 3 * WIDTH)))
     out = np.full((2, area.shape[0] + 2, area.shape[1] + 3 * WIDTH), -1, np.float32)
-    transmission(light, period, smooth, slope, radii, out)
+    transmission(light, period, filters, out)
     assert (out[:, [0, -1]] == -1).all()
     across, down = out[:, 1:-1, WIDTH : WIDTH + area.shape[1]]
     return across, down
