@@ -61,7 +61,7 @@ def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:
 
 
 def _mirrored(places: IndexArray, size: int) -> IndexArray:
-    """Indices of mirror images, by the border convention of `shared.arrays`."""
+    """Indices inside the frame of the mirror images, by the border convention of `shared.arrays`."""
     turn = max(2 * (size - 1), 1)
     folded = np.abs(places) % turn
     inside: IndexArray = np.minimum(folded, turn - folded)
@@ -69,7 +69,7 @@ def _mirrored(places: IndexArray, size: int) -> IndexArray:
 
 
 def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:
-    """The nearest indices inside that are equal modulo the period."""
+    """Nearest indices inside the frame with the same remainder modulo the period."""
     first = places % period
     last = first + (size - 1 - first) // period * period
     inside = np.where(places < 0, first, np.where(places >= size, last, places))

@@ -75,8 +75,9 @@ class Refused:
 
 
 def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, shots: ShotFolder) -> Iterator[Saved | Refused]:
-    """Save each frame with its preview; yields the outcome of each. A frame that does not fit the sensor is refused, the loop
-    continues.
+    """Save each frame with its preview, and yield the outcome of each.
+
+    A frame that does not fit the sensor is refused, and the loop continues.
 
     frames: raw frames, for example a `FrameQueue`.
     sensor: the sensor they come from.

@@ -158,9 +158,9 @@ class FrameLayout:
 class RawFrame:
     """The bytes of one frame.
 
-    data: as `FrameLayout` describes them.
+    data: its bytes, as `FrameLayout` describes them.
     taken: time of the frame, with time zone.
-    arrived: the same on the monotonic clock, seconds.
+    arrived: time at which this program received it, on the monotonic clock, seconds.
     source: the file that it was read from; "" = none.
     """
 

@@ -7,8 +7,8 @@ columns) or (patch rows, patch columns): the pixels at one place of all K x K pa
 colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
-all processors give the same bytes. This rules out reciprocals, powers, exponentials, reductions, and convolutions other than
-probes.
+all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
+convolutions only for exact sums (`measure_blocks`, `cell_light`) and for the colour matrix (`display`).
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ from .geometry import Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
 BUILDER = "1"
-"""Version of this module, stored in the graph; to be raised with every change of the bytes of a graph."""
+"""Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
 
 _FLOOR = 1e-3
 """Least luminance of a block, scene units; keeps ratios to it finite."""
@@ -49,7 +49,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     pattern: the filter pattern; its origin does not matter.
     scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
     linear: camera RGB in scene units instead of a picture for a screen.
-    The bytes are always the same. Raises InputError for another scale.
+    The bytes are always the same. Raises InputError for any other scale.
     """
     geometry = Geometry(pattern, scale)
     g = Nodes()
@@ -111,7 +111,7 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
     """
     rows, columns, *steps, _ = probes
     variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
-    least = g("Add", inputs.still, g("Mul", variance, 2.0))  # noise alone makes differences
+    least = g("Add", inputs.still, g("Mul", variance, 2.0))  # what noise alone adds to a squared difference
     row_change, column_change = (
         g("Add", g("Mul", g.total(g("Mul", each, each), count, axis=0), 1 / count), least)
         for each, count in zip(steps, geometry.kinds[2:4], strict=True)
@@ -141,7 +141,10 @@ def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes
 
 
 def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str, white: str) -> str:
-    """The blocks as propagation needs them, (2 + C, inner blocks): 1 / luminance, least squared difference, picture per light.
+    """The blocks as propagation needs them, (2 + C, inner blocks): 1 / luminance, a squared difference, and colours.
+
+    The squared relative difference is the one at which `propagate` halves a block's weight. The colours are chromaticities in the
+    units of the picture: multiplied by luminance in codes, they give scene units, or fractions of display white.
 
     The lower the signal-to-noise ratio of a block, the more its chromaticity becomes the mean of the 3 x 3 blocks around it,
     weighted by squared luminance, which is their precision.
@@ -190,7 +193,7 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
 def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs) -> tuple[list[str], str]:
     """Luminance of every cell if it is one pixel of the picture: the mean of its panchromatic samples, (cells, patches).
 
-    It is returned twice, as pixels and as means over cells, like the result of `pixel_light`.
+    It is returned twice, in the form of `pixel_light`: as pixels, and as the means of the cells.
     """
     above, below, left, right = geometry.halo
     codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
@@ -201,7 +204,7 @@ def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs) -> tuple[list[str],
 
 
 def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
-    """Picture per light of every cell, (C, cells, patches): a convex combination of the four blocks at the corners of the patch.
+    """Colour (see `pool`) of every cell, (C, cells, patches): a convex combination of the four blocks at the corners of its patch.
 
     The weight of a block falls with its distance, and with the squared difference between its luminance and that of the cell.
     """

@@ -114,7 +114,7 @@ class Preview:
             (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: codes, **inputs})
         except MemoryError:
             raise
-        except Exception as error:  # as in `_session`
+        except Exception as error:  # onnxruntime's errors have no common base class
             raise InputError(f"the preview graph does not run ({error}): {_DAMAGED}") from error
         return np.asarray(strip)
 
@@ -138,8 +138,8 @@ class _Axis:
 
     first: sensor pixel at which the first patch begins, 0 or less.
     patches: number of patches.
-    skip: picture pixels of the patches before the first pixel of the picture, which is the cell around the middle of the first
-        `scale` pixels of the frame.
+    skip: picture pixels that the patches have before the picture begins. The picture begins with the pixel that covers the middle
+        of the first `scale` pixels of the frame.
     size: number of picture pixels.
     period: K.
     """
@@ -201,7 +201,7 @@ def _session(model: Path | str | bytes) -> Any:
 
 
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Display white, and the matrix from camera RGB relative to it to linear sRGB; to grey if the colours are unknown."""
+    """Display white, and the matrix from camera RGB relative to white -> linear sRGB. Unknown colours become grey."""
     try:
         transform = ColourTransform.to_space(calibration)
     except InputError:

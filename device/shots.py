@@ -52,7 +52,7 @@ class ShotFolder:
             try:
                 write_dng(path, mosaic, picture)
             except OutputError as error:
-                if isinstance(error.__cause__, FileExistsError):  # of another camera that saves in the same folder
+                if isinstance(error.__cause__, FileExistsError):  # another camera saves in the same folder
                     continue
                 raise
             break

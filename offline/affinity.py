@@ -29,7 +29,7 @@ _CLASSES = 4
 def solve_affinities(
     luminance: FloatArray, pattern: CfaPattern, settings: AffinitySettings, band: Band, progress: Progress = SILENT
 ) -> FloatArray:
-    """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks of grid row parity p, column q.
+    """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with row parity p, column parity q.
 
     The rows are those of the band's patches. The domain is the frame mirrored out to whole patches (`BlockGrid`).
 
@@ -76,7 +76,7 @@ def derivative_filters(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArra
 
 
 def _pins(pattern: CfaPattern, grid: BlockGrid, columns: int) -> FloatArray:
-    """The pinned values of three classes, and where any pin is, as `solve_regions` takes them: two periods both ways, repeated."""
+    """The pinned values of three classes, and where any pin is, as `solve_regions` takes them."""
     (above, _), (left, _) = grid.padding
     shape = 2 * grid.period, 4 * grid.period + columns + 3 * WIDTH
     pinned = pattern.filter_map(shape, first=(-above, -left)) < len(pattern.channels)

@@ -13,7 +13,7 @@ from .settings import ChromaticitySettings
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
-_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i from which on scaling is harmless
+_LEAST_TOTAL = 0.5  # sum_i gamma_i c_i above which scaling is harmless
 
 
 def estimate_chromaticities(
@@ -94,7 +94,7 @@ def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, pro
 
     chromaticity: (rows, columns, C), the coarse image, mirrored at its border. Channels are filtered one by one.
     taps: length of the medians, odd, 3 or more.
-    repetitions: at most this many.
+    repetitions: largest number of repetitions.
     """
     (rows, columns), half = chromaticity.shape[:2], taps // 2
     iterations = 0

@@ -23,7 +23,7 @@ from .settings import DefectSettings
 
 _LEAST_LIGHT = 1e-4  # scene units: darker blocks hold no information about chromaticity
 _FEWEST = 3  # neighbouring blocks that it takes to judge a block
-_MOST = 0.01  # fraction of the samples: if more stand out, they belong to the picture
+_MOST = 0.01  # fraction of the samples: if more than this stand out, they belong to the picture
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
 
 
@@ -154,7 +154,9 @@ def _mended(blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray) -> FloatAr
 class _Around(NamedTuple):
     """Ratios of sample to luminance of each site in the eight neighbours of some blocks; all (blocks, S).
 
-    middle, lowest, highest: median and range of the ratios. known: how many of the neighbours have a good sample there.
+    middle: median of the ratios.
+    lowest, highest: range of the ratios.
+    known: how many of the eight neighbours have a good sample at the site.
     """
 
     middle: DoubleArray

@@ -2,7 +2,8 @@
 
 A panchromatic pixel reads all channels together and so reaches full scale about a stop and a half before a colour pixel does. Each
 block measures every channel: by Eq. 7 they add up to the luminance that the clipped samples around it would have read. A channel
-that is clipped too is taken to read what a white surface would; where all are clipped, the block is white at the limit of the last.
+that is clipped too is taken to read what a white surface would; where all are clipped, the block is white, as
+bright as the channel that clips last allows.
 """
 
 from dataclasses import replace
@@ -19,8 +20,8 @@ from .settings import HighlightSettings
 
 _WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings
 _REACH = 3  # standard deviations
-_BRIGHT = 0.6  # of the limit: darker samples beside a clipped one belong to another surface
-_TOLERANCE = 0.4  # of the limit: so do samples that differ by more than this from what the blocks predict
+_BRIGHT = 0.6  # fraction of the limit: blocks with darker samples around them belong to another surface
+_TOLERANCE = 0.4  # fraction of the limit: samples that differ more than this from the blocks' prediction do not count
 _RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation needs two
 _FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour
 
@@ -73,7 +74,7 @@ def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSetti
 def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
     """`light` of blocks, (rows, columns), where every block that is not `bright` takes the mean of the bright ones near it.
 
-    A dark block beside a clipped region lies beyond an edge: interpolating towards it would darken the rim of the region.
+    A dark block next to a clipped region lies beyond an edge: interpolating towards it would darken the rim of the region.
     """
     known, values = bright.astype(np.float64), np.where(bright, light, 0)
     for _ in range(_RINGS):
@@ -97,7 +98,7 @@ def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...]
     readings: (..., C), scene units.
     clipping: the limit of the readings.
     neutral: what white reads in each channel, up to scale.
-    shoulder: the fraction of the range, below the limit, over which a reading goes from measured to clipped, 0 to 1.
+    shoulder: fraction of the range, just below the limit, over which a reading gradually counts as clipped, between 0 and 1.
     """
     white = np.array(neutral)
     gone = np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)

@@ -52,7 +52,7 @@ def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress:
     """Fill the holes of a plane by one iteration of Eqs. 3-5 per threshold.
 
     signal: (H, W), scene units.
-    holes: where they are, bool (rows, W); the rows repeat down the plane.
+    holes: True at a hole, bool (rows, W); the rows repeat down the plane.
     thresholds: one per iteration, scene units.
     Returns the filled plane, float32 (H, W), and the largest change of a sample in the last iteration.
     """

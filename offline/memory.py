@@ -13,7 +13,7 @@ _BAND, _BAND_CHANNEL = 48.0, 28.0  # per pixel of a band (four fields), and per 
 
 
 def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
-    """Bytes that `render_bands` needs at most, beside the program, the mosaic and the picture; rather more than it will use.
+    """An upper estimate, in bytes, of what `render_bands` needs in addition to the program, the mosaic and the picture.
 
     >>> import numpy as np
     >>> from offline import rendering_memory

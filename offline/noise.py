@@ -1,8 +1,8 @@
 """The noise of a mosaic: from its calibration, or estimated from its own smooth parts.
 
 Estimation looks at rows and columns that are panchromatic throughout (every pattern has them). A high-pass filter along them leaves
-noise and texture. So only those of many small tiles count that vary least among tiles of similar brightness, and a line through
-(brightness, variance) is the Poisson-Gaussian model.
+noise and texture. To leave out texture, the filtered lines are cut into small tiles, and of tiles of similar brightness only those
+that vary least count. A line through their (brightness, variance) is the Poisson-Gaussian model.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from .settings import NoiseSettings
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)  # blind to cubic shading; keeps the variance of noise
 _LINES, _LENGTH = 8, 16  # rows and columns of a tile
 _MOST_LINES = 2048  # lines of each direction that are looked at
-_CLIPPED = 0.95  # of full scale: above it clipping cuts noise off
+_CLIPPED = 0.95  # fraction of full scale above which clipping cuts noise off
 _BINS, _LEAST_TILES = 16, 20  # bins of brightness, and the least number of tiles in each
 _SHARE = 0.1  # quantile of the variances in a bin that stands for its smooth tiles
 _NORMAL_QUANTILE = -1.2816  # that quantile of the standard normal distribution
@@ -52,7 +52,7 @@ def estimate_noise(mosaic: Mosaic) -> NoiseModel | None:
 def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:
     """Mean, and variance after the high-pass filter, of tiles: float64 (2, tiles).
 
-    lines: panchromatic rows of `signal`; a tile is `_LINES` consecutive ones of them.
+    lines: indices of the panchromatic rows of `signal`; a tile takes `_LINES` consecutive ones of them.
     limit: scene units; tiles that reach it are left out.
     """
     count = len(lines) // _LINES
@@ -70,7 +70,7 @@ def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:
 
 
 def _quietest(mean: DoubleArray, variance: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """Brightness, and variance of the smooth tiles, of bins of brightness: float64 (bins,) each."""
+    """For each bin of brightness, its mean brightness and the variance of its smooth tiles: float64 (bins,) each."""
     # The filter's outputs along a line are not independent: this is the number of independent ones.
     overlap = np.correlate(_FILTER, _FILTER, "full").astype(np.float64)
     freedom = _LINES * _LENGTH / np.square(overlap).sum()

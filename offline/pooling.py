@@ -18,7 +18,7 @@ from .gaussian import smoothed
 from .kernels.pooling import SLACK, pool
 from .settings import PoolingSettings
 
-_LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: keeps a sensor without read noise defined in the dark
+_LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
 _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 1e-3  # scene units: below it everything counts as equally dark
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance

@@ -109,7 +109,7 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> tup
 def spread(
     mosaic: Mosaic, luminance: FloatArray, blocks: FloatArray, settings: RenderSettings, progress: Progress
 ) -> Iterator[tuple[slice, FloatArray]]:
-    """Spread the chromaticity of blocks to pixels, band by band: yield rows of the frame and theirs, float32 (rows, W, C)."""
+    """Spread the chromaticity of blocks to pixels, band by band: yield (rows, float32 (rows, W, C))."""
     pattern, sigma = mosaic.pattern, noise_level(luminance, mosaic)
     steps = bands(pattern.grid(mosaic.shape), reach(pattern.period, settings.refinement))
     progress.stage("colour", len(steps))

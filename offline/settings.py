@@ -20,8 +20,8 @@ def _require(holds: bool, name: str, value: object, expected: str) -> None:
 class DefectSettings:
     """Samples that do not measure light.
 
-    An unlisted sample is defective if it lies outside its neighbours' range by more than contrast x local contrast + deviations x
-    noise sigma + floor.
+    An unlisted panchromatic sample is defective if it lies outside its neighbours' range by more than contrast x local contrast +
+    deviations x noise sigma + floor. Colour samples are judged by their blocks, with the same settings.
 
     listed: replace the samples in the calibration's list of defects.
     contrast: multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
@@ -90,10 +90,10 @@ class DenoisingSettings:
 
     strength: how much noise to remove, as a multiple of the noise there is; 0 = none.
     sizes: sides of the DCT blocks, pixels, multiples of 4.
-    threshold: of the first pass, in standard deviations of the noise.
+    threshold: threshold of the first pass, in standard deviations of the noise.
     share: weight of non-local means in the result, 0 to 1.
-    similarity: standard deviations by which surroundings may differ in non-local means.
-    radius: radius of their window, pixels.
+    similarity: how much surroundings may differ in non-local means, in standard deviations of the noise.
+    radius: radius of the window of non-local means, pixels.
     """
 
     strength: float = 0.0
@@ -118,7 +118,7 @@ class ChromaticitySettings:
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
     taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
-    repetitions: at most this many ("till convergence" in the paper).
+    repetitions: largest number of repetitions of the medians ("till convergence" in the paper).
     trust: how much detail that the medians removed is returned where blocks add up to their luminance (see `detail`); 0 = none.
     """
 
@@ -136,7 +136,7 @@ class PoolingPass(NamedTuple):
     """One pass of pooling.
 
     blur: standard deviation of the Gaussian that smooths the chromaticities compared, blocks, 0 or more.
-    tolerance: how much chromaticities may differ, as a multiple of the variance of their difference, > 0.
+    tolerance: squared difference that chromaticities may have, as a multiple of its variance from noise, > 0.
     radius: radius of the window, blocks.
     """
 
@@ -150,7 +150,7 @@ class PoolingSettings:
     """Averaging of the sums of Eqs. 8-9 over blocks of similar chromaticity; the paper has none.
 
     passes: one `PoolingPass` each; empty = no pooling.
-    light: difference of luminance at which blocks count as dissimilar: standard deviation of its natural logarithm, > 0.
+    light: how much the luminance of blocks may differ: standard deviation of the Gaussian weight of log luminance, > 0.
     doubt: error of filled luminance, as a multiple of its curvature there, 0 or more.
     """
 
@@ -172,7 +172,7 @@ class AffinitySettings:
 
     scales: standard deviations of the derivative filters, pixels (the paper gives none: errata).
     tolerance: residual of conjugate gradients relative to the right-hand side, 0 to 1.
-    iterations: at most this many.
+    iterations: largest number of iterations.
     """
 
     scales: tuple[float, ...] = (0.5, 1.0)
@@ -189,8 +189,8 @@ class AffinitySettings:
 class PropagationSettings:
     """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
 
-    softness: a block's weight is alpha (alpha + softness) where the paper has alpha^2. Larger values mix evenly shaded colours more
-        evenly, and rely less on edges. 0 or more.
+    softness: a block's weight is alpha (alpha + softness) where the paper has alpha^2. Larger values make gradients of colour
+        smoother, and rely less on edges. 0 or more.
     """
 
     softness: float = 0.0

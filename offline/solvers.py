@@ -41,15 +41,15 @@ class SolverLog(Progress):
         self._progress = progress
 
     def stage(self, name: str, steps: int) -> None:
-        """Pass it on."""
+        """Pass the report on to the other listener."""
         self._progress.stage(name, steps)
 
     def advance(self, steps: int = 1) -> None:
-        """Pass it on."""
+        """Pass the report on to the other listener."""
         self._progress.advance(steps)
 
     def part(self, name: str) -> None:
-        """Pass it on."""
+        """Pass the report on to the other listener."""
         self._progress.part(name)
 
     def solved(self, solver: str, iterations: int, residual: float) -> None:

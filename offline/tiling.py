@@ -16,7 +16,7 @@ HALO = 2
 error that a residual of 1e-3 leaves."""
 _REGION, _LEAST_CORE = 144, 8  # pixels of a region with its halo, and patches of a core: what a processor's cache holds
 # The least number of rows of a band, so that every thread has work. Wide frames need fewer rows for that: their bands have about
-# this many pixels, so that the planes of a band fit in the cache and their memory is reused.
+# `_ENOUGH` pixels, so that the planes of a band fit in the cache and their memory is reused.
 _BAND, _ENOUGH = 192, 400_000
 
 
@@ -57,7 +57,7 @@ def bands(grid: BlockGrid, reach: int) -> list[Band]:
 def domain_places(grid: BlockGrid, reach: int = 0) -> tuple[IndexArray, IndexArray]:
     """The frame row at each row of the domain, and the frame column at each of its columns.
 
-    reach: this many rows and columns more at both ends, mirrored once more.
+    reach: number of rows and columns added at both ends, mirrored once more.
     """
     rows, columns = (
         np.pad(np.pad(np.arange(size), padding, mode=BORDER), reach, mode=BORDER)

@@ -1,7 +1,7 @@
 """The calibration of one sensor: the weights of Eq. 7, noise, black and white level, colour, defects.
 
-Scene units: 1.0 is the white level of the scene reference in each channel. A panchromatic pixel reads sum_i gamma_i channel_i
-(Eq. 7), so the sensor's full scale, for every pixel, is sum_i gamma_i scene units.
+Scene units: linear camera RGB in which 1.0 is the scene's white (the white level of its source, black subtracted). A panchromatic
+pixel reads sum_i gamma_i channel_i (Eq. 7), so the full scale of every pixel of the sensor is sum_i gamma_i scene units.
 """
 
 import hashlib
@@ -90,7 +90,7 @@ class SensorCalibration:
     gamma: tuple[float, ...] = ()
     noise: NoiseModel | None = None
     black_level: tuple[float, ...] = ()
-    white_level: int = 61439  # of 16 bits, with headroom
+    white_level: int = 61439  # for 16 bits, with headroom
     camera_to_xyz: tuple[tuple[float, ...], ...] | None = None
     neutral: tuple[float, ...] | None = None
     defects: tuple[tuple[int, int], ...] = ()
@@ -138,8 +138,8 @@ class SensorCalibration:
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
         """A calibration for samples of `bits` bits (10 to 16), with the black level at a sixteenth of the range of codes.
 
-        headroom: True puts the white level as far below the highest code, so that additive noise is clipped at neither end. False
-            puts it at the highest code, where a real sensor clips.
+        headroom: True puts the white level below the highest code, by as much as the black level is above 0, so that additive noise
+            is clipped at neither end. False puts it at the highest code, where a real sensor clips.
         fields: any other fields by name; levels given here replace those of `bits`.
         Raises InputError for any other number of bits, and for invalid fields.
         """

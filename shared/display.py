@@ -100,7 +100,7 @@ class ColourTransform:
 
         exposure: stops of gain, -16 to 16, applied after the clip at display white: negative values darken but bring no highlights
             back.
-        Raises InputError for another exposure, and for what `checked_picture` refuses.
+        Raises InputError for an exposure beyond these limits, and for a picture that `checked_picture` refuses.
         """
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)

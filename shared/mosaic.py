@@ -18,7 +18,7 @@ class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
     samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted; noise may make it negative, and 1.0 is
-        the scene's white). Kept read-only: a copy, or the array itself where that is read-only float32 and nobody else's view.
+        the scene's white). Kept read-only: as a copy, unless the array is read-only float32 and owns its memory.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
     the calibration's bits, or when pattern and calibration name different channels.
 
@@ -69,7 +69,7 @@ class Mosaic:
         """
         if self.samples.dtype == np.float32:
             return self.samples  # type: ignore[return-value]
-        # There are few codes: look their values up. Double precision is free then, and white reads exactly full scale.
+        # There are few codes: look their values up. Double precision then costs nothing, and white reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
         values = ((every - self.calibration.black_level) * self.calibration.scale()).astype(np.float32)
         signal = np.empty(self.shape, np.float32)
@@ -102,7 +102,7 @@ class Mosaic:
 
     def _quantised(self, signal: NDArray[Any], plane: int) -> NDArray[np.float32]:
         """Scene units of one plane -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
-        with np.errstate(over="ignore"):  # what overflows is past the highest code too
+        with np.errstate(over="ignore"):  # what overflows is clipped to the highest code anyway
             codes = signal * np.float32(1 / self.calibration.scale()[plane])
         codes += np.float32(self.calibration.black_level[plane])
         return np.rint(codes, out=codes).clip(0, (1 << self.calibration.bits) - 1, out=codes)

@@ -65,14 +65,14 @@ class CfaPattern:
 
     @classmethod
     def bayer(cls, period: int = 6, order: str = "RGGB", origin: tuple[int, int] = (0, 0)) -> "CfaPattern":
-        """The pattern of the paper: one 2 x 2 Bayer block in the first corner of each K x K tile."""
+        """The pattern of the paper: one 2 x 2 Bayer block in the top left corner of each K x K tile."""
         if order not in BAYER_ORDERS:
             raise InputError(f"pattern: unknown Bayer order {order!r}; one of {', '.join(BAYER_ORDERS)}")
         return cls.with_block((order[:2], order[2:]), period, origin)
 
     @classmethod
     def with_block(cls, block: tuple[str, ...], period: int, origin: tuple[int, int] = (0, 0), channels: str = "") -> "CfaPattern":
-        """A pattern with `block` (rows of letters) in the first corner of its tile, panchromatic elsewhere."""
+        """A pattern with `block` (rows of letters) in the top left corner of its tile, panchromatic elsewhere."""
         if period not in PERIODS:
             raise InputError(f"pattern: the period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
         rows = [row + PANCHROMATIC * (period - len(row)) for row in block]
@@ -90,7 +90,7 @@ class CfaPattern:
 
     @cached_property
     def block_origin(self) -> tuple[int, int]:
-        """Sensor (row, column) of the first corner of a block, each in 0..K-1."""
+        """Sensor (row, column) of the top left pixel of a block, each in 0..K-1."""
         row, column = (_span(self._occupied(axis))[0] for axis in (1, 0))
         return (row + self.origin[0]) % self.period, (column + self.origin[1]) % self.period
 
@@ -108,7 +108,7 @@ class CfaPattern:
 
     @property
     def light_efficiency(self) -> float:
-        """Light collected relative to a Bayer sensor, if a panchromatic pixel sees as much as three colour filters let through."""
+        """Light collected, relative to a Bayer sensor, if a panchromatic pixel collects as much as three colour pixels together."""
         colour = len(self.sites)
         return (3 * (self.period**2 - colour) + colour) / self.period**2
 
@@ -176,12 +176,13 @@ class CfaPattern:
 class BlockGrid:
     """The coarse grid of blocks, and the K x K patches between them, over one frame.
 
-    A patch begins in the middle of a block, so that its four corners lie in four blocks, or beside them if they are not 2 x 2 (Fig.
-    2). Patches cover the frame; the frame mirrored out to whole patches is the *domain*. Block [0, 0] is at the first corner of the
-    first patch. Blocks that lie partly or wholly outside the frame measure nothing and take the values of the nearest whole one.
+    A patch begins in the middle of a block, so that its four corners lie in four blocks, or next to them if these are not 2 x 2
+    (Fig. 2). Patches cover the frame; the frame mirrored out to whole patches is the *domain*. Block [0, 0] is at the top left
+    corner of the first patch. Blocks that lie partly or wholly outside the frame measure nothing and take the values of the
+    nearest whole one.
 
     period: K.
-    block_origin: (row, column) of the first corner of a block in the frame, each 0 to K - 1.
+    block_origin: (row, column) of the top left pixel of a block in the frame, each 0 to K - 1.
     block_shape: (rows, columns) of a block.
     frame: (rows, columns) of the frame.
     Raises InputError when no whole block lies inside the frame.
@@ -255,7 +256,7 @@ class BlockGrid:
         return self.columns[self.inside.any(axis=0)]
 
     def extend(self, measured: FloatArray) -> FloatArray:
-        """Extend values of the whole blocks (whole rows, whole columns, ...) to all blocks; each takes those of the nearest."""
+        """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the others copy the nearest one."""
         return np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge")
 
     @cached_property

@@ -1,8 +1,8 @@
-"""How long work reports how far it is, without knowing who listens."""
+"""Progress reports of long-running work, which does not know who listens."""
 
 
 class Progress:
-    """A listener to long work. Every method does nothing here: override those that matter to you.
+    """A listener to long-running work. Every method does nothing here: override those that matter to you.
 
     Methods must be cheap: they are called from inner loops.
     """
@@ -17,8 +17,13 @@ class Progress:
         """A part of the current step begins; the part before it has ended. Stages whose steps have no parts never call this."""
 
     def solved(self, solver: str, iterations: int, residual: float) -> None:
-        """An iterative solver has finished, for the whole frame or for one band of it: how many iterations, and what is left."""
+        """An iterative solver has finished, for the whole frame or for one band of it.
+
+        solver: its name.
+        iterations: how many it used.
+        residual: what was left after them; the solver defines the unit.
+        """
 
 
 SILENT = Progress()
-"""Ignores everything."""
+"""A listener that ignores everything."""

@@ -9,7 +9,7 @@ from typing import BinaryIO
 from .errors import InputError
 
 MAX_PIXELS = 1 << 28
-"""Largest number of pixels that readers accept by default: 268 million, more than any single sensor has."""
+"""Largest number of pixels that readers accept by default: 268 million, more than all but a few sensors have."""
 
 MAX_DOCUMENT = 4 << 20
 """Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand defects has half as many."""

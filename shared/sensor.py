@@ -14,7 +14,7 @@ from .pattern import CfaPattern
 # A small modern sensor in scene units at gamma = (1, 1, 1): 15,000 electrons at full scale (3 scene units), read noise 3 electrons.
 TYPICAL_SHOT = 3 / 15_000
 TYPICAL_READ = 3 * TYPICAL_SHOT
-MOST_ELECTRONS = 1e18  # NumPy draws no Poisson numbers beyond it; no pixel holds a billionth as many
+MOST_ELECTRONS = 1e18  # NumPy draws no Poisson numbers much beyond it; no pixel holds a billionth as many
 
 
 def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration) -> FloatArray:
@@ -46,12 +46,13 @@ def simulate_additive(
     """Photograph a scene by the paper's protocol: additive Gaussian noise on every sample, nothing clipped.
 
     rgb: the scene, (H, W, C), scene units.
-    pattern, calibration: of the sensor.
+    pattern: the sensor's filter pattern.
+    calibration: the sensor's calibration; its own noise model is not used.
     sigma: standard deviation of the noise, scene units, 0 or more.
     rng: source of the noise.
     metadata: capture data of the mosaic.
     Returns a mosaic of float32 scene units; its calibration states this noise.
-    Raises InputError for another sigma, and as `sample`.
+    Raises InputError for any other sigma, and when scene, pattern and calibration have different channels.
     """
     if not 0 <= sigma < np.inf:
         raise InputError(f"sigma is {sigma}, expected 0 or more")
@@ -74,13 +75,13 @@ def simulate_sensor(
     """Photograph a scene as a real sensor does: shot noise (Poisson), read noise, clipping at full scale, quantisation.
 
     rgb: the scene, (H, W, C), scene units.
-    pattern: of the sensor.
-    calibration: of the sensor; its noise is used (`typical_noise` if it has none), its black and white level, and its bits.
+    pattern: the sensor's filter pattern.
+    calibration: the sensor's calibration: gamma, noise (`typical_noise` if it has none), black and white level, and bits.
     exposure: factor by which the light is multiplied, positive.
     rng: source of the noise.
     metadata: capture data of the mosaic.
     Returns a mosaic of uint16 codes.
-    Raises InputError for another exposure, and as `sample`.
+    Raises InputError for any other exposure, and when scene, pattern and calibration have different channels.
     """
     if not 0 < exposure < np.inf:
         raise InputError(f"exposure is {exposure}, expected a positive factor")

@@ -113,7 +113,7 @@ def _weigh(
 ) -> None:
     """Compute the weights of Eq. 16, without the light, for a batch of rows, offset by offset; 0 below an exponent of -87.
 
-    known: how many of the rows blurred for the previous batch are the first rows of this one: 0, or one less than there are taps.
+    known: how many rows, blurred for the previous batch, are the first rows of this one: 0, or the number of taps less one.
     """
     (radius, blur, falloff), (light, blurred, weights, _) = similarity, memory
     height, reach = len(luminance), len(blur) // 2

@@ -21,7 +21,7 @@ prange: type[range] = numba.prange
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed, this when any file of the kernels has."""
+    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed; this one, when any kernel file has."""
 
     def _index_key(self, *args: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*args), _SOURCES)
@@ -38,7 +38,7 @@ def parallel_kernel(function: F) -> F:
 
 
 def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
-    """Make a function for kernels that generates its own instructions. literal: it needs constant arguments as constants."""
+    """Turn a code generator into a function that kernels can call. literal: it needs the values of constant arguments."""
     return _intrinsic(prefer_literal=literal)(function)
 
 

@@ -50,7 +50,7 @@ def denoise(
     sizes: n of each kind of block, multiples of 4.
     transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
     shot, read: variance of the noise = shot * signal + read**2.
-    threshold: of the first pass, in standard deviations of the noise.
+    threshold: threshold of the first pass, in standard deviations of the noise.
     workers: how many windows are computed at a time.
     out: (H, W), the computed rows are written.
     """
@@ -173,7 +173,7 @@ def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, f
 
 @kernel
 def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
-    """Set the coefficients below the threshold to 0, except the mean. Returns the weight, pixels over remaining variance."""
+    """Set the coefficients below the threshold to 0, except the mean. Returns the weight: pixels / remaining variance."""
     variance, threshold = _variance(load(block, (0, 0, 0)), size, model), model[2]
     limit = variance * (threshold * threshold)
     kept = limit * _NONE + _ONE
@@ -187,7 +187,7 @@ def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
 
 @kernel
 def _wiener(block: FloatArray, size: int, model: Model) -> Lanes:
-    """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight."""
+    """Scale coefficients by expected energy / (expected energy + noise), except the mean. Returns the weight, as `_hard` does."""
     variance = _variance(load(block, (2, 0, 0)), size, model)
     kept = variance * _NONE + _ONE
     for place in range(1, size * size):

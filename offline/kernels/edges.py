@@ -52,8 +52,9 @@ def transmission(light: FloatArray, period: int, filters: Filters, through: Floa
 
 @kernel
 def _filter_down(light: FloatArray, row: int, columns: int, pair: Filter, smoothed: FloatArray, sloped: FloatArray) -> None:
-    """Apply the vertical halves of both filters to one row. Written as differences of symmetric pairs, so that flat input gives
-    exactly 0.
+    """Apply the vertical halves of both filters to one row.
+
+    The slope is a sum of differences of symmetric pairs, so that flat input gives exactly 0.
     """
     smooth, slope, radius = pair
     for column in range(0, columns, WIDTH):
@@ -85,7 +86,7 @@ def _add_energy(
 
 @kernel
 def _over_mean(energy: FloatArray, columns: int, period: int, relative: FloatArray) -> None:
-    """Write -1 over the mean energy of each patch in a row of patches to all its columns (errata: the mean, not the sum)."""
+    """Write -1 / (mean energy of the patch) to all columns of each patch in a row of patches (errata: the mean, not the sum)."""
     for axis in range(2):
         for left in range(0, columns, period):
             total = _NONE

@@ -29,7 +29,7 @@ def scaled_reciprocal_root(x: Lanes, scale: Scalar) -> Lanes:
 
 @kernel
 def exponential(x: Lanes) -> Lanes:
-    """e^x, float32, for x <= 0 (up to 87); relative error at most 1e-6. Below -87 it stays at e^-87, never zero."""
+    """e^x, float32, for x up to 87; relative error at most 1e-6. Below -87 it stays at e^-87, never zero."""
     x = greater(x, LEAST_EXPONENT)
     power = x * _PER_LN2 + _ROUND
     n = power - _ROUND
@@ -49,7 +49,7 @@ def mirrored(index: int, size: int) -> int:
 
 @kernel
 def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -> None:
-    """Set target[i] = row[first + i] for i in 0..count-1, with the mirror image of the row before and after it."""
+    """Set target[i] = row[first + i] for i in 0..count-1, the row continued by its mirror image at both ends."""
     start, stop = min(max(-first, 0), count), max(min(len(row) - first, count), 0)
     for place in range(start):
         target[place] = row[mirrored(first + place, len(row))]

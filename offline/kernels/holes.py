@@ -41,7 +41,7 @@ def fill_blocks(
     """Write the filled holes of `blocks` (rows, columns) blocks to `luminance`.
 
     signal, luminance: (H, W), scene units.
-    first: pixel (row, column) of the first block's first corner. All blocks lie `REACH` or more pixels from the frame's edges.
+    first: (row, column) of the first block's top left pixel. All blocks lie `REACH` or more pixels from the frame's edges.
     period: pixels from one block to the next, at least `extent` + `REACH` in both directions.
     extent: (rows, columns) of a block.
     holes: (holes, 2), row and column of each hole in a block.

@@ -99,5 +99,5 @@ def _mix_row(alpha: FloatArray, columns: int, light: FloatArray, colour: FloatAr
 def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softness: Scalar) -> Lanes:
     """The weight of Eq. 14, before the four are scaled to a sum of one."""
     part = load(alpha, (kind, column))
-    part = greater(part, _MINUS * part)  # the solver also leaves values a little below zero
+    part = greater(part, _MINUS * part)  # |alpha|: only alpha^2 counts in Eq. 14, though the solver leaves no negative values
     return part * (part + softness) * load(light, (kind, column))

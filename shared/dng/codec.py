@@ -30,7 +30,7 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor codes.
 
     mosaic: its `codes` are saved.
-    preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples; large, because most viewers show it as the photograph.
+    preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples. Make it large: most viewers show it as the photograph.
     layout: "cfa" states the true filter pattern; "linear" saves the same samples as a grey photograph, for raw developers that take
         any pattern for a Bayer one; "auto" is "cfa" where DNG can express the pattern.
     Raises InputError when `layout` cannot hold the pattern, for another kind of preview, and for a side of more than 65500 pixels.
@@ -112,7 +112,7 @@ def decode_preview(data: bytes | IO[bytes]) -> bytes:
 def _photometric(pattern: CfaPattern, layout: Layout) -> Photometric:
     obstacle = ""
     if set(pattern.planes) != set(CFA_CODES):
-        obstacle = f"DNG has no colour codes for the channels {pattern.channels}, only for RGB beside panchromatic"
+        obstacle = f"DNG has no colour codes for the channels {pattern.channels}, only for RGB and panchromatic"
     elif pattern.period > LONGEST_CFA_PERIOD:
         obstacle = f"the period is {pattern.period}; DNG readers accept at most {LONGEST_CFA_PERIOD}"
     if layout not in ("auto", "cfa", "linear"):
@@ -146,7 +146,7 @@ def _check_cfa(dng: DngReader, pattern: CfaPattern) -> None:
 def _levels(pattern: CfaPattern, calibration: SensorCalibration) -> Fields:
     """Fields of the levels. The black level is stated for each pixel of a period if the planes differ, otherwise once."""
     if len(set(calibration.black_level)) == 1 or pattern.period > LONGEST_CFA_PERIOD:
-        levels = np.array([[calibration.black_level[-1]]])  # that of the panchromatic plane, to which most pixels belong
+        levels = np.array([[calibration.black_level[-1]]])  # the panchromatic plane's: most pixels belong to it
     else:
         levels = np.array(calibration.black_level)[pattern.filter_map((pattern.period, pattern.period))]
     whole = not (levels % 1).any()
@@ -170,5 +170,5 @@ def _noise(calibration: SensorCalibration, photometric: Photometric) -> Fields:
         for shot, read in zip(calibration.noise.shot, calibration.noise.read, strict=True)
     ]
     if photometric is Photometric.LINEAR_RAW:
-        planes = planes[-1:]  # a file of one plane, nearly all of it panchromatic
+        planes = planes[-1:]  # the file has one plane, nearly all of it panchromatic
     return {Tag.NOISE_PROFILE: (FieldType.DOUBLE, [figure for plane in planes for figure in plane])}

@@ -15,7 +15,7 @@ def colour_fields(camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, pa
     """Fields ColorMatrix, CalibrationIlluminant (1: D50, 2: D65) and AsShotNeutral of a camera with red, green and blue.
 
     Both matrices describe the same camera. DNG asks for the one under D50, which the calibration has. But LibRaw, darktable and
-    similar programs take any matrix for one under D65, and miss saturated colours by a tenth unless they find that one.
+    similar programs take any matrix for one under D65, and show saturated colours wrong by a tenth unless they find such a matrix.
 
     camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one: sRGB primaries.
     neutral: reading of white in the 3 channels; None = the reading that the matrix maps to D50.

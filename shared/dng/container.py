@@ -25,12 +25,12 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
     metadata: capture data.
     camera: UniqueCameraModel, a name under which converters look up colour profiles.
     raw: directory of the samples, from `raw_directory`.
-    digest: of the samples, from `raw_digest`.
+    digest: digest of the samples, from `raw_digest`.
     Raises InputError for another kind of preview.
     """
     picture = np.asarray(preview)
     if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
-        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected an uint8 picture (rows, columns, 3)")
+        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
     _check_sides(picture.shape)
     jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
     main = metadata_directory(metadata)
@@ -60,7 +60,7 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     """The directory of the samples, as one strip of lossless JPEG.
 
     samples: (H, W) or (H, W, planes).
-    bits: of a sample, 10 to 16.
+    bits: bits of a sample, 10 to 16.
     photometric: interpretation of the samples.
     Raises InputError when a side is longer than a JPEG can be.
     """

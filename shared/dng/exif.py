@@ -30,7 +30,7 @@ _NUMBERS = {
 def metadata_directory(metadata: CaptureMetadata) -> Directory:
     """A directory with the capture metadata, and the Exif directory below it. The caller adds the fields of the picture.
 
-    Texts are UTF-8 (readers strip blanks around them), numbers fractions of 31 bits. Unknown metadata have no field.
+    Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers. Unknown metadata have no field.
     """
     main = Directory({Tag.ORIENTATION: (FieldType.SHORT, [metadata.orientation]), Tag.SOFTWARE: (FieldType.ASCII, MAKER)})
     exif = Directory({Tag.EXIF_VERSION: (FieldType.UNDEFINED, b"0230")})
@@ -113,7 +113,7 @@ def _number(value: Any) -> float | None:
 
 
 def _time(value: Any, digits: Any) -> datetime | None:
-    """Date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is none."""
+    """Date and time from "YYYY:MM:DD HH:MM:SS" and the decimals of the second; None if it is not one."""
     try:
         taken = datetime.strptime(_text(value).strip(), _TIME)  # noqa: DTZ007  Exif has local time without zone
     except ValueError:

@@ -26,14 +26,14 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 _TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
 _LOSSLESS_FRAME = 0xFFC3  # SOF3, the only JPEG process that DNG allows for raw samples
-_MOST_BYTES, _SMALL = 4, 1 << 20  # bytes per sample (lossless JPEG needs three at worst), and of a file that is always harmless
+_MOST_BYTES, _SMALL = 4, 1 << 20  # bytes per sample (lossless JPEG needs three at worst), and bytes that are always harmless
 _LARGEST_PREVIEW = 256 << 20
 _BEFORE_FRAME = {0xFFC4, 0xFFDB, 0xFFDD, 0xFFFE, *range(0xFFE0, 0xFFF0)}  # tables, restart interval, comment, application data
 
 
 @contextmanager
 def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
-    """Parse a DNG, for the time of a `with` block; every error in the block that the file may cause becomes an InputError."""
+    """Parse a DNG for the duration of a `with` block; any error that the file causes in the block becomes an InputError."""
     stream = BytesIO(data) if isinstance(data, bytes) else data
     start = stream.read(4)
     if not start:
@@ -49,7 +49,7 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
     except (PanchromaError, MemoryError):
         raise
     except Exception as error:
-        # Deliberately all: on damaged bytes tifffile and imagecodecs raise a dozen kinds, none with a message for users.
+        # Deliberately every class: on damaged bytes tifffile and imagecodecs raise a dozen, none with a message for users.
         raise damaged("its parts contradict each other") from error
 
 
@@ -110,7 +110,7 @@ class DngReader:
         raise damaged(f"PhotometricInterpretation of the raw samples is {page.photometric:d}")
 
     def samples(self, max_pixels: int, planes: int = 1) -> CodeArray:
-        """The raw samples, uint16 (H, W), or (H, W, planes) of several planes; sizes are checked before anything is decoded."""
+        """The raw samples, uint16 (H, W), or (H, W, planes) if there are several; sizes are checked before anything is decoded."""
         page = self.raw()
         kind, depth = page.dtype, () if planes == 1 else (planes,)
         if len(page.shape) < 2 or page.shape[2:] != depth or kind is None or kind.kind != "u" or kind.itemsize > 2:

@@ -9,7 +9,7 @@ MAKER = "Panchroma"
 DNG_VERSION = bytes([1, 4, 0, 0])
 DNG_BACKWARD_VERSION = bytes([1, 2, 0, 0])  # a reader of DNG 1.2 can show the file
 
-# Adobe's SDK supports no longer period of CFA or black levels (kMaxCFAPattern, kMaxBlackPattern).
+# The longest period of a CFA and of black levels that Adobe's SDK supports (kMaxCFAPattern, kMaxBlackPattern).
 LONGEST_CFA_PERIOD = 8
 
 # Rows or columns of one JPEG: JPEG_MAX_DIMENSION of libjpeg.
@@ -80,7 +80,7 @@ class Tag(IntEnum):
     DNG_BACKWARD_VERSION = 50707
     UNIQUE_CAMERA_MODEL = 50708
     COLOR_MATRIX_1 = 50721  # XYZ -> camera, a row per plane, under illuminant 1
-    COLOR_MATRIX_2 = 50722  # the same under illuminant 2
+    COLOR_MATRIX_2 = 50722  # XYZ -> camera, a row per plane, under illuminant 2
     AS_SHOT_NEUTRAL = 50728  # reading of white, a value per plane
     BASELINE_EXPOSURE = 50730  # EV that a converter adds for a normally bright picture
     DNG_PRIVATE_DATA = 50740

@@ -11,12 +11,12 @@ from shared.arrays import DoubleArray
 from tests.reference.gaussian import derivative
 from tests.reference.geometry import block_sites, first_patch, mirrored, patch_counts
 
-# Far below anything the tests compare, well above what float64 sums of a few thousand terms can reach.
+# Far below any difference that the tests look for, well above the rounding of float64 sums of a few thousand terms.
 RESIDUAL = 1e-12
 
 
 def domain(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
-    """The frame, mirrored out to whole patches."""
+    """Luminance of the domain: the frame, mirrored out to whole patches."""
     (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, (luminance.shape[0], luminance.shape[1]))
     rows = [mirrored(top + y, luminance.shape[0]) for y in range(down * pattern.period)]
     columns = [mirrored(left + x, luminance.shape[1]) for x in range(across * pattern.period)]
@@ -25,7 +25,7 @@ def domain(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
 
 
 def edges(area: DoubleArray, period: int, scales: tuple[float, ...], axis: int) -> DoubleArray:
-    """e_h (axis 1) or e_v (axis 0) of Eq. 13, over the mean of the K x K patch; zero in a patch without gradients."""
+    """e_h (axis 1) or e_v (axis 0) of Eq. 13, divided by the mean of the K x K patch; zero in a patch without gradients."""
     energy = sum((derivative(area, scale, axis) ** 2 for scale in scales), np.zeros_like(area))
     result = np.zeros_like(energy)
     for top in range(0, area.shape[0], period):
@@ -56,7 +56,7 @@ def weights(area: DoubleArray, period: int, scales: tuple[float, ...]) -> csr_ar
 
 
 def pins(pattern: CfaPattern, shape: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
-    """Domain pixels of the colour sites of all blocks -> index of their block."""
+    """Domain pixel -> index of its block, for the colour sites of all blocks."""
     (top, left), (down, across) = first_patch(pattern), patch_counts(pattern, shape)
     found = {}
     for i in range(down + 1):
@@ -69,7 +69,11 @@ def pins(pattern: CfaPattern, shape: tuple[int, int]) -> dict[tuple[int, int], t
 
 
 def harmonic(neighbours: csr_array, fixed: dict[int, float]) -> DoubleArray:
-    """The minimiser of Eq. 11 with the pixels `fixed` given, by conjugate gradients."""
+    """The minimiser of Eq. 11, one value per pixel, by conjugate gradients.
+
+    neighbours: c[n, n'], symmetric, from `weights`.
+    fixed: pixel index -> its given value.
+    """
     size = neighbours.shape[0]
     result = np.zeros(size)
     known = np.array(sorted(fixed))
@@ -79,7 +83,7 @@ def harmonic(neighbours: csr_array, fixed: dict[int, float]) -> DoubleArray:
     laplacian = csr_array(diags_array(degree) - neighbours)
     system = csr_array(laplacian[free][:, free])
     right = neighbours[free][:, known] @ result[known]
-    scale = 1 / degree[free]  # Jacobi: pixels behind strong edges count like all others
+    scale = 1 / degree[free]  # Jacobi preconditioner: pixels behind strong edges count as much as all others
     solution, status = cg(system, right, rtol=RESIDUAL, atol=0.0, maxiter=20 * size, M=diags_array(scale))
     if status != 0:
         raise RuntimeError(f"the reference did not converge: {status}")
@@ -88,7 +92,7 @@ def harmonic(neighbours: csr_array, fixed: dict[int, float]) -> DoubleArray:
 
 
 def fields(luminance: DoubleArray, pattern: CfaPattern, scales: tuple[float, ...]) -> DoubleArray:
-    """All four parity fields (2, 2, rows, columns), each solved for itself."""
+    """All four parity fields (2, 2, rows, columns), each solved separately."""
     area = domain(luminance, pattern)
     neighbours = weights(area, pattern.period, scales)
     blocks = pins(pattern, (luminance.shape[0], luminance.shape[1]))

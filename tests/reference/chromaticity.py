@@ -30,7 +30,7 @@ def solve_block(samples: list[list[float]], luminance: list[list[float]], gamma:
 def estimate(
     signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], sigma: float
 ) -> DoubleArray:
-    """The coarse image of the whole blocks, before the medians. A block that saw nothing at all, by a perfect sensor, is grey."""
+    """Chromaticities of the whole blocks, before the medians, (rows, columns, C). A block without light is grey if sigma is 0."""
     shape = (luminance.shape[0], luminance.shape[1])
     down, across = patch_counts(pattern, shape)
     rows: list[list[DoubleArray]] = []
@@ -65,7 +65,13 @@ def proposals(coarse: DoubleArray, row: int, column: int, taps: int) -> list[Dou
 
 
 def oriented_medians(coarse: DoubleArray, gamma: tuple[float, ...], taps: int, repetitions: int) -> DoubleArray:
-    """Of the four proposals the one nearest to the value before, till nothing changes; then back on sum_i gamma_i c_i = 1."""
+    """Replace each vector by the nearest of its four medians until nothing changes, then scale it to sum_i gamma_i c_i = 1.
+
+    coarse: (rows, columns, C), chromaticities of the whole blocks.
+    gamma: the C weights of Eq. 7.
+    taps: length of the medians, odd.
+    repetitions: largest number of repetitions.
+    """
     current = coarse
     for _ in range(repetitions):
         following: DoubleArray = np.empty_like(current)
@@ -91,7 +97,14 @@ def give_back(
     sigma: float,
     trust: float,
 ) -> DoubleArray:
-    """Not of the paper: from smooth towards own, as far as their difference exceeds what noise and the error of Eq. 7 explain."""
+    """Return detail that the medians removed, as far as noise and violations of Eq. 7 do not explain it. Not in the paper.
+
+    own: chromaticities before the medians, (rows, columns, C).
+    smooth: chromaticities after the medians, (rows, columns, C).
+    signal, luminance: (H, W), scene units.
+    sigma: sigma_z of Eqs. 8-9, scene units, > 0.
+    trust: > 0; larger values return more detail.
+    """
     shape = (luminance.shape[0], luminance.shape[1])
     down, across = patch_counts(pattern, shape)
     whole = [(i, j) for i in range(down + 1) for j in range(across + 1) if is_whole(pattern, shape, (i, j))]
@@ -115,7 +128,7 @@ def give_back(
 
 
 def extend(coarse: DoubleArray, pattern: CfaPattern, shape: tuple[int, int]) -> DoubleArray:
-    """All blocks of the grid: one that is not whole takes the value of the nearest that is."""
+    """Chromaticities of all blocks of the grid: a block that is not whole takes those of the nearest whole one."""
     down, across = patch_counts(pattern, shape)
     indices = [(i, j) for i in range(down + 1) for j in range(across + 1)]
     whole = [index for index in indices if is_whole(pattern, shape, index)]

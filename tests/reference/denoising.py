@@ -1,4 +1,4 @@
-"""Two passes of shrinking every block of a picture in SciPy's DCT, and a mean over similar surroundings."""
+"""Denoising of luminance: every block of the picture is shrunk twice in SciPy's DCT, then mixed with non-local means."""
 
 from collections.abc import Callable
 
@@ -15,13 +15,13 @@ Variance = Callable[[float], float]
 
 
 def transformed(plane: DoubleArray, size: int) -> DoubleArray:
-    """[row, column]: the DCT of the block whose first pixel that is."""
+    """DCT of every block: [row, column] is the one of the block whose top left pixel is there."""
     blocks: DoubleArray = dctn(sliding_window_view(plane, (size, size)), axes=(2, 3), norm="ortho")
     return blocks
 
 
 def aggregated(plane: DoubleArray, guide: DoubleArray, sizes: tuple[int, ...], variance: Variance, gains: Gains) -> DoubleArray:
-    """The mean of all blocks over each pixel, each weighted by its pixels over what is left of its noise."""
+    """The weighted mean of all blocks that cover each pixel; the weight is (pixels of the block) / (noise that its gains leave)."""
     sums, weights = np.zeros_like(plane), np.zeros_like(plane)
     for size in sizes:
         blocks, guides = transformed(plane, size), transformed(guide, size)
@@ -39,6 +39,7 @@ def aggregated(plane: DoubleArray, guide: DoubleArray, sizes: tuple[int, ...], v
 def denoise(
     noisy: DoubleArray, uncertain: BoolArray, sizes: tuple[int, ...], shot: float, read: float, threshold: float
 ) -> DoubleArray:
+    """Two passes of shrinkage: a hard threshold, then Wiener gains; the first result replaces `uncertain` samples in between."""
     margin = 2 * max(sizes)  # more than both passes see
     plane, doubtful = np.pad(noisy, margin, mode="reflect"), np.pad(uncertain, margin, mode="reflect")
 
@@ -52,7 +53,7 @@ def denoise(
 
 
 def similar_mean(samples: DoubleArray, guide: DoubleArray, shot: float, read: float, similarity: float, radius: int) -> DoubleArray:
-    """Of the samples around each, by how alike the guide is around them, in standard deviations of the noise."""
+    """Non-local means of `samples`; the weights compare the surroundings in `guide`, in standard deviations of the noise."""
     even = 2 / shot * np.sqrt(np.maximum(shot * guide + read**2, 0)) if shot else guide / read
     height, width = guide.shape
     margin = radius + 4
@@ -71,6 +72,7 @@ def similar_mean(samples: DoubleArray, guide: DoubleArray, shot: float, read: fl
 def denoise_luminance(
     noisy: DoubleArray, uncertain: BoolArray, shot: float, read: float, settings: DenoisingSettings
 ) -> DoubleArray:
+    """Denoised luminance, (H, W): both passes of shrinkage, mixed with non-local means."""
     shot, read = shot * settings.strength**2, read * settings.strength
     clean = denoise(noisy, uncertain, settings.sizes, shot, read, settings.threshold)
     samples = np.where(uncertain, clean, noisy)

@@ -1,4 +1,4 @@
-"""Sampled Gaussians, cut off at four standard deviations, over the mirrored picture."""
+"""Smoothing and derivatives by sampled Gaussians, cut off at four standard deviations; pictures are mirrored at the border."""
 
 import math
 
@@ -8,7 +8,7 @@ from shared.arrays import DoubleArray
 
 
 def gaussian(sigma: float) -> dict[int, float]:
-    """Weight by distance; they sum to one."""
+    """Distance in pixels -> weight; the weights sum to one."""
     radius = int(4 * sigma + 0.5)
     values = {x: math.exp(-(x**2) / (2 * sigma**2)) for x in range(-radius, radius + 1)}
     total = sum(values.values())
@@ -25,17 +25,19 @@ def _shifts(picture: DoubleArray, axis: int, radius: int) -> dict[int, DoubleArr
 
 
 def smooth(picture: DoubleArray, sigma: float, axis: int) -> DoubleArray:
+    """The picture convolved with a Gaussian along one axis."""
     kernel = gaussian(sigma)
     shifts = _shifts(picture, axis, max(kernel))
     return sum((weight * shifts[x] for x, weight in kernel.items()), np.zeros_like(picture))
 
 
 def blur(picture: DoubleArray, sigma: float) -> DoubleArray:
+    """The picture convolved with a Gaussian along both axes."""
     return smooth(smooth(picture, sigma, 0), sigma, 1)
 
 
 def derivative(picture: DoubleArray, sigma: float, axis: int) -> DoubleArray:
-    """G_hs * l: the derivative of a Gaussian along `axis`, the Gaussian across it; exactly zero where nothing changes."""
+    """G_hs * l of Eq. 13: the slope along `axis`, smoothed across it; exactly zero where the picture is constant."""
     across = smooth(picture, sigma, 1 - axis)
     kernel = gaussian(sigma)
     shifts = _shifts(across, axis, max(kernel))

@@ -19,11 +19,12 @@ class Block(NamedTuple):
 
 
 def letter(pattern: CfaPattern, row: int, column: int) -> str:
+    """The filter letter at a frame pixel."""
     return pattern.tile[(row - pattern.origin[0]) % pattern.period][(column - pattern.origin[1]) % pattern.period]
 
 
 def mirrored(index: int, size: int) -> int:
-    """The pixel of 0..size-1 seen at `index`: one step at a time, turning round at either end."""
+    """The pixel 0..size-1 that `index` shows: found one step at a time, turning round at either end."""
     place, step = 0, 1
     for _ in range(abs(index)):
         if not 0 <= place + step < size:
@@ -33,6 +34,7 @@ def mirrored(index: int, size: int) -> int:
 
 
 def block(pattern: CfaPattern) -> Block:
+    """The block of the pattern, by trying all rectangles from the smallest on."""
     period = pattern.period
     sites = {(row, column) for row, column in product(range(period), repeat=2) if letter(pattern, row, column) != "W"}
     for height, width in sorted(product(range(1, period), repeat=2), key=lambda size: size[0] * size[1]):
@@ -66,7 +68,7 @@ def patch_counts(pattern: CfaPattern, shape: tuple[int, int]) -> tuple[int, int]
 
 
 def block_corner(pattern: CfaPattern, index: tuple[int, int]) -> tuple[int, int]:
-    """First pixel of the block with this index in the grid of patch corners."""
+    """Top left pixel of the block with this (row, column) in the grid of blocks."""
     found, (row, column) = block(pattern), first_patch(pattern)
     return row - found.height // 2 + index[0] * pattern.period, column - found.width // 2 + index[1] * pattern.period
 

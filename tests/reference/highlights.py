@@ -1,4 +1,4 @@
-"""Luminance of clipped samples: cubic convolution between blocks, plus what unclipped samples nearby differ from it."""
+"""Luminance of clipped samples: cubic convolution between blocks, plus the mean difference of nearby unclipped samples from it."""
 
 import itertools
 import math
@@ -17,7 +17,7 @@ def keys(distance: float) -> float:
 
 
 def between(values: DoubleArray, down: float, across: float) -> float:
-    """What a coarse image is at a place between its values; beyond its border the outermost."""
+    """A coarse image interpolated at (down, across), in its own pixels; beyond its border it is constant."""
     rows, columns = values.shape
     total = 0.0
     for i in range(math.floor(down) - 1, math.floor(down) + 3):
@@ -36,7 +36,11 @@ def raised(
     faint: float,
     place: tuple[int, int],
 ) -> float:
-    """What the sample at `place` becomes: itself unless it is panchromatic and clipped."""
+    """The restored sample at `place`: unchanged unless it is panchromatic and clipped.
+
+    apart: largest difference from `plane` of samples that count, scene units; `raise_clipped` calls it tolerance.
+    plane, fall, faint: as in `raise_clipped`.
+    """
     if letter(pattern, *place) != "W" or signal[place] < clipping:
         return float(signal[place])
     differences, weights = [0.0], [faint]

@@ -8,7 +8,7 @@ from scipy.signal import convolve2d, correlate2d
 
 from shared.arrays import BoolArray, DoubleArray
 
-# Analysis reads l[n-3..n], the box one more on both sides, synthesis n..n+3.
+# Analysis reads l[n-3..n], the box one coefficient more on both sides, synthesis reads coefficients n..n+3.
 REACH = 4
 
 
@@ -26,12 +26,12 @@ def analyse(picture: DoubleArray) -> list[DoubleArray]:
 
 
 def neighbourhood(band: DoubleArray) -> DoubleArray:
-    """[(k * omega^2)[n]]^(1/2), k a 3 x 3 box of ones."""
+    """[(k * omega^2)[n]]^(1/2) of Eq. 2; k is a 3 x 3 box of ones."""
     return np.sqrt(convolve2d(band**2, np.ones((3, 3)), mode="valid"))
 
 
 def shrink(band: DoubleArray, threshold: float) -> DoubleArray:
-    """Eq. 5; a coefficient without any energy around it is zero and stays so."""
+    """Shrink a band by Eq. 5; a coefficient without any energy around it is zero and stays zero."""
     size = neighbourhood(band)
     factor = np.zeros_like(size)
     for place in zip(*np.nonzero(size), strict=True):
@@ -53,7 +53,7 @@ def objective(picture: DoubleArray) -> float:
 
 
 def recover(samples: DoubleArray, measured: BoolArray, iterations: int, decay: float, threshold: float) -> DoubleArray:
-    """Eqs. 3-5."""
+    """Luminance after all iterations of Eqs. 3-5, (H, W). measured: True at panchromatic pixels."""
     estimate = samples.copy()  # l_0 = m
     for t in range(iterations):
         low, *high = analyse(estimate)

@@ -1,4 +1,4 @@
-"""Samples that stand out, what to put in their place, and luminance around a block: by the words of the kernels' definitions."""
+"""Outliers and their replacements, pixel by pixel, as `find_outliers` and `mend_panchromatic` define them."""
 
 import itertools
 import math
@@ -11,26 +11,26 @@ STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
 def good(pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> bool:
-    """Whether a panchromatic sample that may be trusted is there."""
+    """Whether a place is inside the frame, panchromatic and not marked bad."""
     inside = 0 <= row < bad.shape[0] and 0 <= column < bad.shape[1]
     return inside and letter(pattern, row, column) == "W" and not bad[row, column]
 
 
 def square(row: int, column: int, reach: int) -> list[tuple[int, int]]:
-    """The places around one, itself left out."""
+    """The places at most `reach` pixels from (row, column) in either direction, without it."""
     steps = itertools.product(range(-reach, reach + 1), repeat=2)
     return [(row + y, column + x) for y, x in steps if (y, x) != (0, 0)]
 
 
 def neighbours(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: int, column: int, reach: int) -> list[float]:
-    """The trusted panchromatic samples of the square around one."""
+    """The good panchromatic samples at most `reach` pixels from (row, column)."""
     return [float(signal[place]) for place in square(row, column, reach) if good(pattern, bad, *place)]
 
 
 def bounds(
     signal: FloatArray, pattern: CfaPattern, bad: BoolArray, gamma: tuple[float, ...], row: int, column: int, reach: int
 ) -> list[float]:
-    """What the trusted samples of the square say of luminance, in rising order; colour ones only what is more than all others."""
+    """Luminance around a place, sorted: good panchromatic samples, and lower bounds from colour samples that exceed them all."""
     said = neighbours(signal, pattern, bad, row, column, reach)
     brightest = max(said, default=-math.inf)
     for y, x in square(row, column, reach):
@@ -63,7 +63,7 @@ def stands_out(
 
 
 def replacement(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: int, column: int) -> float:
-    """Pairs of opposite neighbours, weighted by the inverse square of distance and of mean change along their direction."""
+    """The mean of opposite neighbours, weighted by the inverse square of distance and of mean change along their direction."""
     values, weights = [], []
     for down, across in STEPS:
         pair = (row - down, column - across), (row + down, column + across)

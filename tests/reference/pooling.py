@@ -1,4 +1,4 @@
-"""Chromaticities from averages of the sums of Eqs. 8-9 over blocks that look alike, block by block."""
+"""Chromaticities from averages of the sums of Eqs. 8-9 over similar blocks, block by block."""
 
 import math
 
@@ -34,7 +34,7 @@ def statistics(
 
 
 def curvature(luminance: DoubleArray, place: tuple[int, int], pattern: CfaPattern) -> float:
-    """How far a pixel is from the mean of the two at either side, as far away as the block is large; the worse direction."""
+    """How far a pixel is from the mean of the two pixels one block's size to either side; the larger of both axes."""
     (y, x), (height, width) = place, luminance.shape
     found, here = block(pattern), luminance[place]
     above, below = (luminance[mirrored(y + step, height), x] for step in (-found.height, found.height))
@@ -61,6 +61,13 @@ def pool(
     passes: tuple[tuple[float, float, int], ...],
     light: float,
 ) -> DoubleArray:
+    """Chromaticities after all passes of pooling, (rows, columns, C).
+
+    coarse: chromaticities that the first pass compares, (rows, columns, C).
+    sums: what `statistics` returns.
+    passes: (blur, tolerance, radius) each; see `PoolingPass`.
+    light: standard deviation of the Gaussian weight of log luminance.
+    """
     weight, product, luminance = sums
     variance = 1 / weight.mean(axis=2)
     brightness = np.log(np.maximum(luminance, 1e-3))

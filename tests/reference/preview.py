@@ -1,6 +1,6 @@
-"""The camera's preview, pixel by pixel and block by block, in double precision and scene units. Slow, and as plain as can be.
+"""The camera's preview, pixel by pixel and block by block, in double precision and scene units. Slow and literal.
 
-Weights of interpolation are those of `device.geometry`, which has tests of its own; the constants are those of `device.graph`.
+It takes the weights of interpolation from `device.geometry`, which has tests of its own, and the constants from `device.graph`.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Eqs. 10 and 14: every pixel a convex combination of the chromaticities at the four corners of its patch."""
+"""Eqs. 10 and 14: chromaticity of a pixel as a convex combination of the blocks at the four corners of its patch."""
 
 import numpy as np
 
@@ -11,7 +11,11 @@ from tests.reference.geometry import first_patch
 def propagate(
     blocks: DoubleArray, affinity: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, softness: float = 0.0
 ) -> DoubleArray:
-    """softness is not of the paper: |alpha| (|alpha| + softness) in place of alpha^2."""
+    """Chromaticity of every pixel, (H, W, C).
+
+    affinity: the fields that `affinity.fields` returns.
+    softness: not in the paper; |alpha| (|alpha| + softness) replaces alpha^2.
+    """
     period, area, (top, left) = pattern.period, domain(luminance, pattern), first_patch(pattern)
     result = np.empty((*luminance.shape, blocks.shape[-1]))
     for row in range(luminance.shape[0]):

@@ -1,4 +1,4 @@
-"""Eqs. 15-16: non-local averaging of chromaticity, matched by luminance."""
+"""Eqs. 15-16: non-local averaging of chromaticity, with weights from luminance."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from tests.reference.gaussian import blur, gaussian
 
 
 def matches(luminance: DoubleArray, radius: int, h: float, std: float) -> list[tuple[int, int, DoubleArray]]:
-    """(down, right, unnormalised weight at every pixel) for each n' = n + (down, right) of the window."""
+    """(down, right, weights) for each n' = n + (down, right) of the window: the weights of Eq. 16, (H, W), before normalisation."""
     height, width = luminance.shape
     reach = max(gaussian(std))
     wide = np.pad(luminance, radius + reach, mode="reflect")  # the patches around n and n' are patches of the mirrored picture
@@ -25,6 +25,7 @@ def matches(luminance: DoubleArray, radius: int, h: float, std: float) -> list[t
 def refine(
     initial: DoubleArray, luminance: DoubleArray, period: int, *, h: float, blur_periods: float, repetitions: int
 ) -> DoubleArray:
+    """Chromaticity after all repetitions of Eq. 15, (H, W, C). blur_periods: standard deviation of G, periods."""
     height, width = luminance.shape
     radius = period // 2
     weights = matches(luminance, radius, h, period * blur_periods)

@@ -14,19 +14,21 @@ from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
 
 
 class Picture(NamedTuple):
+    """A rendered mosaic, with the fields of `offline.Rendering` in float64."""
+
     rgb: DoubleArray
     luminance: DoubleArray
     chromaticity: DoubleArray
 
 
 def sigma_of_light(mosaic: Mosaic, luminance: DoubleArray) -> float:
-    """sigma_z of Eq. 16: panchromatic noise at the mean luminance; a sensor of unknown noise counts as perfect."""
+    """sigma_z of Eq. 16: panchromatic noise at the mean luminance; unknown noise counts as none."""
     noise = mosaic.calibration.noise
     return 0.0 if noise is None else noise.sigma(float(luminance.mean()))
 
 
 def sigma_of_colour(mosaic: Mosaic) -> float:
-    """sigma_z of Eqs. 8-9: one figure for all channels, the mean of their variances at the mean sample of the whole blocks."""
+    """sigma_z of Eqs. 8-9, one for all channels: the root of their mean variance at the mean sample of the whole blocks."""
     noise, pattern = mosaic.calibration.noise, mosaic.pattern
     if noise is None:
         return 0.0
@@ -37,6 +39,7 @@ def sigma_of_colour(mosaic: Mosaic) -> float:
 
 
 def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
+    """The literal render. It neither estimates noise, nor replaces defects, nor restores highlights."""
     pattern, gamma = mosaic.pattern, mosaic.calibration.gamma
     signal = mosaic.signal.astype(np.float64)
     measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])

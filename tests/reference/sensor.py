@@ -1,4 +1,4 @@
-"""What the sensor reads of a scene (Eqs. 6-7), one pixel at a time."""
+"""The forward model, from a scene to a mosaic (Eqs. 6-7), one pixel at a time."""
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from tests.reference.geometry import letter
 
 
 def luminance_of(scene: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
+    """What panchromatic pixels read of a scene (H, W, C): sum_i gamma_i channel_i (Eq. 7), (H, W)."""
     total: DoubleArray = sum(weight * scene[..., channel] for channel, weight in enumerate(gamma))  # type: ignore[assignment]  # Eq. 7
     return total
 
@@ -19,7 +20,11 @@ def observe(
     sigma: float | None = None,
     noise: DoubleArray | None = None,
 ) -> Mosaic:
-    """The mosaic of a scene (H, W, C). `sigma` is what the calibration says of the noise, `noise` what is added."""
+    """The mosaic of a scene (H, W, C).
+
+    sigma: noise that the calibration states, scene units; None = unknown.
+    noise: noise that is added to the samples, (H, W); None = none.
+    """
     calibration = SensorCalibration(
         pattern.channels,
         gamma or (1.0,) * len(pattern.channels),

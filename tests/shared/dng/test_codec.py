@@ -125,7 +125,7 @@ def test_unknown_layout_is_refused() -> None:
     "picture", [np.zeros((4, 4, 3)), np.zeros((4, 4), np.uint8), np.zeros((4, 4, 4), np.uint8), np.zeros((0, 4, 3), np.uint8)]
 )
 def test_a_preview_that_is_no_picture_is_refused(picture: Any) -> None:
-    with pytest.raises(InputError, match=r"the preview is .* expected an uint8 picture"):
+    with pytest.raises(InputError, match=r"the preview is .* expected a uint8 picture"):
         encode_dng(mosaic(), picture)
 
 
