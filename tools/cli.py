@@ -1,4 +1,4 @@
-"""The command line: a table of verbs. The only place that catches Panchroma's errors."""
+"""The command line: a table of verbs, and the exit code of every error that ends a command."""
 
 import argparse
 import importlib
@@ -22,7 +22,7 @@ VERBS = {
     "simulate": "photograph a scene (camera RAW or picture) with a simulated camera",
     "inspect": "show what is in a shot; check whole archives for damage",
     "capture": "save a camera's frames as shots, each with its preview",
-    "view": "show what a camera sees on a web page, with a button that saves it",
+    "view": "show a camera's live picture on a web page, with a button that saves a shot",
     "preview": "make the camera's own preview of shots",
     "render": "make the full-quality pictures of shots",
     "evaluate": "compare this camera with Bayer cameras: figures, and a page to look at",

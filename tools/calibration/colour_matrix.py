@@ -125,7 +125,7 @@ def _white_preserving(camera: DoubleArray, reference: DoubleArray, neutral: Doub
 
 
 def _emphasis(reference: DoubleArray) -> DoubleArray:
-    """Return weights: CIEDE2000 divides differences of saturated colours by 1 + 0.045 C (its Eq. 20)."""
+    """Return weights: CIEDE2000 divides differences in chroma by 1 + 0.045 C (Eq. 19 in `delta_e_2000`)."""
     _, a, b = xyz_to_lab(reference).T
     emphasis: DoubleArray = 1 / (1 + 0.045 * np.hypot(a, b))
     return emphasis

@@ -33,12 +33,12 @@ _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of
 class ShotMeasurement:
     """Measurements of one shot.
 
-    name: of the file.
-    calibration: the shot's own.
-    fits: independent estimates of gamma; of a chart the first is from its patches.
-    chart: the chart; None for an ordinary scene, as are the next two.
-    places: statistics of the patches.
-    picture: uint8 RGB (H, W, 3), the shot with the patches outlined.
+    name: file name.
+    calibration: the calibration stored in the shot.
+    fits: independent estimates of gamma; if there is a chart, the first one comes from its patches.
+    chart: the chart; None for an ordinary scene.
+    places: statistics of the patches; None for an ordinary scene.
+    picture: uint8 RGB (H, W, 3), the shot with the patches outlined; None for an ordinary scene.
     """
 
     name: str
@@ -53,8 +53,8 @@ class ShotMeasurement:
 class Outcome:
     """The result of a calibration.
 
-    camera: the camera; None if it was refused.
-    refusal: the reason for that, or "".
+    camera: the camera; None if the shots cannot determine it.
+    refusal: the reason why there is no camera; "" if there is one.
     warnings: sentences for the user.
     shots: measurements of the shots.
     gamma: combined estimate of all shots.
@@ -94,7 +94,7 @@ def measure_chart(
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them and from the scene around the chart.
 
-    name: of the file.
+    name: file name.
     mosaic: the shot.
     reference: (24, 3), XYZ (D50), white = 1.
     corners: of the chart, see `ChartPlace`; None = find it.

@@ -1,7 +1,7 @@
-"""How fast is it, here? The renderer and its stages, the preview, the files, and what rivals make of a Bayer mosaic of that size.
+"""How fast is it, here? Time the renderer and its stages, the preview, the files, and rivals on a Bayer mosaic of the same size.
 
-Arrays are in memory. Everything runs in turns, in several rounds after one that does not count; ratios are medians of the rounds'
-ratios. With several sizes: how time and memory grow from one DNG to one TIFF, each size in a process of its own.
+Speeds are for arrays in memory. Everything runs once per round, after a warm-up round that does not count; a ratio is the median of
+the rounds' ratios. With several sizes: measure how time and memory grow, from a DNG to a TIFF, each size in a process of its own.
 """
 
 import argparse
@@ -23,13 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=[_MEGAPIXELS],
         metavar="N",
-        help="size of the frame; with several: how time and memory grow",
+        help="size of the frame; several: measure how time and memory grow",
     )
     parser.add_argument("--rounds", type=int, default=_ROUNDS, metavar="N", help="rounds; each measures everything once")
     parser.add_argument(
         "--frames", type=int, default=_FRAMES, metavar="N", help=f"number of previews of {_PREVIEW_MEGAPIXELS:g} MP"
     )
-    parser.add_argument("-j", "--threads", type=int, metavar="N", help="threads, for rivals too (default, and most: one per core)")
+    parser.add_argument("-j", "--threads", type=int, metavar="N", help="threads, for rivals too (default, maximum: one per core)")
     parser.add_argument("--json", action="store_true", help="print one JSON object with every figure to stdout")
 
 

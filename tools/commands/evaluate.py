@@ -1,7 +1,7 @@
 """Is this camera better, where, and by how much? Photograph scenes with it and with a Bayer camera, and compare the renderings.
 
 Writes evaluation.html (one page that works offline), evaluation.json and evaluation.csv. Results are kept in DIR/results as they
-are made: an interrupted run continues where it stopped, and another method or noise level adds only itself.
+are made: an interrupted run continues where it stopped, and for another method or noise level only its own results are measured.
 """
 
 import argparse
@@ -54,9 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[6],
         metavar="K",
-        help="of the sparse-colour sensor; several values make a study of K",
+        help="period of the sparse-colour pattern; with several values the periods are compared",
     )
-    what.add_argument("--methods", nargs="+", metavar="NAME", help="default: all that are installed; an unknown name lists them")
+    what.add_argument(
+        "--methods", nargs="+", metavar="NAME", help="methods to compare (default: all installed; an unknown name lists them)"
+    )
     what.add_argument("--crop", type=int, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
     run_.add_argument("-j", "--jobs", type=int, metavar="N", help="number of processes (default: one per core, as memory allows)")
@@ -106,7 +108,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str]]:
-    """The study asked for, with the scenes that can be read; and a line for each scene that cannot."""
+    """The requested study, with the scenes that can be read, and a line for each scene that cannot."""
     from tools.evaluation.methods import choose, default_names, missing_packages
     from tools.evaluation.protocol import Protocol
     from tools.evaluation.scene_sets import Reading, distinct, expand

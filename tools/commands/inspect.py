@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a camera.json; with --verify also a folder of DNGs"
     )
     parser.add_argument("--verify", action="store_true", help="only count the undamaged files and name the damaged ones")
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="--verify: files at the same time (default: one per core)")
+    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="--verify: files checked at a time (default: one per core)")
     options.add_max_pixels(parser)
     options.add_json(parser, "file")
 
@@ -123,7 +123,7 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
 
 
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:
-    """Rows for the capture data that are known, with units."""
+    """Rows for the known capture data, with units."""
     seconds = metadata["exposure_time"]
     exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
     rows = {

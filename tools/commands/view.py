@@ -1,7 +1,7 @@
-"""Show what a camera sees on a web page, with frame rate, latency and dropped frames, and a button that saves the frame.
+"""Show a camera's live picture on a web page, with frame rate, latency and dropped frames, and a button that saves a shot.
 
 SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind 0.0.0.0 everybody on the network
-can, and with -o save shots too. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
+can, and with -o they can save shots too. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
 """
 
 import argparse
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bind", default="127.0.0.1", metavar="ADDRESS", help="network interface that serves the page")
     parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one")
     parser.add_argument(
-        "--scale", type=int, metavar="S", help=f"one pixel for S x S of the sensor (default: so that it is at most {_WIDEST} wide)"
+        "--scale", type=int, metavar="S", help=f"show S x S sensor pixels as one (default: picture at most {_WIDEST} pixels wide)"
     )
     options.add_graph(parser)
     options.add_preview_threads(parser)

@@ -1,4 +1,4 @@
-"""Results kept on disk, each under a name made of all it depends on, so that an interrupted run continues where it stopped."""
+"""Results kept on disk under a digest of all they depend on, so that an interrupted run continues where it stopped."""
 
 import hashlib
 import json

@@ -7,7 +7,7 @@ from shared.arrays import FloatArray
 
 
 def render_preview(mosaic: Mosaic) -> FloatArray:
-    """Picture of a shot by the camera's preview graph at full size, float32 (H, W, 3), scene units of the shot."""
+    """Render a shot with the camera's preview graph at full size. Returns float32 (H, W, 3), scene units of the shot."""
     from device import Preview
 
     return cast(FloatArray, Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1).run(mosaic))

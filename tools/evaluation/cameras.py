@@ -36,12 +36,12 @@ class CameraPair:
     _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
-        """Picture of the sparse-colour shot, float32 (H, W, 3), scene units of the scene."""
+        """Render the sparse-colour shot. Returns float32 (H, W, 3) in scene units of the scene, whatever the exposure was."""
         picture, gain = render(self._sparse), self.protocol.gain(self.level)
         return picture / np.float32(gain) if gain != 1 else picture
 
     def render_bayer(self, demosaic: Demosaic, *, balanced: bool = False, denoise: Denoise | None = None) -> FloatArray:
-        """Picture of the Bayer shot, float32 (H, W, 3), scene units.
+        """Render the Bayer shot. Returns float32 (H, W, 3), scene units.
 
         demosaic: the method.
         balanced: give it white-balanced samples, as raw developers do, and undo the balance afterwards.

@@ -11,7 +11,7 @@ _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 @cache
 def digest(*places: str) -> str:
-    """16 hexadecimal digits that change with the content of files of ours.
+    """Digest of source files: 16 hexadecimal digits.
 
     places: files and folders, relative to the folder that holds `shared` and `tools`. A folder stands for everything below it but
     texts (*.md) and compiled code. Docstrings, comments and layout of Python files do not count.

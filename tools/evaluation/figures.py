@@ -23,9 +23,11 @@ class Figure:
 
     group: the set.
     scene: its name; None for the whole set.
-    level, method, period: as in `Cell`.
+    level: noise level, as in `Protocol`.
+    method: its name.
+    period: of the sparse-colour pattern, pixels; 0 for a rival.
     quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
-    psnr, ssim: of the whole picture, dB and index; of a set the mean.
+    psnr, ssim: PSNR (dB) and SSIM of the whole picture; for a set, the mean over its scenes.
     scenes: number of scenes.
     """
 

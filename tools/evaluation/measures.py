@@ -1,4 +1,4 @@
-"""What is kept of one rendering: patch quantiles, patch histograms (to pool scenes), whole-image figures, and where it errs."""
+"""The kept measurements of one rendering: patch quantiles and histograms (to pool scenes), whole-image figures, a map of errors."""
 
 import io
 from collections.abc import Sequence

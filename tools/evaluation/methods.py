@@ -19,9 +19,9 @@ from .rivals.libraw import ALGORITHMS, demosaic_libraw
 from .rivals.packages import demosaic_malvar, demosaic_menon, demosaic_opencv
 
 DENOISING_SECONDS = 40  # per megapixel, once for all methods that begin with it
-# One of several distributions that hold the same module.
+# Distributions that all install the module cv2.
 _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-contrib-python", "opencv-python")
-# Between the light of a scene and its figures: what every result depends on.
+# The code between the light of a scene and its figures: every result depends on it.
 MEASURING = (
     "shared",
     *(f"tools/evaluation/{name}.py" for name in ("protocol", "rivals/bayer", "cameras", "measures", "metrics", "ssim")),
@@ -34,12 +34,13 @@ class Method:
 
     title: name for people.
     function: makes the picture, from a Mosaic if the method is ours, from Bayer samples and their order if it is a rival.
-    code: files and folders that results depend on besides MEASURING, relative to the repository; complete, or results grow stale.
+    code: all files and folders that results depend on besides MEASURING, relative to the repository. If one is missing here,
+        results are kept although it has changed.
     ours: whether it renders shots of the sparse-colour camera.
     balanced: a rival that gets white-balanced samples.
     denoise: applied to a rival's samples first.
     packages: distributions that it needs; their versions count too.
-    seconds: of work per megapixel, roughly, for the time left.
+    seconds: rough duration per megapixel, from which the time left is estimated.
     """
 
     name: str
@@ -74,7 +75,7 @@ class Method:
         )
 
     def render(self, cameras: CameraPair) -> FloatArray:
-        """Picture of the shot by the method's own camera, float32 (H, W, 3), scene units."""
+        """Render the shot of the camera that this method is for. Returns float32 (H, W, 3), scene units."""
         if self.ours:
             return cameras.render_sparse(self.function)
         return cameras.render_bayer(self.function, balanced=self.balanced, denoise=self.denoise)

@@ -8,5 +8,5 @@ PRESETS = {"paper": PAPER, "best": BEST}
 
 
 def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
-    """Picture of a shot by the off-camera renderer, float32 (H, W, 3), scene units of the shot."""
+    """Render a shot with the off-camera renderer. Returns float32 (H, W, 3), scene units of the shot."""
     return render(mosaic, settings).rgb

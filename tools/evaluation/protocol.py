@@ -69,7 +69,7 @@ class Protocol:
         return tuple(sorted(set(levels), reverse=self.kind == "sensor"))
 
     def sparse_shot(self, rgb: FloatArray, level: float, period: int) -> Mosaic:
-        """Shot of the sparse-colour sensor; its calibration knows the noise. Divide a render of it by `gain`.
+        """Shot of the sparse-colour sensor; its calibration states the noise. A render divided by `gain` is in the scene's units.
 
         rgb: the scene, (H, W, 3), scene units.
         level: of the noise.
@@ -79,7 +79,7 @@ class Protocol:
         return simulate(rgb, CfaPattern.bayer(period, ORDER), camera, level, self._rng())
 
     def bayer_shot(self, rgb: FloatArray, level: float) -> BayerShot:
-        """Shot of the Bayer sensor from a scene (H, W, 3) in scene units, already divided by `gain`."""
+        """Shot of the Bayer sensor, already divided by `gain`. rgb: the scene, (H, W, 3), scene units."""
         if self.kind == "paper":
             return BayerShot(bayer_mosaic(rgb, level, self._rng(), ORDER), 0.0, level)
         samples = bayer_exposure(rgb, _NOISE, level, (int(_CAMERA.black_level[0]), _CAMERA.white_level), self._rng(), ORDER)

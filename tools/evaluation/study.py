@@ -20,9 +20,11 @@ _MEASURING = 0.3  # seconds per megapixel, roughly
 
 @dataclass(frozen=True)
 class Cell:
-    """One result.
+    """One result: a scene at one noise level, by one method.
 
-    scene, level, method: what was measured; level as in `Protocol`.
+    scene: the scene.
+    level: noise level, as in `Protocol`.
+    method: its name.
     period: of the sparse-colour pattern; 0 for a rival.
     name: of the result in the cache.
     """
@@ -120,7 +122,7 @@ def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
 
 
 def work(task: Task) -> list[str]:
-    """Make the results of a task and keep them; a line for each that failed. Raises OutputError when they cannot be kept."""
+    """Make and keep the results of a task. Returns a line for each that failed. Raises OutputError when they cannot be kept."""
     cache = Cache(task.folder / FOLDER)
     failures = []
     for cell in task.cells:

@@ -51,7 +51,7 @@ class Team:
         return max(1, min(self.jobs, self.memory // needed_memory(pixels)))
 
     def read(self, sources: Sequence[str], reading: Reading) -> tuple[list[SceneInfo], list[str]]:
-        """The scenes that can be read, in the order given, and a line for each other source, which is shown to the user."""
+        """The scenes that can be read, in the given order, and a line for each source that cannot; it is shown to the user too."""
         scenes, failures = [], []
         for source, info in self._follow("reading scenes", reading.info, sources, _USUAL_PIXELS):
             if not isinstance(info, SceneInfo):
@@ -65,7 +65,7 @@ class Team:
         return scenes, failures
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
-        """Do the tasks, with results into the cache; a line for each result that failed, which is shown to the user."""
+        """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""
         failures = []
         pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
         for task, outcome in self._follow("measuring", work, todo, pixels, lambda task: task.seconds):

@@ -72,7 +72,7 @@ def comparisons(figures: Figures, group: str) -> list[str]:
 
 
 def losses(figures: Figures, group: str) -> str:
-    """Scenes on which the best rival beats us, by level: what is lost without noise is lost for another reason than in noise."""
+    """Scenes on which the best rival beats us, by level, because losses without noise have other causes than losses in noise."""
     found = figures.losses(group)
     if not found:
         return "On no scene at any level." if figures.ours and figures.rivals else ""

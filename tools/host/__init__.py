@@ -1,1 +1,1 @@
-"""The machine and the person at it: terminal, signals, memory, processes. Knows nothing of pictures, scenes or shots."""
+"""The machine and the person at it: terminal, signals, memory, processes. Uses no other room of `tools`."""

@@ -1,4 +1,4 @@
-"""Whether files are still what was written: shots, rendered DNGs and camera files, many at a time, whole folders of them."""
+"""Verify that shots, rendered DNGs and camera files are undamaged: single files and whole folders, several files at a time."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -18,9 +18,12 @@ _SUFFIX = ".dng"
 
 
 def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: int) -> int:
-    """Check each file against its own digest and say which are not whole; returns how many.
+    """Check each file against its own digest and report the damaged ones. Returns their number.
 
-    sources: files, and folders with all DNGs in them and below. jobs: files at a time.
+    sources: files, and folders with all DNGs in them and below.
+    console: for lines, records and progress.
+    jobs: number of files checked at the same time.
+    max_pixels: larger files count as damaged.
     """
     files = list(dict.fromkeys(file for source in sources for file in _files(source)))
     damaged: list[str] = []

@@ -1,4 +1,4 @@
-"""Tell the user when the renderer is compiled: on the first run on a machine that takes most of the time."""
+"""Tell the user that the renderer is being compiled, which takes most of the time of the first run on a machine."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

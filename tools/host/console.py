@@ -57,7 +57,7 @@ class Console:
 
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
-        # Not above: it brings NumPy, which `panchroma --help` does without.
+        # Imported here, because it loads NumPy, which `panchroma --help` does not need.
         from .progress import BarProgress, LineProgress, rich_display
 
         title = one_line(title)

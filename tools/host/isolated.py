@@ -20,8 +20,9 @@ _STATUS = "/proc/self/status"  # preferred to getrusage, where a new process inh
 
 
 def run_isolated(function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
-    """What `function`, one of a module, returns in a new process. The process ends before this returns, also by an interrupt.
+    """Call `function` in a new process and return its result. The process has ended when this returns or is interrupted.
 
+    function: defined at the top level of a module, because it is pickled.
     Raises what `function` raises, and InputError when its process is killed.
     """
     context = multiprocessing.get_context("spawn")

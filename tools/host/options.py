@@ -11,7 +11,7 @@ _PERIOD, _ORDER, _ORIGIN = 6, "RGGB", (0, 0)
 
 
 def add_camera(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """--camera, --period, --order and --origin of a sensor without shots, in a group that is returned; see `camera_of`."""
+    """Add --camera, --period, --order and --origin, for a sensor without shots; return their group. `camera_of` reads them."""
     group = parser.add_argument_group("the camera")
     group.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
     add_pattern(group)
@@ -20,14 +20,14 @@ def add_camera(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 
 def add_pattern(group: argparse._ActionsContainer) -> None:
-    """--period and --order."""
+    """Add --period and --order; `pattern_of` reads them."""
     periods = f"{PERIODS[0]} to {PERIODS[-1]}"
     group.add_argument("--period", type=int, metavar="K", help=f"pixels from block to block, {periods} (default: {_PERIOD})")
     group.add_argument("--order", choices=BAYER_ORDERS, help=f"colour filters of a block, row by row (default: {_ORDER})")
 
 
 def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> CfaPattern:
-    """The pattern that the options describe; without any of them `known`, the camera's own, if there is one.
+    """The pattern that --period, --order and --origin describe; `known`, the camera's own, if none of them is given.
 
     Raises InputError for a period outside the supported range.
     """
@@ -39,7 +39,7 @@ def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -
 
 
 def camera_of(arguments: argparse.Namespace) -> tuple[Camera | None, CfaPattern]:
-    """Return the camera in the --camera file, None without that option, and the pattern of the options; see `pattern_of`.
+    """Return the camera in the --camera file (None without that option) and the pattern, see `pattern_of`.
 
     Raises InputError that names the file when the camera was measured with another pattern.
     """
@@ -54,61 +54,61 @@ def camera_of(arguments: argparse.Namespace) -> tuple[Camera | None, CfaPattern]
 
 
 def add_output_folder(parser: argparse.ArgumentParser, files: str) -> None:
-    """-o of commands that write `files` into a folder; `tools.host.jobs.output_folder` creates it."""
+    """Add -o, the folder into which a command writes `files`; `tools.host.jobs.output_folder` creates it."""
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help=f"folder for {files}, created if missing")
 
 
 def add_calibration(parser: argparse.ArgumentParser) -> None:
-    """--camera of commands that read shots."""
+    """Add --camera, for commands that read shots."""
     parser.add_argument("--camera", metavar="FILE", help="camera.json to use instead of the calibration in the shots")
 
 
 def add_graph(group: argparse._ActionsContainer) -> None:
-    """--graph; `tools.pictures.previews.load_graph` loads it."""
+    """Add --graph; `tools.pictures.previews.load_graph` loads it."""
     group.add_argument("--graph", metavar="FILE", help="preview graph from export-preview, for a pattern without a built-in graph")
 
 
 def add_scale(parser: argparse.ArgumentParser) -> None:
-    """--scale of a preview."""
+    """Add --scale, for a preview."""
     text = "sensor pixels per picture pixel, in each direction; must divide the period"
     parser.add_argument("--scale", type=int, default=1, metavar="N", help=text)
 
 
 def add_max_pixels(parser: argparse.ArgumentParser) -> None:
-    """--max-pixels of commands that read files from anywhere."""
+    """Add --max-pixels, for commands that read untrusted files."""
     parser.add_argument("--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="refuse a file with more pixels than this")
 
 
 def add_overwrite(group: argparse._ActionsContainer) -> None:
-    """--overwrite."""
+    """Add --overwrite."""
     group.add_argument("--overwrite", action="store_true", help="replace results that exist already")
 
 
 def add_json(group: argparse._ActionsContainer, each: str) -> None:
-    """--json, with one object per `each`."""
+    """Add --json, which prints one object per `each`."""
     group.add_argument("--json", action="store_true", help=f"print one JSON object per {each} to stdout")
 
 
 def add_max_memory(group: argparse._ActionsContainer) -> None:
-    """--max-memory; `tools.host.memory.allowed_memory` understands it."""
+    """Add --max-memory; `tools.host.memory.allowed_memory` parses it."""
     group.add_argument(
         "--max-memory", metavar="SIZE", help="memory for all processes together, for example 4G (default: most of the free memory)"
     )
 
 
 def add_preview_threads(parser: argparse.ArgumentParser) -> None:
-    """-j of commands that make previews of a stream."""
+    """Add -j, for commands that make previews of a stream."""
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="threads of the preview (default: one per core)")
 
 
 def add_scheduler(group: argparse._ActionsContainer) -> None:
-    """--scheduler and --scheduler-file; see `uses_scheduler`."""
+    """Add --scheduler and --scheduler-file; see `uses_scheduler`."""
     group.add_argument("--scheduler", metavar="ADDRESS", help="do the work on the workers of this dask scheduler, tcp://HOST:PORT")
-    group.add_argument("--scheduler-file", metavar="FILE", help="the same with the scheduler that wrote this file")
+    group.add_argument("--scheduler-file", metavar="FILE", help="as --scheduler, for the scheduler that wrote this file")
 
 
 def uses_scheduler(arguments: argparse.Namespace) -> bool:
-    """Whether a dask scheduler is to share out the work. Raises InputError when both options are given."""
+    """Whether a dask scheduler distributes the work. Raises InputError when both options are given."""
     if arguments.scheduler and arguments.scheduler_file:
         raise InputError("--scheduler and --scheduler-file name the same thing; give one of them")
     return bool(arguments.scheduler or arguments.scheduler_file)

@@ -28,7 +28,7 @@ class StageProgress(Progress):
         """Begin work of `steps` steps that has no stages."""
 
     def remark(self, text: str) -> None:
-        """Say in words how far it is."""
+        """Say in words how far the work is."""
 
     def __enter__(self) -> Self:
         return self

@@ -1,4 +1,4 @@
-"""What the signals that end a program do: commands clean up, services finish what they are at, workers end with their parent."""
+"""Signals that end a program: commands clean up, services finish their current work, workers end with their parent."""
 
 import multiprocessing
 import os
@@ -12,7 +12,7 @@ from types import FrameType, TracebackType
 
 INTERRUPTED = 130
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
-_received: list["Terminated"] = []  # raised since `orderly_end` began, wherever it got to
+_received: list["Terminated"] = []  # raised since `orderly_end` began, even if something has caught it
 
 
 class Terminated(KeyboardInterrupt):
@@ -56,7 +56,7 @@ def raise_lost_signal() -> None:
 
 
 def end_with_parent(patience: float = 0.0) -> None:
-    """In a worker process: end when the parent process does, and leave SIGINT and SIGHUP to it, for it stops the workers.
+    """In a worker process: end when the parent process does, and leave SIGINT and SIGHUP to it: it stops the workers.
 
     patience: seconds between the SIGTERM that a worker without a parent gets, and its end in any case.
     """

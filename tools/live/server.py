@@ -40,7 +40,7 @@ _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow clien
 
 
 class ViewfinderServer(ThreadingTCPServer):
-    """The server of a viewfinder. No HTTPServer: that looks its own name up, and a camera in the field would wait for it.
+    """The server of a viewfinder. Not an HTTPServer: that looks up its own host name, and without a network it waits for an answer.
 
     address: (host, port); port 0 takes any free port.
     finder: the viewfinder.

@@ -28,7 +28,7 @@ class View:
     jpeg: the picture as a JPEG file.
     number: counts the pictures, from 1.
     latency: seconds from the arrival of the frame until the picture was ready.
-    frame, mosaic: what it shows.
+    frame, mosaic: the frame that it shows, raw and unpacked.
     """
 
     jpeg: bytes

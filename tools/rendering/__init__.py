@@ -1,1 +1,1 @@
-"""Shots to pictures: one, or a million. What is made already, what is still to do, by how many processes, on how many machines."""
+"""Shots to pictures: one, or a million, by several processes or machines, with a record of what is done."""

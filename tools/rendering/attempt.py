@@ -24,7 +24,9 @@ from .shots import Shot
 def attempt(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress | None = None) -> Outcome:
     """Make a picture, or say why there is none. Raises nothing but interrupts: one bad shot must not stop the others.
 
+    order: settings of the run.
     share: what it may use of the machine.
+    shot: the shot, and where its picture goes.
     note: called with each remark for the user.
     progress: listens to the stages, if there is one.
     """
@@ -57,7 +59,7 @@ def _make(order: Order, share: Share, shot: Shot, note: Note, progress: StagePro
 
 @dataclass(frozen=True)
 class _Existing:
-    """What is there already under the name of an output.
+    """What exists already under the name of an output.
 
     key: digest of everything that the output depends on.
     current: the outcome when it is up to date, made by this run or by an earlier one; otherwise None.
@@ -72,7 +74,7 @@ class _Existing:
 
 
 def _existing(order: Order, shot: Shot, source_digest: str | None) -> _Existing:
-    """What is there; raises OutputError for a file that must stay."""
+    """What exists under the output's name. Raises OutputError for a file that must stay."""
     output, wanted = shot.output, order.key(shot.output, source_digest or "")
     if not output.exists():
         return _Existing(wanted, replace=order.overwrite)
@@ -138,7 +140,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     return Outcome("made", line, facts)
 
 
-# Journal and picture are fsynced at the same time: for small pictures this is most of the time that a file takes.
+# Journal and picture are fsynced at the same time, because for small pictures fsync takes most of the time.
 _JOURNAL_WRITER = ThreadPoolExecutor(1)
 
 
@@ -148,7 +150,7 @@ def _journal(folder: Path) -> Journal:
 
 
 def _state(source: str) -> tuple[int, ...] | None:
-    """What changes when a file is changed; None when there is no such file."""
+    """Identity, size and time of a file, by which a change shows; None when there is no such file."""
     status = file_status(source)
     return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns) if status else None
 

@@ -1,7 +1,7 @@
 """The record of what renders have made in a folder: one line per file, on the disk before the file gets its name.
 
-So a file that is not in the journal was not made by a render, whenever a run was cut off. A line whose file never got its name is
-recognised by the digest.
+So a file that is not in the journal was not made by a render, even if a run was interrupted. A line whose file never got its name
+is recognised by the digest.
 """
 
 import fcntl

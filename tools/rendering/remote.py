@@ -19,11 +19,13 @@ from .shots import Shot
 
 
 def passes(order: Order, client: Any, threads: int | None, memory: str | None, note: Note) -> list[Pass]:
-    """The passes of the workers over a list of shots, as `tools.rendering.run.passes` are those of this machine.
+    """The passes over a list of shots by dask workers; on this machine alone `tools.rendering.run.passes` takes their place.
 
-    threads: of each worker; by default those it was started with.
-    memory: of each worker, as `--max-memory` has it; by default most of what is free there.
-    note: called with each remark of the workers, once.
+    order: settings of the run.
+    client: of the dask scheduler.
+    threads: number for each worker; None = as many as it was started with.
+    memory: limit for each worker, in the form of `--max-memory`; None = most of its free memory.
+    note: called with each different remark of the workers.
     """
     order = replace(order, folder=order.folder.absolute())
     note = cache(note)  # several workers have the same to say: once is enough

@@ -1,4 +1,4 @@
-"""A run over a list of shots: how many processes render them, what each may use, what is postponed, what the user is told."""
+"""Render a list of shots: how many processes, how much memory for each, which shots are postponed, what the user is told."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -70,9 +70,9 @@ def _size(source: str) -> int:
 
 
 def passes(order: Order, resources: Resources, console: Console, count: int) -> list[Pass]:
-    """The passes of this machine over `count` shots: all of them, then one by one, with all the memory, those postponed.
+    """The passes of this machine over `count` shots. The last one renders postponed shots one by one, each with all the memory.
 
-    With a single shot the console shows its stages.
+    If there is only one shot, the console shows its stages.
     """
 
     def one_by_one(last: bool, shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:

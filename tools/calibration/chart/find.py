@@ -21,7 +21,7 @@ from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
 
 # Searches with the detector, the likeliest first: pieces of the frame per side, longer side in pixels of what it gets.
 _SEARCHES = (*((1, size) for size in (600, 850, 1200, 420, 1700, 2400)), (2, 600), (2, 1200))
-_LARGEST_SCALE = 2.0  # a chart that is large enough is found at twice its size at the latest: more would only take time
+_LARGEST_SCALE = 2.0  # further enlargement finds no more charts that are large enough, and takes time
 _MOST = 30  # candidates per search
 _DOUBTFUL = 30.0  # mean dE2000 above which a refused place is not worth mentioning
 _ENOUGH = 4.5  # mean dE2000 of a candidate good enough to end the search

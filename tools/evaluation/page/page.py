@@ -216,9 +216,9 @@ def _method_section(figures: Figures) -> str:
         "Noise": f"seed {study.protocol.seed}, the same scene light for every camera; {study.protocol.conditions}",
         "Sets": "what sensors measured is pooled; developed 8-bit pictures (Kodak, McMaster, others) are linearised and reported "
         "separately, because they were interpolated and sharpened before",
-        "Rivals": "get samples with a pedestal, so that no noise is clipped; LibRaw's methods and those called balanced get "
-        "white-balanced samples, as raw developers do; BM3D (package bm3d, for non-commercial use only) denoises each of the four "
-        "planes and knows the true noise",
+        "Rivals": "LibRaw and OpenCV, which take integers, get samples with a pedestal, so that no noise is clipped; LibRaw's "
+        "methods and those called balanced get white-balanced samples, as raw developers do; BM3D (package bm3d, for "
+        "non-commercial use only) denoises each of the four planes and knows the true noise",
         "Whole image": f"PSNR and SSIM (Wang 2004, mean of the channels) leave out the same {BORDER} pixels; of a set, the mean of "
         "its scenes",
     }

@@ -59,7 +59,7 @@ def line_plot(
             plot.text(plot.at(place, low)[0], plot.bottom + below, text, kind=kind)
     plot.text(plot.right, _SIZE[1] - 2, axis, "end", "tick soft")
     left, top, wide, tall = plot.left, plot.top, plot.right - plot.left, plot.bottom - plot.top
-    # A picture of its own, because it cuts off the lines at the frame.
+    # A nested SVG, because it clips the lines at the frame.
     plot.add(f'<svg x="{left}" y="{top}" width="{wide}" height="{tall}" viewBox="{left} {top} {wide} {tall}">')
     for each in series:
         _draw(plot, each, places, labels)

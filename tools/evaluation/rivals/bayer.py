@@ -60,7 +60,7 @@ def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator, order:
 def bayer_exposure(
     rgb: FloatArray, noise: NoiseModel, exposure: float, levels: tuple[int, int], rng: np.random.Generator, order: str = "RGGB"
 ) -> FloatArray:
-    """Samples of a Bayer sensor with the sparse-colour sensor's pixels and exposure time, float32 (H, W), multiples of a code.
+    """Samples of a Bayer sensor with the sparse-colour sensor's pixels and exposure time, float32 (H, W), quantised.
 
     The noise is that of the sensor in electrons. A Bayer pixel gets a third of a panchromatic pixel's light, and the camera's gain
     suits that: its white level reads 1 scene unit, and there it clips.

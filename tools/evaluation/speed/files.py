@@ -74,7 +74,7 @@ def _measure(shot: Path, preset: str, threads: int) -> FileTiming:
 
 
 def _timed(bands: Iterator[FloatArray], seconds: list[float]) -> Iterator[FloatArray]:
-    """Pass bands on; what each took to make is added to `seconds`."""
+    """Pass bands on, and append to `seconds` how long each took to make."""
     start = time.perf_counter()
     for band in bands:
         seconds.append(time.perf_counter() - start)

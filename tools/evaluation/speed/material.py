@@ -40,7 +40,7 @@ def frame_shape(megapixels: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Material:
-    """One frame in every form that something takes. shape: (rows, columns), multiples of 12."""
+    """One frame in every form that is measured. shape: (rows, columns), multiples of 12."""
 
     shape: tuple[int, int]
 

@@ -69,7 +69,7 @@ class StageClock(Progress):
         self._stage = self._name = name
 
     def part(self, name: str) -> None:
-        """A part begins: of every step again, so its times are added up. The first one includes the beginning of its stage."""
+        """A part of a step begins. Its times in all steps are added up; the first part includes the beginning of its stage."""
         if self._name != self._stage:
             self._end()
         self._name = name
