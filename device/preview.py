@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,17 @@ class Preview:
             target[:] = strip[first : first + len(target), columns.skip : columns.skip + columns.size]
 
         most = _STRIP_PIXELS * min(description.scale, 2) // (width * pattern.period)
-        for _ in self._pool.map(develop, _strips(rows.patches, max(1, most))):
+        strips, taking = _strips(rows.patches, max(1, most)), Lock()
+
+        def work(_: int) -> None:  # one task per thread, not per strip: handing over each strip takes 6 % longer (12 MP)
+            while True:
+                with taking:
+                    patches = next(strips, None)
+                if patches is None:
+                    return
+                develop(patches)
+
+        for _ in self._pool.map(work, range(self._threads)):
             pass  # raises an error of a strip
         return picture
 
