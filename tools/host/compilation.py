@@ -15,7 +15,7 @@ def announced_compilation(note: Callable[[str], None], progress: StageProgress) 
     note_once = cache(note)
 
     def begins(kernel: str) -> None:
-        note_once("compiling the renderer for this processor; it takes some seconds, once")
+        note_once("compiling the renderer for this processor; it takes about a minute, once")
         progress.remark(f"compiling {kernel}")
 
     with compilation(begins):
