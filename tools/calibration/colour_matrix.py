@@ -6,10 +6,10 @@ import numpy as np
 
 from shared.arrays import DoubleArray
 from shared.colorimetry import D50, xyz_to_lab
+from shared.colour_difference import delta_e_2000, lab_slopes
 from shared.errors import InputError
 
 from .chart.place import COLUMNS, PATCHES, ROWS
-from .delta_e import delta_e_2000, lab_slopes
 
 GREYS = (19, 20, 21)  # neutral 8, 6.5, 5: the white patch is slightly yellow, the darker ones collect stray light
 UNEVEN = 1.25  # brightest over dimmest light on the chart: above it the report warns

@@ -10,6 +10,7 @@ import numpy as np
 from shared import Camera, Mosaic, SensorCalibration
 from shared.arrays import ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, Matrix, as_rows
+from shared.colour_difference import delta_e_2000
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
@@ -19,7 +20,6 @@ from .chart.judge import FoundChart
 from .chart.picture import overlay
 from .chart_gamma import fit_chart_gamma, reconciled
 from .colour_matrix import ColourFit, fit_colour, white_balanced
-from .delta_e import delta_e_2000
 from .gamma import GammaFit, check_determined, combined
 from .noise import DarkResult, NoiseResult, noise_of_places
 from .samples import PlaceSamples, patch_samples

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from shared.colorimetry import D50, lab_to_xyz, xyz_to_lab
+from shared.colour_difference import delta_e_2000, lab_slopes
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import true_place
 from tools.calibration.colour_matrix import GREYS, UNEVEN, fit_colour, grey_row_fault, white_balanced
-from tools.calibration.delta_e import delta_e_2000, lab_slopes
 from tools.calibration.reference import color_checker_xyz
 
 # G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.

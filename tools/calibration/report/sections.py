@@ -9,11 +9,11 @@ import numpy as np
 from shared import Camera
 from shared.arrays import ByteArray, DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, encode_srgb, lab_to_xyz
+from shared.colour_difference import delta_e_2000
 from tools.pictures.html import cell, data_address, row, table
 
 from ..advice import SIGMAS
 from ..chart.place import COLUMNS, NAMES, PATCHES
-from ..delta_e import delta_e_2000
 from ..measure import Outcome, ShotMeasurement
 from .plots import OTHER, luminance_plot, noise_plot, residuals_plot
 
