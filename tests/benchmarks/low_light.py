@@ -33,7 +33,7 @@ def rivals(rgb: FloatArray, sigma: float) -> Figures:
     name = "bm3d+menon" if sigma else "menon"
     method = methods()[name]
     if method.missing is None:
-        found["rival"] = quality(method.render(CameraPair(PROTOCOL, sigma, rgb, PERIOD, None)), rgb).rgb[:2]
+        found["rival"] = quality(method.render(CameraPair(PROTOCOL, sigma, rgb, PERIOD, None)), rgb).rgb[1:3]
     if sigma and method.missing is None:
         import bm3d
 
@@ -45,7 +45,7 @@ def rivals(rgb: FloatArray, sigma: float) -> Figures:
 def light_quality(luminance: FloatArray, rgb: FloatArray) -> tuple[float, float]:
     """(25 % quantile, median) for a panchromatic plane, measured as the luminance of the grey picture that sums to it."""
     grey = np.repeat(luminance[..., None] / np.float32(3), 3, axis=2)
-    return quality(grey, rgb, PATCH, BORDER).luminance[:2]
+    return quality(grey, rgb, PATCH, BORDER).luminance[1:3]
 
 
 def kept_rivals(rgb: FloatArray, name: str, sigma: float, folder: Path | None) -> Figures:
@@ -64,7 +64,7 @@ def figures(rgb: FloatArray, sigma: float) -> Figures:
     """Figures of the presets `paper` and `best`."""
     mosaic = PROTOCOL.sparse_shot(rgb, sigma, PERIOD)
     best = quality(render(mosaic, BEST).rgb, rgb)
-    return {"paper": quality(render(mosaic, PAPER).rgb, rgb).rgb[:2], "best": best.rgb[:2], "light": best.luminance[:2]}
+    return {"paper": quality(render(mosaic, PAPER).rgb, rgb).rgb[1:3], "best": best.rgb[1:3], "light": best.luminance[1:3]}
 
 
 def shown(found: Figures) -> Iterator[str]:

@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from .measures import TITLES, Histogram, Measures
+from .measures import PLANES, TITLES, Histogram, Measures
 from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
 from .study import Cell, Study
 
-RGB, LUMINANCE, CHROMINANCE = range(3)
+RGB, LUMINANCE, CHROMINANCE, TENTH, WHOLE, HUE = range(6)  # places in CRITERIA
 EVEN = 0.05  # dB: smaller differences count as none
 
 
@@ -28,6 +28,7 @@ class Figure:
     period: of the sparse-colour pattern, pixels; 0 for a rival.
     quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
     psnr, ssim: PSNR (dB) and SSIM of the whole picture; for a set, the mean over its scenes.
+    wrong_hue: share of the pixels that show a wrong hue, 0 to 1; for a set, the mean over its scenes.
     scenes: number of scenes.
     """
 
@@ -39,7 +40,56 @@ class Figure:
     quality: Quality
     psnr: float
     ssim: float
+    wrong_hue: float
     scenes: int
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One way to compare methods: medians say how most of a picture looks, the others how its worst places do.
+
+    name: in the JSON file.
+    title: for people.
+    explanation: what the figure is, with its unit.
+    value: the figure of a method.
+    sign: 1 where more is better, -1 where less is.
+    """
+
+    name: str
+    title: str
+    explanation: str
+    value: Callable[[Figure], float]
+    sign: int = 1
+
+    def lead(self, own: Figure, rival: Figure) -> float:
+        """How much better the first is, in the unit of `value`; negative if it is worse."""
+        return self.sign * (self.value(own) - self.value(rival))
+
+
+def _median(plane: int) -> Callable[[Figure], float]:
+    return lambda figure: figure.quality.median[plane]
+
+
+CRITERIA = (
+    *(
+        Criterion(name, title, f"Median {title} PSNR of all patches, dB; higher is better.", _median(plane))
+        for plane, (name, title) in enumerate(zip(PLANES, TITLES, strict=True))
+    ),
+    Criterion(
+        "rgb_q10",
+        "worst tenth",
+        "RGB PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better.",
+        lambda figure: figure.quality.rgb[0],
+    ),
+    Criterion("psnr", "whole image", "RGB PSNR of whole images, dB, mean over the scenes; higher is better.", lambda f: f.psnr),
+    Criterion(
+        "wrong_hue",
+        "wrong hue",
+        "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better.",
+        lambda figure: 100 * figure.wrong_hue,
+        -1,
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +125,16 @@ class Figures:
         self.groups = [group for group in SETS if group in present]
         self.scenes = {
             (cell.scene.name, cell.level, cell.method, cell.period): Figure(
-                cell.scene.group, cell.scene.name, cell.level, cell.method, cell.period, each.quality, each.psnr, each.ssim, 1
+                cell.scene.group,
+                cell.scene.name,
+                cell.level,
+                cell.method,
+                cell.period,
+                each.quality,
+                each.psnr,
+                each.ssim,
+                each.wrong_hue,
+                1,
             )
             for cell, each in results.items()
         }
@@ -91,8 +150,8 @@ class Figures:
             each = parts[key]
             if len(each) == len(self.scene_names(key[0])):
                 quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
-                psnr, ssim = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim"))
-                found[key] = Figure(key[0], None, *key[1:], quality, psnr, ssim, len(each))
+                psnr, ssim, hue = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim", "wrong_hue"))
+                found[key] = Figure(key[0], None, *key[1:], quality, psnr, ssim, hue, len(each))
         return found
 
     def pooled(self, group: str, level: float, method: str, period: int | None = None) -> Figure | None:
@@ -120,9 +179,9 @@ class Figures:
         """Methods of the Bayer sensor."""
         return [name for name in self.study.methods if not methods()[name].ours]
 
-    def winner(self, group: str, level: float, plane: int) -> str | None:
-        """The method with the highest pooled median at a level."""
-        return _best(self.study.methods, partial(self.pooled, group, level), plane)
+    def winner(self, group: str, level: float, criterion: int) -> str | None:
+        """The best method on a set at a level."""
+        return _best(self.study.methods, partial(self.pooled, group, level), criterion)
 
     def winner_of_scene(self, scene: str, level: float) -> str | None:
         """The method with the highest median RGB PSNR on a scene."""
@@ -132,18 +191,18 @@ class Figures:
         """The rival with the highest median RGB PSNR on a scene."""
         return _best(self.rivals, partial(self.of_scene, scene, level))
 
-    def margin(self, group: str, level: float, plane: int = RGB) -> tuple[str, float] | None:
-        """The best rival on a set at a level, and our lead over its median, dB (negative: it leads)."""
-        return self._margin(partial(self.pooled, group, level), plane)
+    def margin(self, group: str, level: float, criterion: int = RGB) -> tuple[str, float] | None:
+        """The best rival on a set at a level, and our lead over it in the unit of the criterion (negative: it leads)."""
+        return self._margin(partial(self.pooled, group, level), criterion)
 
     def _scene_margin(self, scene: str, level: float) -> tuple[str, float] | None:
         return self._margin(partial(self.of_scene, scene, level))
 
-    def _margin(self, find: Find, plane: int = RGB) -> tuple[str, float] | None:
-        rival = _best(self.rivals, find, plane)
+    def _margin(self, find: Find, criterion: int = RGB) -> tuple[str, float] | None:
+        rival = _best(self.rivals, find, criterion)
         if rival is None or self.ours is None or (lead := _lead(find, self.ours, rival)) is None:
             return None
-        return rival, lead[plane]
+        return rival, lead[criterion]
 
     def best_period(self, group: str, level: float) -> tuple[int, float] | None:
         """The best period for our renderer at a level, and its lead over the study's own period, dB of median RGB PSNR."""
@@ -186,7 +245,7 @@ class Figures:
         return claims
 
     def _noise_free(self, group: str, lead: list[float], own: str, rival: str) -> Claim:
-        rgb, luminance, chrominance = lead
+        rgb, luminance, chrominance, *_ = lead
         level, protocol, names = self.study.levels[0], self.study.protocol, self.scene_names(group)
         by_scene = [_lead(partial(self.of_scene, name, level), own, rival) for name in names]
         ahead = sum(each is not None and each[RGB] > 0 for each in by_scene)
@@ -201,7 +260,7 @@ class Figures:
         )
 
     def _growing(self, leads: list[list[float]], own: str, rival: str) -> Claim:
-        by_plane = list(zip(*leads, strict=True))
+        by_plane = list(zip(*leads, strict=True))[: len(TITLES)]
         parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
         first, last = by_plane[RGB][0], by_plane[RGB][-1]
         finding = "refuted" if last <= first + EVEN else "shown" if _rising(by_plane[RGB]) else "shown in part"
@@ -209,18 +268,19 @@ class Figures:
         return Claim("The more noise, the larger the lead", finding, f"{own} minus {rival}, dB, at {noise}: {'; '.join(parts)}")
 
 
-def _best(names: Iterable[str], find: Find, plane: int = RGB) -> str | None:
-    """The method with the highest median."""
-    medians = {name: figure.quality.median[plane] for name in names if (figure := find(name)) is not None}
-    return max(medians, key=lambda name: medians[name], default=None)
+def _best(names: Iterable[str], find: Find, criterion: int = RGB) -> str | None:
+    """The best method by a criterion."""
+    judged = CRITERIA[criterion]
+    values = {name: judged.sign * judged.value(figure) for name in names if (figure := find(name)) is not None}
+    return max(values, key=lambda name: values[name], default=None)
 
 
 def _lead(find: Find, own: str, rival: str) -> list[float] | None:
-    """How far the medians of RGB, luminance and chrominance of one method are above those of another, dB."""
+    """How much better one method is than another, by each of CRITERIA."""
     ours, theirs = find(own), find(rival)
     if ours is None or theirs is None:
         return None
-    return [a - b for a, b in zip(ours.quality.median, theirs.quality.median, strict=True)]
+    return [criterion.lead(ours, theirs) for criterion in CRITERIA]
 
 
 def _rising(values: Iterable[float]) -> bool:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 
-from .metrics import BORDER, CAP, QUANTILES, Quality, patch_psnr, psnr
+from .hue import wrong_hue
+from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, psnr
 from .ssim import ssim
 
 PLANES = ("rgb", "luminance", "chrominance")
@@ -46,15 +47,15 @@ class Histogram:
         bins = np.flatnonzero(total)
         return cls(bins, total[bins])
 
-    def quantiles(self) -> tuple[float, float, float]:
-        """25 %, 50 % and 75 % quantiles, dB, to within a bin."""
+    def quantiles(self) -> Quantiles:
+        """The four QUANTILES, dB, to within a bin."""
         reached = np.cumsum(self.counts)
         wanted = np.array(QUANTILES) * (reached[-1] - 1)
         places = np.searchsorted(reached, wanted, side="right")
         before = reached[places] - self.counts[places]
         within = (wanted - before + 0.5) / self.counts[places]
-        low, middle, high = np.minimum(_LOWEST + (self.bins[places] + within) * _STEP, CAP).tolist()
-        return low, middle, high
+        lowest, low, middle, high = np.minimum(_LOWEST + (self.bins[places] + within) * _STEP, CAP).tolist()
+        return lowest, low, middle, high
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +64,32 @@ class Measures:
 
     quality: exact quantiles of its patches.
     psnr, ssim: of the whole picture without its border; PSNR in dB.
+    wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
+    hues: float32, share of pixels of wrong hue of the same squares.
     """
 
     quality: Quality
     psnr: float
     ssim: float
+    wrong_hue: float
     patches: tuple[Histogram, ...]
     errors: FloatArray
+    hues: FloatArray
 
     @classmethod
     def of(cls, rendered: FloatArray, truth: FloatArray) -> "Measures":
         """Measure a rendering against the truth, both (H, W, 3), scene units. Raises InputError as `patch_psnr` does."""
-        maps = patch_psnr(rendered, truth)
+        maps, wrong = patch_psnr(rendered, truth), wrong_hue(rendered, truth)
         return cls(
             Quality.of(maps),
             psnr(rendered, truth, BORDER),
             ssim(rendered, truth, BORDER),
+            float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean()),
             tuple(Histogram.of(plane) for plane in maps),
-            _window_errors(rendered, truth),
+            _window_means(np.square(rendered.astype(np.float64) - truth).mean(axis=2)),
+            _window_means(wrong.astype(np.float64)),
         )
 
     def encode(self) -> bytes:
@@ -90,7 +97,8 @@ class Measures:
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
         quality = np.array(self.quality)
-        np.savez_compressed(buffer, quality=quality, whole=np.array([self.psnr, self.ssim]), errors=self.errors, **parts)
+        whole = np.array([self.psnr, self.ssim, self.wrong_hue])
+        np.savez_compressed(buffer, quality=quality, whole=whole, errors=self.errors, hues=self.hues, **parts)
         return buffer.getvalue()
 
     @classmethod
@@ -101,7 +109,7 @@ class Measures:
                 parts = tuple(Histogram(*(stored[f"{name}_{kind}"] for kind in _PARTS)) for name in PLANES)
                 quality: Any = [tuple(row) for row in stored["quality"].tolist()]
                 whole = stored["whole"].tolist()
-                return cls(Quality(*quality), whole[0], whole[1], parts, stored["errors"])
+                return cls(Quality(*quality), whole[0], whole[1], whole[2], parts, stored["errors"], stored["hues"])
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 
@@ -117,12 +125,12 @@ def window_origins(size: int) -> list[int]:
     return [*range(BORDER, size - BORDER - WINDOW, STRIDE), size - BORDER - WINDOW]
 
 
-def _window_errors(rendered: FloatArray, truth: FloatArray) -> FloatArray:
-    square = np.square(rendered.astype(np.float64) - truth).mean(axis=2)
+def _window_means(plane: DoubleArray) -> FloatArray:
+    """Means of a plane (H, W) over the squares."""
     for axis in (0, 1):
-        origins = window_origins(square.shape[axis])
-        end = square.shape[axis] - BORDER if len(origins) == 1 else 0
-        means = [square.take(range(start, end or start + WINDOW), axis).mean(axis=axis) for start in origins]
-        square = np.stack(means, axis=axis)
-    errors: FloatArray = square.astype(np.float32)
-    return errors
+        origins = window_origins(plane.shape[axis])
+        end = plane.shape[axis] - BORDER if len(origins) == 1 else 0
+        means = [plane.take(range(start, end or start + WINDOW), axis).mean(axis=axis) for start in origins]
+        plane = np.stack(means, axis=axis)
+    found: FloatArray = plane.astype(np.float32)
+    return found

@@ -24,7 +24,7 @@ _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-c
 # The code between the light of a scene and its figures: every result depends on it.
 MEASURING = (
     "shared",
-    *(f"tools/evaluation/{name}.py" for name in ("protocol", "rivals/bayer", "cameras", "measures", "metrics", "ssim")),
+    *(f"tools/evaluation/{name}.py" for name in ("protocol", "rivals/bayer", "cameras", "hue", "measures", "metrics", "ssim")),
 )
 
 

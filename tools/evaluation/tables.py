@@ -5,7 +5,7 @@ import io
 import json
 from typing import Any
 
-from .figures import Figure, Figures
+from .figures import CRITERIA, Figure, Figures
 from .measures import PLANES
 from .methods import methods
 from .metrics import BORDER, PATCH, QUANTILES
@@ -16,7 +16,7 @@ _POOLED = "all scenes"
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
-    """One flat object per figure, pools (scene null) before scenes; quantiles in dB are PLANE_q25, PLANE_q50, PLANE_q75."""
+    """One flat object per figure, pools (scene null) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
     return [_row(figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
 
 
@@ -69,7 +69,7 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
         levels.append(
             {
                 "level": level,
-                "winner": {plane: figures.winner(group, level, index) for index, plane in enumerate(PLANES)},
+                "winner": {each.name: figures.winner(group, level, index) for index, each in enumerate(CRITERIA)},
                 "best_rival": margin and margin[0],
                 "margin_rgb": margin and round(margin[1], 4),
                 "scenes_won": won,
@@ -94,4 +94,5 @@ def _row(figure: Figure) -> dict[str, Any]:
     for plane, quantiles in zip(PLANES, figure.quality, strict=True):
         for quantile, value in zip(QUANTILES, quantiles, strict=True):
             row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)
-    return {**row, "psnr": round(figure.psnr, 4), "ssim": round(figure.ssim, 6), "scenes": figure.scenes}
+    whole = {"psnr": round(figure.psnr, 4), "ssim": round(figure.ssim, 6), "wrong_hue": round(figure.wrong_hue, 6)}
+    return {**row, **whole, "scenes": figure.scenes}

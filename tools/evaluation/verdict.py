@@ -1,6 +1,6 @@
 """The verdict of an evaluation in words."""
 
-from .figures import EVEN, Figures
+from .figures import CRITERIA, EVEN, HUE, TENTH, WHOLE, Figures
 from .methods import methods
 
 _LOSSES = 3  # named at each level
@@ -21,7 +21,7 @@ def plain_text(figures: Figures) -> str:
                 texts = [f"{cell.quality.median[0]:.1f}" if cell else "-" for cell in cells]
                 columns = (f"{text:>{width}}" for text, width in zip(texts, widths, strict=True))
                 lines.append(f"{methods()[name].title:30}" + "  ".join(columns))
-        lines += [headline(figures, group), *comparisons(figures, group)]
+        lines += [headline(figures, group), *comparisons(figures, group), *worst_places(figures, group)]
         lines += [f"{claim.text}: {claim.finding} ({claim.why})." for claim in figures.claims(group)]
         if lost := losses(figures, group):
             lines.append(f"Where we lose: {lost}")
@@ -68,6 +68,24 @@ def comparisons(figures: Figures, group: str) -> list[str]:
         else:
             text += f"{figures.ours} is {abs(lead):.1f} dB {'better' if lead > 0 else 'worse'} than the best rival, {rival}"
         sentences.append(text + (f"; ahead of every rival on {won} of {count} scenes." if count > 1 else "."))
+    return sentences
+
+
+def worst_places(figures: Figures, group: str) -> list[str]:
+    """One sentence for each level: the worst tenth of the patches, whole images and wrong hues, each beside its best rival."""
+    sentences = []
+    for level in figures.study.levels:
+        own = figures.ours and figures.pooled(group, level, figures.ours)
+        leads = [figures.margin(group, level, criterion) for criterion in (TENTH, WHOLE, HUE)]
+        if not own or None in leads:
+            continue
+        tenth, whole, hue = ((lead, methods()[name].short) for name, lead in filter(None, leads))
+        share, described = CRITERIA[HUE].value(own), capital(figures.study.protocol.describe(level))
+        sentences.append(
+            f"{described}, worst places: {tenth[0]:+.1f} dB in the worst tenth of the patches "
+            f"({tenth[1]}), {whole[0]:+.1f} dB in whole images ({whole[1]}); wrong hue in {share:.1f} % of the pixels, "
+            f"{share + hue[0]:.1f} % with the best rival ({hue[1]})."
+        )
     return sentences
 
 

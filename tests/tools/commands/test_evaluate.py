@@ -44,7 +44,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     document = json.loads((out / "evaluation.json").read_text())
     assert len(document["failed"]) == 4
     assert set(document["verdict"]) == {"linear photographs", "Kodak", "built-in scenes"}
-    assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q25")
+    assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q10")
     page = (out / "evaluation.html").read_text()
     assert "notes.txt" in page
     assert str(mixed) in page  # failures are named in full

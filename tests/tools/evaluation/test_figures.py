@@ -8,11 +8,11 @@ import pytest
 
 from shared.arrays import FloatArray
 from tests.tools.evaluation.examples import measured, study_of
-from tools.evaluation.figures import CHROMINANCE, LUMINANCE, RGB, Figures
+from tools.evaluation.figures import CHROMINANCE, HUE, LUMINANCE, RGB, TENTH, WHOLE, Figures
 from tools.evaluation.measures import Measures
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
-from tools.evaluation.verdict import comparisons, headline, losses, plain_text
+from tools.evaluation.verdict import comparisons, headline, losses, plain_text, worst_places
 
 SET = "linear photographs"
 RNG = np.random.default_rng(0)
@@ -62,6 +62,26 @@ def test_winner_margin_and_losses(study: Study) -> None:
     assert "Worse than the best at no noise" in headline(figures, SET).replace("worse", "Worse")
     assert "6.0 dB worse than the best rival, bilinear; ahead of every rival on 0 of 2 scenes" in comparisons(figures, SET)[0]
     assert losses(figures, SET) == "no noise: scene0 -6.0 dB (bilinear), scene1 -6.0 dB (bilinear)."
+
+
+def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None:
+    """Ours is better nearly everywhere, and has one square of another colour."""
+    spoiled = 0.004 * NOISE
+    spoiled[28:32, 28:32] += np.array((0.5, -0.3, 0.4), np.float32)
+    errors = {(name, level): 0.01 * NOISE for name in ("bilinear", "dlmmse") for level in (0.0, 0.03)}
+    figures = figures_with(study, {**errors, ("paper", 0.0): spoiled, ("paper", 0.03): spoiled})
+    assert figures.winner(SET, 0.0, RGB) == "paper"
+    assert [figures.winner(SET, 0.0, criterion) for criterion in (TENTH, WHOLE, HUE)] == ["bilinear"] * 3
+    own = figures.pooled(SET, 0.0, "paper")
+    assert own is not None
+    assert own.wrong_hue == pytest.approx(4 * 4 / 30**2, abs=0.005)  # of the pixels inside the border
+    hue = figures.margin(SET, 0.0, HUE)
+    assert hue is not None
+    assert hue[1] == pytest.approx(-100 * own.wrong_hue, abs=2)
+    sentence = worst_places(figures, SET)[0]
+    assert sentence.startswith("No noise, worst places: -")
+    assert f"wrong hue in {100 * own.wrong_hue:.1f} % of the pixels, {100 * own.wrong_hue + hue[1]:.1f} %" in sentence
+    assert sentence in plain_text(figures)
 
 
 def test_the_best_period_is_named(tmp_path: Path) -> None:
@@ -136,11 +156,13 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     found = figures.of_scene("scene0", 0.03, "paper", own["period"])
     assert found is not None
     assert own["rgb_q50"] == pytest.approx(found.quality.median[RGB], abs=1e-4)
-    assert own["luminance_q25"] == pytest.approx(found.quality.luminance[0], abs=1e-4)
-    assert own["chrominance_q75"] == pytest.approx(found.quality.chrominance[2], abs=1e-4)
+    assert own["luminance_q25"] == pytest.approx(found.quality.luminance[1], abs=1e-4)
+    assert own["chrominance_q75"] == pytest.approx(found.quality.chrominance[3], abs=1e-4)
+    assert own["rgb_q10"] == pytest.approx(found.quality.rgb[0], abs=1e-4)
+    assert own["wrong_hue"] == pytest.approx(found.wrong_hue, abs=1e-6)
     assert 0 < own["ssim"] < 1
     same = next(row for row in rows if (row["scene"], row["method"], row["level"]) == ("scene0", "paper", "0.03"))
     assert float(same["rgb_q50"]) == own["rgb_q50"]
     verdict = document["verdict"][SET]["levels"][1]
-    assert set(verdict["winner"]) == {"rgb", "luminance", "chrominance"}
+    assert set(verdict["winner"]) == {"rgb", "luminance", "chrominance", "rgb_q10", "psnr", "wrong_hue"}
     assert (LUMINANCE, CHROMINANCE) == (1, 2)

@@ -4,7 +4,7 @@ import pytest
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
-from tools.evaluation.metrics import BORDER, CAP, patch_psnr, quality
+from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, quality
 from tools.evaluation.ssim import ssim
 
 BIN = 0.0021  # dB: a bin, and rounding
@@ -21,14 +21,14 @@ def test_pooled_quantiles_are_those_of_all_patches() -> None:
     maps = [patch_psnr(*pair(rows, columns, seed)) for rows, columns, seed in ((60, 70, 0), (44, 41, 1), (90, 50, 2))]
     for plane in range(len(PLANES)):
         found = Histogram.pooled([Histogram.of(each[plane]) for each in maps]).quantiles()
-        expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), (0.25, 0.5, 0.75))
+        expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
         np.testing.assert_allclose(found, expected, atol=BIN)
 
 
 def test_extremes_are_kept() -> None:
-    assert Histogram.of(np.array([CAP])).quantiles() == (CAP,) * 3
-    assert Histogram.of(np.array([-1e6])).quantiles() == pytest.approx((-100,) * 3, abs=BIN)
-    assert Histogram.of(np.array([10.0, 20.0, 30.0, 40.0, 50.0])).quantiles() == pytest.approx((20, 30, 40), abs=BIN)
+    assert Histogram.of(np.array([CAP])).quantiles() == (CAP,) * 4
+    assert Histogram.of(np.array([-1e6])).quantiles() == pytest.approx((-100,) * 4, abs=BIN)
+    assert Histogram.of(np.arange(101.0)).quantiles() == pytest.approx((10, 25, 50, 75), abs=BIN)
 
 
 def test_measures_come_back_from_the_cache_as_they_were() -> None:
@@ -36,8 +36,14 @@ def test_measures_come_back_from_the_cache_as_they_were() -> None:
     measures = Measures.of(rendered, truth)
     assert measures.quality == quality(rendered, truth)
     again = Measures.decode(measures.encode())
-    assert (again.quality, again.psnr, again.ssim) == (measures.quality, measures.psnr, measures.ssim)
+    assert (again.quality, again.psnr, again.ssim, again.wrong_hue) == (
+        measures.quality,
+        measures.psnr,
+        measures.ssim,
+        measures.wrong_hue,
+    )
     np.testing.assert_array_equal(again.errors, measures.errors)
+    np.testing.assert_array_equal(again.hues, measures.hues)
     for ours, theirs in zip(again.patches, measures.patches, strict=True):
         assert ours.quantiles() == theirs.quantiles()
     for data in (b"", b"PK\3\4 no archive", measures.encode()[:-40]):

@@ -3,7 +3,7 @@ import pytest
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from tools.evaluation.metrics import CAP, patch_psnr, psnr, quality
+from tools.evaluation.metrics import CAP, QUANTILES, patch_psnr, psnr, quality
 
 
 def pair(rows: int, columns: int, seed: int = 0) -> tuple[FloatArray, FloatArray]:
@@ -37,9 +37,9 @@ def test_patches_follow_the_protocol(rows: int, columns: int, patch: int, border
 def test_quantiles_are_those_of_the_patches() -> None:
     rendered, truth = pair(50, 60)
     found = quality(rendered, truth)
-    expected = np.quantile(literal(rendered, truth, 10, 15).reshape(3, -1), (0.25, 0.5, 0.75), axis=1).T
+    expected = np.quantile(literal(rendered, truth, 10, 15).reshape(3, -1), QUANTILES, axis=1).T
     np.testing.assert_allclose((found.rgb, found.luminance, found.chrominance), expected, rtol=1e-11)
-    assert found.median == (found.rgb[1], found.luminance[1], found.chrominance[1])
+    assert found.median == (found.rgb[2], found.luminance[2], found.chrominance[2])
 
 
 def test_noise_of_a_known_strength_scores_what_it_should() -> None:
@@ -56,12 +56,12 @@ def test_noise_of_a_known_strength_scores_what_it_should() -> None:
 def test_a_grey_error_has_no_chrominance_and_a_colour_error_no_luminance() -> None:
     truth = np.full((40, 40, 3), 0.5, np.float32)
     assert quality(truth + 0.25, truth).median == pytest.approx((12.04, 12.04, CAP), abs=0.01)
-    assert quality(truth + np.array([0.25, 0, -0.25], np.float32), truth).luminance == (CAP,) * 3
+    assert quality(truth + np.array([0.25, 0, -0.25], np.float32), truth).luminance == (CAP,) * 4
 
 
 def test_equal_pictures_score_the_cap_even_beside_a_gross_error() -> None:
     _, truth = pair(60, 60)
-    assert quality(truth, truth).rgb == (CAP,) * 3
+    assert quality(truth, truth).rgb == (CAP,) * 4
     assert psnr(truth, truth) == CAP
     spoiled = truth.copy()
     spoiled[16, 16] += 1e6  # running sums would carry its rounding into every patch after it

@@ -13,7 +13,7 @@ from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
 from tools.evaluation.code_digest import digest
-from tools.evaluation.metrics import patch_psnr, psnr, quality
+from tools.evaluation.metrics import QUANTILES, patch_psnr, psnr, quality
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
@@ -37,7 +37,7 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
     pooled = figures.pooled("linear photographs", 0.03, "paper")
     assert pooled is not None
     for plane, name in enumerate(("rgb", "luminance", "chrominance")):
-        expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), (0.25, 0.5, 0.75))
+        expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
         np.testing.assert_allclose(getattr(pooled.quality, name), expected, atol=0.01)
 
 

@@ -30,6 +30,7 @@ _BRIGHT, _BRIGHT_SHARE = 0.6, 0.97  # brightness that this quantile of a scene i
 _MOST_STOPS = 6.0
 
 WHY_AHEAD, WHY_BEHIND, WHY_WORST = "where we gain most", "where we lose most", "where our error is largest"
+WHY_HUE = "where most of our hues are wrong"
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
         taken: list[Crop] = []
-        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST):
+        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE):
             found = sorted(_candidates(figures, level, why, taken), key=lambda candidate: -candidate[0])
             for score, crop in found[:_PER_KIND]:
                 if score > 0:
@@ -133,19 +134,21 @@ def render_crop(study: Study, crop: Crop, truth: FloatArray, names: Iterable[str
 def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> Iterator[tuple[float, Crop]]:
     """The best crop of each scene, with its score."""
     for scene in figures.study.scenes:
-        errors = {
-            cell.method: measures.errors
+        results = {
+            cell.method: measures
             for cell, measures in figures.results.items()
             if cell.scene == scene and cell.level == level and cell.period in (0, figures.study.period)
         }
         own, rival = figures.ours, figures.rival_of_scene(scene.name, level)
-        if own is None or own not in errors or rival is None:
+        if own is None or own not in results or rival is None:
             continue
-        ours, theirs = (np.maximum(errors[name], _INVISIBLE) for name in (own, rival))
+        errors = results[own].errors
+        ours, theirs = (np.maximum(results[name].errors, _INVISIBLE) for name in (own, rival))
         scores = {
             WHY_AHEAD: np.log10(theirs / ours),
             WHY_BEHIND: np.log10(ours / theirs),
-            WHY_WORST: np.where(errors[own] > _INVISIBLE, ours, 0.0),
+            WHY_WORST: np.where(errors > _INVISIBLE, ours, 0.0),
+            WHY_HUE: results[own].hues,
         }[why].copy()
         origins = [window_origins(size) for size in (scene.rows, scene.columns)]
         for row, column in np.argwhere(scores > 0).tolist():

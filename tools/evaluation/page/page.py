@@ -7,12 +7,11 @@ from string import Template
 
 from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 
-from ..figures import Figures
-from ..measures import TITLES
+from ..figures import CRITERIA, Figures
 from ..methods import methods
 from ..metrics import BORDER, PATCH
 from ..protocol import CROP
-from ..verdict import capital, comparisons, heading, headline, losses
+from ..verdict import capital, comparisons, heading, headline, losses, worst_places
 from .gallery import Exhibit, Picture
 from .sections import noise_section, period_section
 
@@ -76,7 +75,9 @@ def _verdict_section(figures: Figures) -> str:
     for index, group in enumerate(figures.groups):
         parts.append(f"<h2>{escape(heading(figures, group))}</h2>")
         parts.append(f'<p class="headline">{escape(headline(figures, group))}</p>')
-        parts.append("".join(f"<p>{escape(sentence)}</p>" for sentence in comparisons(figures, group)))
+        parts.append(
+            "".join(f"<p>{escape(sentence)}</p>" for sentence in (*comparisons(figures, group), *worst_places(figures, group)))
+        )
         items = [
             f'<li>“{escape(claim.text)}”: <span class="finding">{escape(claim.finding)}</span>'
             f'<span class="soft why">{escape(claim.why)}</span></li>'
@@ -86,31 +87,32 @@ def _verdict_section(figures: Figures) -> str:
             items.append(f'<li>Where we lose<span class="soft why">{escape(lost)}</span></li>')
         parts.append(f'<ul class="verdict">{"".join(items)}</ul>')
         tabs = "".join(
-            f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(name)}</button>'
-            for plane, name in enumerate(TITLES)
+            f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(criterion.title)}</button>'
+            for plane, criterion in enumerate(CRITERIA)
         )
         parts.append(f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>')
-        for plane, name in enumerate(TITLES):
+        for plane, criterion in enumerate(CRITERIA):
             parts.append(
                 f'<div id="table-{index}-{plane}" role="tabpanel" aria-labelledby="tab-{index}-{plane}"><p class="soft">'
-                f"Median {name} PSNR of all patches of the set, dB; higher is better. The winner of each column is marked ★.</p>"
+                f"{escape(criterion.explanation)} The winner of each column is marked ★.</p>"
                 f"{_pool_table(figures, group, plane)}</div>"
             )
     return "\n".join(parts)
 
 
-def _pool_table(figures: Figures, group: str, plane: int) -> str:
-    study = figures.study
-    winners = [figures.winner(group, level, plane) for level in study.levels]
+def _pool_table(figures: Figures, group: str, index: int) -> str:
+    study, criterion = figures.study, CRITERIA[index]
+    winners = [figures.winner(group, level, index) for level in study.levels]
     rows = []
     for name in study.methods:
         found = [figures.pooled(group, level, name) for level in study.levels]
-        texts = [f"{figure.quality.median[plane]:.1f}" if figure else "–" for figure in found]
+        texts = [f"{criterion.value(figure):.1f}" if figure else "–" for figure in found]
         cells = [cell(text, best=name == winner, mark="★ ") for text, winner in zip(texts, winners, strict=True)]
         rows.append(_method_row(name, cells))
-    margins = [figures.margin(group, level, plane) for level in study.levels]
+    margins = [figures.margin(group, level, index) for level in study.levels]
     if any(margins):
-        cells = [f'<td>{lead[1]:+.1f}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–") for lead in margins]
+        ahead = [(f"{criterion.sign * lead[1]:+.1f}", escape(lead[0])) if lead else None for lead in margins]
+        cells = [f'<td>{each[0]}<span class="by">{each[1]}</span></td>' if each else cell("–") for each in ahead]
         rows.append(row([row_title(f"{figures.ours} minus best rival"), *cells], "margin"))
     return table(["Method", *_levels(figures)], rows)
 
@@ -186,8 +188,8 @@ def _data(picture: Picture) -> str:
 def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
     study = figures.study
     parts = [
-        "<h2>Every scene</h2><p>Median PSNR of the scene's patches, dB: RGB / luminance / chrominance. Quartiles, whole-image PSNR "
-        "and SSIM are in evaluation.csv and evaluation.json.</p>"
+        "<h2>Every scene</h2><p>Median PSNR of the scene's patches, dB: RGB / luminance / chrominance. Quantiles, whole-image "
+        "PSNR, SSIM and wrong hues are in evaluation.csv and evaluation.json.</p>"
     ]
     for scene in study.scenes:
         winners = [figures.winner_of_scene(scene.name, level) for level in study.levels]

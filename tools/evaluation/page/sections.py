@@ -122,4 +122,4 @@ def _dashed(figures: Figures, name: str) -> bool:
 
 
 def _quartiles(figure: Figure | None, plane: int) -> Quartiles | None:
-    return figure.quality[plane] if figure else None
+    return figure.quality[plane][1:] if figure else None
