@@ -129,7 +129,10 @@ def test_a_command_that_fails_at_once_leaves_no_folder(tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize("verb", INTO)
-@pytest.mark.parametrize(("folder", "words"), [("missing/below", "mkdir -p"), ("file", "is not a folder"), ("", "-o is empty")])
+@pytest.mark.parametrize(
+    ("folder", "words"),
+    [("missing/below", "mkdir -p"), ("file", "is not a folder"), ("", "is empty"), ("file/below", "is not a folder")],
+)
 def test_a_wrong_output_folder_is_usage(verb: str, folder: str, words: str, tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("old")

@@ -82,7 +82,7 @@ def worst_places(figures: Figures, group: str) -> list[str]:
         tenth, whole, hue = ((lead, methods()[name].short) for name, lead in filter(None, leads))
         share, described = CRITERIA[HUE].value(own), capital(figures.study.protocol.describe(level))
         sentences.append(
-            f"{described}, worst places: {tenth[0]:+.1f} dB in the worst tenth of the patches "
+            f"{described}, worst places beside the best rivals: {tenth[0]:+.1f} dB in the worst tenth of the patches "
             f"({tenth[1]}), {whole[0]:+.1f} dB in whole images ({whole[1]}); wrong hue in {share:.1f} % of the pixels, "
             f"{share + hue[0]:.1f} % with the best rival ({hue[1]})."
         )

@@ -35,7 +35,7 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
         raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
     try:
         client = Client(address, timeout=_SECONDS, scheduler_file=None if address else file)
-    except (OSError, ValueError, TimeoutError, ImportError) as error:
+    except (OSError, ValueError, TimeoutError, ImportError, MemoryError) as error:  # a MemoryError: what answers is not dask
         raise InputError(
             f"{address or file}: no scheduler answers ({error}); start one with `dask scheduler`, and workers with `dask worker`"
         ) from None

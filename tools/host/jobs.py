@@ -37,8 +37,10 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     """
     path = Path(folder)
     if not folder:
-        raise OutputError("-o is empty: name the folder for the results")
+        raise OutputError("the name of the output folder is empty; give -o (of a calibration report --report) a folder")
     if identity(path) is None:
+        if path.parent.exists() and not path.parent.is_dir():
+            raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results")
         if not path.parent.is_dir():
             advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
             raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}")
@@ -50,7 +52,7 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
             raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
         _created.append(path)
     if not path.is_dir():
-        raise OutputError(f"{folder}: is not a folder; -o names the folder for the results")
+        raise OutputError(f"{folder}: is not a folder; name the folder for the results")
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{folder}: no permission to write in this folder; choose another")
     sweep(path)

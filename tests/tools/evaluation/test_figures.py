@@ -79,7 +79,7 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
     assert hue is not None
     assert hue[1] == pytest.approx(-100 * own.wrong_hue, abs=2)
     sentence = worst_places(figures, SET)[0]
-    assert sentence.startswith("No noise, worst places: -")
+    assert sentence.startswith("No noise, worst places beside the best rivals: -")
     assert f"wrong hue in {100 * own.wrong_hue:.1f} % of the pixels, {100 * own.wrong_hue + hue[1]:.1f} %" in sentence
     assert sentence in plain_text(figures)
 

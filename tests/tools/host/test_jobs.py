@@ -190,7 +190,7 @@ def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> No
         (f"{file}/below", f"the folder {file} does not exist"),
         (f"{tmp_path}/link", "cannot be created (File exists)"),
         (f"{tmp_path}/{'x' * 300}", "cannot be created (File name too long)"),
-        ("", "-o is empty"),
+        ("", "is empty"),
     ):
         with pytest.raises(OutputError) as caught:
             output_folder(name)
