@@ -23,10 +23,7 @@ _LONGEST_PART = 100  # bytes; with the suffix a name that every file system acce
 
 
 def write_durably(
-    path: Path | str,
-    *parts: bytes | bytearray | memoryview,
-    overwrite: bool = False,
-    on_complete: OnComplete | None = None,
+    path: Path | str, *parts: bytes | bytearray | memoryview, overwrite: bool = False, on_complete: OnComplete | None = None
 ) -> None:
     """Write `parts` one after the other as the content of `path`, atomically and durably; see `durable_file`."""
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:

@@ -35,10 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_output_folder(parser, "STEM.dng")
     sensor = options.add_camera(parser)
     sensor.add_argument(
-        "--bits",
-        type=int,
-        metavar="N",
-        help=f"bits of a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)",
+        "--bits", type=int, metavar="N", help=f"bits a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)"
     )
     sensor.add_argument(
         "--layout",
@@ -55,11 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
     light.add_argument(
-        "--exposure",
-        type=float,
-        default=1.0,
-        metavar="FACTOR",
-        help="with --protocol sensor: the amount of light, 2 is one stop more",
+        "--exposure", type=float, default=1.0, metavar="FACTOR", help="amount of light of --protocol sensor, 2 is one stop more"
     )
     light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
     parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,52 +44,36 @@ class Figure:
     wrong_hue: float
     scenes: int
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The figure by each of CRITERIA: dB, and % of wrong hue."""
+        return (*self.quality.median, self.quality.rgb[0], self.psnr, 100 * self.wrong_hue)
 
-@dataclass(frozen=True)
-class Criterion:
+
+class Criterion(NamedTuple):
     """One way to compare methods: medians say how most of a picture looks, the others how its worst places do.
 
     name: in the JSON file.
     title: for people.
     explanation: what the figure is, with its unit.
-    value: the figure of a method.
     sign: 1 where more is better, -1 where less is.
     """
 
     name: str
     title: str
     explanation: str
-    value: Callable[[Figure], float]
     sign: int = 1
 
-    def lead(self, own: Figure, rival: Figure) -> float:
-        """How much better the first is, in the unit of `value`; negative if it is worse."""
-        return self.sign * (self.value(own) - self.value(rival))
 
-
-def _median(plane: int) -> Callable[[Figure], float]:
-    return lambda figure: figure.quality.median[plane]
-
-
-CRITERIA = (
-    *(
-        Criterion(name, title, f"Median {title} PSNR of all patches, dB; higher is better.", _median(plane))
-        for plane, (name, title) in enumerate(zip(PLANES, TITLES, strict=True))
-    ),
-    Criterion(
-        "rgb_q10",
-        "worst tenth",
-        "RGB PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better.",
-        lambda figure: figure.quality.rgb[0],
-    ),
-    Criterion("psnr", "whole image", "RGB PSNR of whole images, dB, mean over the scenes; higher is better.", lambda f: f.psnr),
-    Criterion(
-        "wrong_hue",
-        "wrong hue",
-        "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better.",
-        lambda figure: 100 * figure.wrong_hue,
-        -1,
-    ),
+_WORST_TENTH = "RGB PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better."
+_WHOLE_IMAGE = "RGB PSNR of whole images, dB, mean over the scenes; higher is better."
+_WRONG_HUE = "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better."
+_MEDIANS = zip(PLANES, TITLES, strict=True)
+CRITERIA = (  # in the order of `Figure.values`
+    *(Criterion(*each, f"Median {each[1]} PSNR of all patches, dB; higher is better.") for each in _MEDIANS),
+    Criterion("rgb_q10", "worst tenth", _WORST_TENTH),
+    Criterion("psnr", "whole image", _WHOLE_IMAGE),
+    Criterion("wrong_hue", "wrong hue", _WRONG_HUE, -1),
 )
 
 
@@ -124,19 +109,11 @@ class Figures:
         present = {cell.scene.group for cell in results}
         self.groups = [group for group in SETS if group in present]
         self.scenes = {
-            (cell.scene.name, cell.level, cell.method, cell.period): Figure(
-                cell.scene.group,
-                cell.scene.name,
-                cell.level,
-                cell.method,
-                cell.period,
-                each.quality,
-                each.psnr,
-                each.ssim,
-                each.wrong_hue,
-                1,
+            (cell.scene.name, *place): Figure(
+                cell.scene.group, cell.scene.name, *place, each.quality, each.psnr, each.ssim, each.wrong_hue, 1
             )
             for cell, each in results.items()
+            for place in [(cell.level, cell.method, cell.period)]
         }
 
     @cached_property
@@ -270,8 +247,7 @@ class Figures:
 
 def _best(names: Iterable[str], find: Find, criterion: int = RGB) -> str | None:
     """The best method by a criterion."""
-    judged = CRITERIA[criterion]
-    values = {name: judged.sign * judged.value(figure) for name in names if (figure := find(name)) is not None}
+    values = {name: CRITERIA[criterion].sign * each.values[criterion] for name in names if (each := find(name)) is not None}
     return max(values, key=lambda name: values[name], default=None)
 
 
@@ -280,7 +256,7 @@ def _lead(find: Find, own: str, rival: str) -> list[float] | None:
     ours, theirs = find(own), find(rival)
     if ours is None or theirs is None:
         return None
-    return [criterion.lead(ours, theirs) for criterion in CRITERIA]
+    return [each.sign * (a - b) for each, a, b in zip(CRITERIA, ours.values, theirs.values, strict=True)]
 
 
 def _rising(values: Iterable[float]) -> bool:

@@ -1,6 +1,6 @@
 """The verdict of an evaluation in words."""
 
-from .figures import CRITERIA, EVEN, HUE, TENTH, WHOLE, Figures
+from .figures import EVEN, HUE, TENTH, WHOLE, Figures
 from .methods import methods
 
 _LOSSES = 3  # named at each level
@@ -80,7 +80,7 @@ def worst_places(figures: Figures, group: str) -> list[str]:
         if not own or None in leads:
             continue
         tenth, whole, hue = ((lead, methods()[name].short) for name, lead in filter(None, leads))
-        share, described = CRITERIA[HUE].value(own), capital(figures.study.protocol.describe(level))
+        share, described = own.values[HUE], capital(figures.study.protocol.describe(level))
         sentences.append(
             f"{described}, worst places beside the best rivals: {tenth[0]:+.1f} dB in the worst tenth of the patches "
             f"({tenth[1]}), {whole[0]:+.1f} dB in whole images ({whole[1]}); wrong hue in {share:.1f} % of the pixels, "

@@ -59,10 +59,7 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
         "--stride", type=int, default=0, metavar="BYTES", help="bytes from one line to the next (default: no padding)"
     )
     frames.add_argument(
-        "--bits",
-        type=int,
-        metavar="N",
-        help=f"bits that a u16 sample uses, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)",
+        "--bits", type=int, metavar="N", help=f"bits used in u16, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)"
     )
     frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
     add_camera(parser)
@@ -92,10 +89,7 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
     if not folder.is_dir():
         raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
     return FrameSource(
-        sensor,
-        lambda stopped, refused: watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped),
-        True,
-        notes,
+        sensor, lambda stopped, refused: watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped), True, notes
     )
 
 

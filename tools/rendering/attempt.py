@@ -117,20 +117,13 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         if existing.changed:
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 
-        def on_complete(part: Path) -> Callable[[], None]:
+        def journal(part: Path) -> Callable[[], None]:
             absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
             entry = Entry(order.name(output), digest(part) or "", existing.key, order.run, absolute)
             return _JOURNAL_WRITER.submit(_journal(order.folder).append, entry).result
 
         solved = render_to(
-            output,
-            mosaic,
-            order.kind,
-            settings,
-            progress,
-            exposure=order.exposure,
-            overwrite=existing.replace,
-            on_complete=on_complete,
+            output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=existing.replace, on_complete=journal
         )
     seconds = time.monotonic() - start
     rows, columns = mosaic.shape

@@ -101,18 +101,20 @@ def _verdict_section(figures: Figures) -> str:
 
 
 def _pool_table(figures: Figures, group: str, index: int) -> str:
-    study, criterion = figures.study, CRITERIA[index]
+    study = figures.study
     winners = [figures.winner(group, level, index) for level in study.levels]
     rows = []
     for name in study.methods:
         found = [figures.pooled(group, level, name) for level in study.levels]
-        texts = [f"{criterion.value(figure):.1f}" if figure else "–" for figure in found]
+        texts = [f"{figure.values[index]:.1f}" if figure else "–" for figure in found]
         cells = [cell(text, best=name == winner, mark="★ ") for text, winner in zip(texts, winners, strict=True)]
         rows.append(_method_row(name, cells))
     margins = [figures.margin(group, level, index) for level in study.levels]
     if any(margins):
-        ahead = [(f"{criterion.sign * lead[1]:+.1f}", escape(lead[0])) if lead else None for lead in margins]
-        cells = [f'<td>{each[0]}<span class="by">{each[1]}</span></td>' if each else cell("–") for each in ahead]
+        sign = CRITERIA[index].sign
+        cells = [
+            f'<td>{sign * lead[1]:+.1f}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–") for lead in margins
+        ]
         rows.append(row([row_title(f"{figures.ours} minus best rival"), *cells], "margin"))
     return table(["Method", *_levels(figures)], rows)
 

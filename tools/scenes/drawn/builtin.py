@@ -22,12 +22,7 @@ Drawing = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 """Draws a chart, see `charts`."""
 
 # From left to right: width over height, drawing.
-CHARTS: tuple[tuple[float, Drawing], ...] = (
-    (1.5, patches_chart),
-    (1.0, grey_star),
-    (1.0, colour_star),
-    (1.0, detail_chart),
-)
+CHARTS: tuple[tuple[float, Drawing], ...] = ((1.5, patches_chart), (1.0, grey_star), (1.0, colour_star), (1.0, detail_chart))
 
 
 def builtin_scene(width: int, height: int) -> Scene:
