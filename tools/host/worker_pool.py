@@ -107,7 +107,12 @@ class _Worker(Generic[P, R]):
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
-        self.process.start()
+        # An interrupt is for this process, which stops the others: a worker that is still importing would show a traceback.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()  # otherwise the pipe would stay open after the process has ended
 
     def give(self, number: int, piece: P) -> None:
