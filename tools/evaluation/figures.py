@@ -68,7 +68,7 @@ class Criterion(NamedTuple):
 _WORST_TENTH = "RGB PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better."
 _WHOLE_IMAGE = "RGB PSNR of whole images, dB, mean over the scenes; higher is better."
 _WRONG_HUE = "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better."
-_MEDIANS = zip(PLANES, TITLES, strict=True)
+_MEDIANS = tuple(zip(PLANES, TITLES, strict=True))
 CRITERIA = (  # in the order of `Figure.values`
     *(Criterion(*each, f"Median {each[1]} PSNR of all patches, dB; higher is better.") for each in _MEDIANS),
     Criterion("rgb_q10", "worst tenth", _WORST_TENTH),
