@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BORDER, BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
+from shared.pattern import BlockGrid, CfaPattern
 
 from .kernels.outliers import surroundings
 
@@ -51,3 +52,35 @@ def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
 def tile(mosaic: Mosaic) -> BoolArray:
     """Which pixels are panchromatic, bool (K, K), from the frame's corner on."""
     return np.ascontiguousarray(mosaic.pattern.panchromatic_mask((mosaic.pattern.period, mosaic.pattern.period)))
+
+
+def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, slice]]:
+    """(channel, rows, columns) for each colour site of a block: the slices of the frame that hold this site of all whole blocks."""
+    rows, columns = grid.whole_rows, grid.whole_columns
+    return [
+        (channel, _every(rows + row, grid.period), _every(columns + column, grid.period)) for row, column, channel in pattern.sites
+    ]
+
+
+def _every(places: IndexArray, period: int) -> slice:
+    """The slice that selects `places`, which are one period apart."""
+    return slice(int(places[0]), int(places[-1]) + 1, period)
+
+
+def curvature(luminance: FloatArray, site: list[slice], block: tuple[int, int]) -> FloatArray:
+    """How far luminance at a site is from the mean of the pixels one block's size to either side; the larger of both axes.
+
+    The error of filled luminance grows with it. site: slices of the rows and columns of `luminance`; block: size of a block.
+    """
+    here = luminance[*site]
+    found = np.zeros_like(here)
+    places = [np.arange(each.start, each.stop, each.step) for each in site]
+    for axis, step in enumerate(block):
+        pair = np.zeros_like(here)
+        for side in (-step, step):
+            there = list(places)
+            wide = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
+            there[axis] = wide[there[axis] + side + step]
+            pair += luminance[np.ix_(*there)] / 2
+        found = np.maximum(found, np.abs(pair - here))
+    return found

@@ -2,14 +2,16 @@
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BORDER, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
-from shared.pattern import BlockGrid, CfaPattern
+from shared.pattern import BlockGrid
 from shared.progress import SILENT, Progress
 
+from .blocks import block_sites
 from .detail import give_back
 from .kernels.medians import SLACK, oriented_median
 from .settings import ChromaticitySettings
+from .sites import solve_jointly
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6
@@ -30,6 +32,8 @@ def estimate_chromaticities(
     gamma = np.array(mosaic.calibration.gamma)
     sums = block_sums(mosaic, luminance, grid)
     chromaticity = solve_constrained(*sums, gamma)
+    if settings.mismatch:
+        chromaticity = solve_jointly(mosaic, luminance, grid, chromaticity, sums[2], settings.mismatch)
     unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
@@ -58,19 +62,6 @@ def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[
     noise = mosaic.calibration.noise
     variances = [noise.sigma(level, plane) ** 2 for plane in range(shape[2])] if noise else [0.0]
     return weight, product, max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
-
-
-def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, slice]]:
-    """(channel, rows, columns) for each colour site of a block: the slices of the frame that hold this site of all whole blocks."""
-    rows, columns = grid.whole_rows, grid.whole_columns
-    return [
-        (channel, _every(rows + row, grid.period), _every(columns + column, grid.period)) for row, column, channel in pattern.sites
-    ]
-
-
-def _every(places: IndexArray, period: int) -> slice:
-    """The slice that selects `places`, which are one period apart."""
-    return slice(int(places[0]), int(places[-1]) + 1, period)
 
 
 def solve_constrained(weight: DoubleArray, product: DoubleArray, sigma: float, gamma: DoubleArray) -> DoubleArray:

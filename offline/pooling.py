@@ -7,13 +7,14 @@ and so does a block on an edge, whose luminance is filled in and uncertain.
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray, FloatArray, strips
+from shared.arrays import DoubleArray, FloatArray, strips
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid
 from shared.progress import SILENT, Progress
 
-from .chromaticity import block_sites, solve_constrained
+from .blocks import block_sites, curvature
+from .chromaticity import solve_constrained
 from .gaussian import smoothed
 from .kernels.pooling import SLACK, pool
 from .settings import PoolingSettings
@@ -21,6 +22,8 @@ from .settings import PoolingSettings
 _LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
 _LEAST_PRECISION = 1e-6  # of a chromaticity
 _LEAST_LIGHT = 1e-3  # scene units: below it everything counts as equally dark
+_AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen
+_FAINTEST, _STRONGEST = 0.15, 3.0  # its range, in units of grey
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance
 
 
@@ -42,11 +45,11 @@ def pool_blocks(
         return blocks
     progress.stage("pooling", len(settings.passes))
     grid = mosaic.pattern.grid(mosaic.shape)
-    sums, light = precise_sums(mosaic, luminance, noise, grid, settings.doubt)
-    channels, (rows, columns) = len(sums) // 2, light.shape
+    channels, (rows, columns) = blocks.shape[2], (len(grid.whole_rows), len(grid.whole_columns))
+    chromaticity = blocks[grid.inside].reshape(rows, columns, channels).transpose(2, 0, 1)
+    sums, light = precise_sums(mosaic, luminance, chromaticity, noise, grid, settings.doubt)
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
     brightness = np.log(light.clip(_LEAST_LIGHT))
-    chromaticity = blocks[grid.inside].reshape(rows, columns, channels).transpose(2, 0, 1)
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
         near = np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32)
@@ -60,43 +63,29 @@ def pool_blocks(
 
 
 def precise_sums(
-    mosaic: Mosaic, luminance: FloatArray, noise: NoiseModel, grid: BlockGrid, doubt: float
+    mosaic: Mosaic, luminance: FloatArray, chromaticity: FloatArray, noise: NoiseModel, grid: BlockGrid, doubt: float
 ) -> tuple[FloatArray, FloatArray]:
     """The sums of Eqs. 8-9 of each whole block, float32 (2 C + 1, rows, columns), and its luminance, float32 (rows, columns).
 
-    The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error,
-    taking the block for grey: noise of the sample, and an error of luminance of `doubt` times its curvature.
+    The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error:
+    noise of the sample, taking the block for grey, and an error of luminance of `doubt` times its curvature, seen through the filter.
+    What the filter lets through is the channel's `chromaticity`, (C, rows, columns), of the block and its neighbours.
     """
     shape, channels = (len(grid.whole_rows), len(grid.whole_columns)), len(mosaic.pattern.channels)
     sums, light = np.zeros((2 * channels + 1, *shape), np.float32), np.zeros(shape, np.float32)
     signal, sites = mosaic.signal, block_sites(mosaic.pattern, grid)
+    grey = np.float32(mosaic.calibration.grey)
+    seen = smoothed(chromaticity, _AROUND).clip(_FAINTEST * grey, _STRONGEST * grey)
     for channel, *site in sites:
         value = luminance[*site]
-        grey = np.float32(mosaic.calibration.grey)
         variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
-        variance += (np.float32(doubt) * grey * _curvature(luminance, site, grid.block_shape)) ** 2
+        variance += (np.float32(doubt) * seen[channel] * curvature(luminance, site, grid.block_shape)) ** 2
         precision = 1 / np.maximum(variance, _LEAST_VARIANCE)
         sums[channel] += value**2 * precision
         sums[channels + channel] += value * signal[*site] * precision
         light += value / len(sites)
     sums[-1] = 1
     return sums, light
-
-
-def _curvature(luminance: FloatArray, site: list[slice], block: tuple[int, int]) -> FloatArray:
-    """How far luminance at a site is from the mean of the pixels one block's size to either side; the larger of both axes."""
-    here = luminance[*site]
-    found = np.zeros_like(here)
-    places = [np.arange(each.start, each.stop, each.step) for each in site]
-    for axis, step in enumerate(block):
-        pair = np.zeros_like(here)
-        for side in (-step, step):
-            there = list(places)
-            wide = np.pad(np.arange(luminance.shape[axis]), step, mode=BORDER)
-            there[axis] = wide[there[axis] + side + step]
-            pair += luminance[np.ix_(*there)] / 2
-        found = np.maximum(found, np.abs(pair - here))
-    return found
 
 
 def _solved(pooled: FloatArray, gamma: DoubleArray) -> FloatArray:

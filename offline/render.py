@@ -6,6 +6,7 @@ and for too little.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +19,16 @@ from .chromaticity import estimate_chromaticities
 from .defects import mend_defects
 from .denoising import denoise_luminance
 from .highlights import clipping_level, restore_highlights
+from .learned import learner_for
 from .luminance import recover_luminance
 from .noise import noise_of
 from .pooling import pool_blocks
 from .propagation import propagate
 from .refinement import noise_level, reach, refine
 from .settings import BEST, RenderSettings
+from .sites import SiteSamples, correct_sites, settle_luminance, site_samples
 from .solvers import Solved, SolverLog
-from .tiling import bands
+from .tiling import Part, bands, windows
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +71,10 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
     (30, 40, 3)
     """
     log = SolverLog(progress)
-    luminance, blocks = measure(mosaic, settings, log)
-    chromaticity = np.empty((*mosaic.shape, blocks.shape[2]), np.float32)
-    for rows, part in spread(mosaic, luminance, blocks, settings, log):
-        chromaticity[rows] = part
+    luminance = np.empty(mosaic.shape, np.float32)
+    chromaticity = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32)
+    for part in finish(mosaic, measure(mosaic, settings, log), settings, log):
+        luminance[part.first : part.end], chromaticity[part.first : part.end] = part.luminance, part.chromaticity
     return Rendering(chromaticity * luminance[..., None], luminance, chromaticity, log.solvers)  # Eq. 17
 
 
@@ -89,13 +92,25 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     >>> len(bands), sum(len(band) for band in bands)
     (2, 300)
     """
-    luminance, blocks = measure(mosaic, settings, progress)
-    for rows, chromaticity in spread(mosaic, luminance, blocks, settings, progress):
-        yield chromaticity * luminance[rows, :, None]  # Eq. 17
+    for part in finish(mosaic, measure(mosaic, settings, progress), settings, progress):
+        yield part.chromaticity * part.luminance[..., None]  # Eq. 17
 
 
-def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> tuple[FloatArray, FloatArray]:
-    """Luminance of every pixel, float32 (H, W), and chromaticity of every block, float32 (block rows, block columns, C)."""
+class Measured(NamedTuple):
+    """What is known of the whole frame before colour is spread.
+
+    luminance: of every pixel, float32 (H, W).
+    blocks: chromaticity of every block, float32 (block rows, block columns, C).
+    sites: the samples of the whole blocks.
+    """
+
+    luminance: FloatArray
+    blocks: FloatArray
+    sites: SiteSamples
+
+
+def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Measured:
+    """Everything that looks at the frame as a whole."""
     clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
@@ -103,14 +118,16 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> tup
     luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
-    return luminance, pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
+    blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
+    sites = site_samples(mosaic, samples, noise, clipping)
+    luminance = settle_luminance(luminance, blocks, sites, mosaic.pattern, settings.chromaticity.mismatch, settings.sites)
+    return Measured(luminance, blocks, sites)
 
 
-def spread(
-    mosaic: Mosaic, luminance: FloatArray, blocks: FloatArray, settings: RenderSettings, progress: Progress
-) -> Iterator[tuple[slice, FloatArray]]:
-    """Spread the chromaticity of blocks to pixels, band by band: yield (rows, float32 (rows, W, C))."""
-    pattern, sigma = mosaic.pattern, noise_level(luminance, mosaic)
+def spread(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progress: Progress) -> Iterator[Part]:
+    """Spread the chromaticity of blocks to pixels, band by band."""
+    pattern, (luminance, blocks, _) = mosaic.pattern, measured
+    sigma = noise_level(luminance, mosaic)
     steps = bands(pattern.grid(mosaic.shape), reach(pattern.period, settings.refinement))
     progress.stage("colour", len(steps))
     initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
@@ -119,5 +136,20 @@ def spread(
         below = propagate(blocks, affinity, luminance, pattern, settings.propagation, band, progress)  # c, Eqs. 10 and 14
         initial, first = np.concatenate([initial[band.first - first :], below]), band.first
         if band.rows[0] < band.rows[1]:
-            yield slice(*band.rows), refine(initial, luminance, pattern.period, sigma, settings.refinement, band, progress)  # c+
+            refined = refine(initial, luminance, pattern.period, sigma, settings.refinement, band, progress)  # c+
+            yield Part(band.rows[0], luminance[slice(*band.rows)], refined)
         progress.advance()
+
+
+def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progress: Progress) -> Iterator[Part]:
+    """Correct what has been spread by the samples at the colour sites, and by what is learned, band by band."""
+    sites, gamma = measured.sites, mosaic.calibration.gamma
+    learner = learner_for(mosaic.pattern, gamma, settings.learned)
+    parts = spread(mosaic, measured, settings, progress)
+    if not (settings.sites.corrected or learner):
+        yield from parts
+        return
+    look, step, origin = learner.steps(sites) if learner else (sites.reach, 1, 0)
+    for part, rows in windows(parts, mosaic.shape[0], look, step, origin):
+        corrected = correct_sites(part, sites, mosaic.pattern, gamma, settings.sites)
+        yield (learner.refine(part, corrected, sites, rows) if learner else corrected).rows(*rows)

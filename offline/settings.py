@@ -120,16 +120,20 @@ class ChromaticitySettings:
     taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions: largest number of repetitions of the medians ("till convergence" in the paper).
     trust: how much detail that the medians removed is returned where blocks add up to their luminance (see `detail`); 0 = none.
+    mismatch: variance of the samples of a block that one chromaticity does not explain, relative to that from errors of filled
+        luminance, which are solved for together with chromaticity (see `sites`); 0 = Eqs. 8-9 as they are.
     """
 
     taps: int = 5
     repetitions: int = 20
     trust: float = 0.0
+    mismatch: float = 0.0
 
     def __post_init__(self) -> None:
         _require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
         _require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
         _require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
+        _require(0 <= self.mismatch < math.inf, "chromaticity.mismatch", self.mismatch, "0 or more")
 
 
 class PoolingPass(NamedTuple):
@@ -222,6 +226,31 @@ class RefinementSettings:
 
 
 @dataclass(frozen=True)
+class SiteSettings:
+    """Errors at the colour sites, where samples say what is missed (see `sites`); the paper has none of it.
+
+    corrected: correct luminance once chromaticity is known, and every channel once the picture is.
+    deviations: multiple of the noise variance that is taken off the power of errors, 0 or more.
+    """
+
+    corrected: bool = False
+    deviations: float = 2.0
+
+    def __post_init__(self) -> None:
+        _require(self.deviations >= 0, "sites.deviations", self.deviations, "0 or more")
+
+
+@dataclass(frozen=True)
+class LearnedSettings:
+    """Correction of chromaticity by a network that has seen photographs (see `learned`); the paper has none.
+
+    used: use it where there is one for the pattern.
+    """
+
+    used: bool = False
+
+
+@dataclass(frozen=True)
 class RenderSettings:
     """All settings of a render, one part per stage, in order of execution. The presets are `PAPER` and `BEST`.
 
@@ -242,6 +271,8 @@ class RenderSettings:
     affinity: AffinitySettings = field(default_factory=AffinitySettings)
     propagation: PropagationSettings = field(default_factory=PropagationSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    sites: SiteSettings = field(default_factory=SiteSettings)
+    learned: LearnedSettings = field(default_factory=LearnedSettings)
 
 
 PAPER = RenderSettings()
@@ -251,8 +282,10 @@ BEST = RenderSettings(
     highlights=HighlightSettings(restored=True),
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights exceed 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
-    chromaticity=ChromaticitySettings(trust=3.0),
+    chromaticity=ChromaticitySettings(trust=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
+    sites=SiteSettings(corrected=True),
+    learned=LearnedSettings(used=True),
 )

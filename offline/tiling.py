@@ -4,11 +4,12 @@ A band is a whole number of rows of cores (see `affinity`). Refinement reaches a
 band can only be finished with the next one. Nothing is computed twice, and the picture does not depend on where bands begin.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import BORDER, IndexArray
+from shared.arrays import BORDER, FloatArray, IndexArray
 from shared.pattern import BlockGrid
 
 HALO = 2
@@ -64,3 +65,48 @@ def domain_places(grid: BlockGrid, reach: int = 0) -> tuple[IndexArray, IndexArr
         for size, padding in zip(grid.frame, grid.padding, strict=True)
     )
     return rows, columns
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some rows of a picture.
+
+    first: the frame's row that is its first.
+    luminance: float32 (rows, W), scene units.
+    chromaticity: float32 (rows, W, C).
+    """
+
+    first: int
+    luminance: FloatArray
+    chromaticity: FloatArray
+
+    @property
+    def end(self) -> int:
+        """The frame's row after its last."""
+        return self.first + len(self.luminance)
+
+    def joined(self, below: "Part") -> "Part":
+        """This part and the one that follows it."""
+        pairs = (self.luminance, below.luminance), (self.chromaticity, below.chromaticity)
+        return Part(self.first, *(np.concatenate(pair) for pair in pairs))
+
+    def rows(self, first: int, end: int) -> "Part":
+        """Rows `first` to `end` of the frame alone; views."""
+        within = slice(first - self.first, end - self.first)
+        return Part(first, self.luminance[within], self.chromaticity[within])
+
+
+def windows(parts: Iterable[Part], height: int, reach: int, step: int, origin: int) -> Iterator[tuple[Part, tuple[int, int]]]:
+    """Cut a picture that arrives in parts anew: yield (part, rows), where the part holds `reach` rows more on both sides of `rows`.
+
+    parts: from top to bottom. height: rows of the whole picture.
+    step, origin: `rows` end where (row - origin) is a multiple of `step`, or at the end of the picture.
+    """
+    held, done = None, 0
+    for part in parts:
+        held = part if held is None else held.joined(part)
+        end = height if held.end == height else origin + (held.end - reach - origin) // step * step
+        if end > done:
+            yield held, (done, end)
+            done = end
+            held = held.rows(max(done - reach, held.first), held.end)
