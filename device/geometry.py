@@ -15,6 +15,7 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.pattern import CfaPattern
+from shared.site_errors import error_correlation
 
 _UNIT = 64
 _CUBIC = 0.5
@@ -147,6 +148,18 @@ class Geometry:
             )
             holes.append(Hole(row % cell * cell + column % cell, row // cell * self.across + column // cell, down, right))
         return holes
+
+    @property
+    def settling(self) -> DoubleArray:
+        """The linear map from what is missed at the sites of a block to errors of luminance there, float64 (sites, sites).
+
+        Both in the order of `sites`; what is missed in units of luminance (see `shared.site_errors`).
+        """
+        every, measured = error_correlation(self.pattern)
+        errors = np.linalg.solve(every[np.ix_(measured, measured)], every[measured]).T  # of every channel at every site
+        luminance = errors.reshape(len(self.sites), -1, len(self.sites)).sum(axis=1)
+        order = [self.pattern.sites.index(site) for site in self.sites]
+        return luminance[np.ix_(order, order)]  # type: ignore[no-any-return]
 
     @cached_property
     def _probes(self) -> list[dict[Place, float]]:

@@ -20,7 +20,7 @@ from . import contract
 from .geometry import Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
-BUILDER = "1"
+BUILDER = "2"
 """Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
 
 _FLOOR = 1e-3
@@ -35,6 +35,8 @@ _CONTRAST = 0.1
 """Squared relative difference of luminance at which the weight of a block is halved."""
 _NOISE_WEIGHT = 4.0
 """Multiple of the noise variance that a squared relative difference must exceed to count."""
+_MISSED_NOISE = 2.0
+"""Multiple of the noise variance that the mean square of what is missed at the sites of a block must exceed to count."""
 _SPREAD = 0.5
 """Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
 
@@ -57,8 +59,13 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     probes = measure_blocks(g, geometry, inputs)
     filled, luminance = fill_holes(g, geometry, inputs, probes)
     chromaticity = estimate_chromaticities(g, geometry, inputs, probes, filled, luminance)  # Eqs. 8-9
-    blocks = pool(g, inputs, chromaticity, luminance, "" if linear else contract.WHITE)
-    pixels, cells = pixel_light(g, geometry, inputs, filled) if scale == 1 else cell_light(g, geometry, inputs)
+    pooled, measures = pool(g, inputs, chromaticity, luminance)
+    blocks = g("Concat", measures, in_picture_units(g, inputs, pooled, "" if linear else contract.WHITE), axis=0)
+    if scale == 1:
+        settled = settle(g, geometry, inputs, probes, filled, pooled)
+        pixels, cells = pixel_light(g, geometry, inputs, settled)
+    else:
+        pixels, cells = cell_light(g, geometry, inputs)
     spread = propagate(g, geometry, blocks, cells)  # Eq. 10
     camera = [g("Mul", light, spread) for light in pixels]  # Eq. 17
     picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
@@ -140,11 +147,10 @@ def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes
     return g("Add", free, g("Mul", pull, g("Div", missing, g.total(g("Mul", pull, inputs.gamma), inputs.channels, axis=0))))
 
 
-def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str, white: str) -> str:
-    """The blocks as propagation needs them, (2 + C, inner blocks): 1 / luminance, a squared difference, and colours.
+def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str) -> tuple[str, str]:
+    """Chromaticities of the inner blocks, (C, inner blocks), and what weighs a block in `propagate`, (2, inner blocks).
 
-    The squared relative difference is the one at which `propagate` halves a block's weight. The colours are chromaticities in the
-    units of the picture: multiplied by luminance in codes, they give scene units, or fractions of display white.
+    That is 1 / luminance, and the squared relative difference at which the weight is halved.
 
     The lower the signal-to-noise ratio of a block, the more its chromaticity becomes the mean of the 3 x 3 blocks around it,
     weighted by squared luminance, which is their precision.
@@ -159,9 +165,31 @@ def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str, white: str
     light, power, variance, own = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (light, power, variance, sums))
     share = g("Div", variance, g("Add", variance, g("Mul", power, _POOLING)))
     pooled, weight = g.split(g("Add", own, g("Mul", g("Sub", around, own), share)), (inputs.channels, 1), axis=0)
-    units = g("Unsqueeze", g("Div", inputs.unit, white), [1, 2]) if white else inputs.unit
     least = g("Add", g("Mul", g("Div", variance, power), _NOISE_WEIGHT), _CONTRAST)
-    return g("Concat", g("Div", 1.0, light), least, g("Mul", g("Div", pooled, weight), units), axis=0)
+    return g("Div", pooled, weight), g("Concat", g("Div", 1.0, light), least, axis=0)
+
+
+def in_picture_units(g: Nodes, inputs: Inputs, chromaticity: str, white: str) -> str:
+    """Chromaticities that, multiplied by luminance in codes, give scene units, or fractions of display white."""
+    return g("Mul", chromaticity, g("Unsqueeze", g("Div", inputs.unit, white), [1, 2]) if white else inputs.unit)
+
+
+def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, chromaticity: str) -> str:
+    """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
+
+    What chromaticity times luminance misses at the sites of a block is mapped to errors of luminance there (`shared.site_errors`),
+    as far as it is more than noise.
+    """
+    samples, filled = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (probes[-1], filled))
+    channels, count = [channel for _, _, channel in geometry.sites], len(geometry.sites)
+    gamma = g("Gather", inputs.gamma, channels)
+    missed = g("Mul", g("Sub", samples, g("Mul", g("Gather", chromaticity, channels), filled)), gamma)
+    power = g("Mul", g.total(g("Mul", missed, missed), count, axis=0), 1 / count)
+    weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _MISSED_NOISE / count)
+    noise = g("Mul", inputs.variance(g, g("Mul", g.total(samples, count, axis=0), 1 / count)), weight)
+    share = g("Div", g("Relu", g("Sub", power, noise)), g("Add", power, _LEAST_VARIANCE))
+    shares = [g.total(g("Mul", missed, row[:, None, None]), count, axis=0) for row in geometry.settling]
+    return g("Add", filled, g("Mul", g("Concat", *shares, axis=0), share))
 
 
 def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tuple[list[str], str]:
@@ -180,9 +208,15 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
         light = g("Sub", g("Cast", part, to=FLOAT), inputs.black)
         holes = [(site, hole) for site, hole in enumerate(geometry.holes) if hole.pixel == pixel]
         if holes:
-            # A patch at (i, j) has its corners at blocks i + 1 and i + 2, because `pool` needs one more block on each side.
+            # A patch at (i, j) has its corners at the inner blocks i and i + 1.
             values = [
-                g("Slice", filled, [site, 1 + hole.down, 1 + hole.right], [site + 1, hole.down - 2, hole.right - 2], [0, 1, 2])
+                g(
+                    "Slice",
+                    filled,
+                    [site, hole.down, hole.right],
+                    [site + 1, *(END if far else -1 for far in (hole.down, hole.right))],
+                    [0, 1, 2],
+                )
                 for site, hole in holes
             ]
             light = g("ScatterND", light, np.array([[hole.cell] for _, hole in holes]), g("Concat", *values, axis=0))

@@ -1,11 +1,11 @@
-"""Correction of chromaticity by a network that has seen photographs: what a block in K x K pixels cannot know, but guess.
+"""Correction of chromaticity by a network that has seen photographs: one block in K x K pixels does not know everything.
 
-The picture is cut into cells, K x K pixels with the block in the middle, and the network works on the grid of cells: the pixels of a
+The picture is cut into cells, K x K pixels with the block in the middle. The network works on the grid of cells: the pixels of a
 cell are its channels (space to depth). It sees luminance, chromaticity, what the render missed at the colour sites before that was
-corrected, and the noise there; it returns a correction that keeps luminance. How it is built and trained: `tools/training/`; on what,
-and where its limits are: `models/README.md`.
+corrected, and the noise there. It returns a correction of chromaticity, and luminance stays. `tools/training/` builds and trains
+it; `models/README.md` says on what, and where its limits are.
 
-The files in `models/` are for RGGB. The other Bayer orders are its mirror images, and cells are symmetric, so they are mirrored
+The files in `models/` are for RGGB. The other Bayer orders are its mirror images, and cells are symmetric, so cells are mirrored
 on the way in and out. Frames are processed in tiles of one fixed size at fixed places: threads and bands do not change a bit.
 """
 
@@ -95,9 +95,7 @@ class Cells:
 
     def blocks_of(self, values: FloatArray, rows: tuple[int, int], columns: tuple[int, int], outside: float) -> FloatArray:
         """Values of whole blocks, (rows, columns, n), at these rows and columns of cells, float32 (n, rows, columns)."""
-        down, across = (
-            np.arange(*span) - first for span, first in zip((rows, columns), self.blocks, strict=True)
-        )
+        down, across = (np.arange(*span) - first for span, first in zip((rows, columns), self.blocks, strict=True))
         inside = (((down >= 0) & (down < values.shape[0]))[:, None]) & ((across >= 0) & (across < values.shape[1]))
         found = values[np.ix_(down.clip(0, values.shape[0] - 1), across.clip(0, values.shape[1] - 1))]
         found = np.where(inside[..., None], found, np.float32(outside)).transpose(2, 0, 1)
@@ -129,7 +127,7 @@ class Learner:
         self._halo = (side - self._tile) // 2
 
     def steps(self, sites: SiteSamples) -> tuple[int, int, int]:
-        """(reach, step, origin) of `tiling.windows`: pixels that a result depends on, rows of a tile, and where the first begins."""
+        """(reach, step, origin) for `tiling.windows`: rows that a result depends on, rows of a tile, and where the first begins."""
         period, origin = self._pattern.period, Cells.of(self._pattern, sites.grid.frame).origin[0]
         return (self._halo + 1) * period + sites.reach, self._tile * period, origin
 

@@ -67,9 +67,9 @@ def precise_sums(
 ) -> tuple[FloatArray, FloatArray]:
     """The sums of Eqs. 8-9 of each whole block, float32 (2 C + 1, rows, columns), and its luminance, float32 (rows, columns).
 
-    The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error:
-    noise of the sample, taking the block for grey, and an error of luminance of `doubt` times its curvature, seen through the filter.
-    What the filter lets through is the channel's `chromaticity`, (C, rows, columns), of the block and its neighbours.
+    The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error.
+    That is the noise of the sample, taking the block for grey, and an error of luminance of `doubt` times its curvature, as the
+    channel sees it: `chromaticity`, (C, rows, columns), is averaged over the block and its neighbours for this.
     """
     shape, channels = (len(grid.whole_rows), len(grid.whole_columns)), len(mosaic.pattern.channels)
     sums, light = np.zeros((2 * channels + 1, *shape), np.float32), np.zeros(shape, np.float32)

@@ -1,18 +1,18 @@
-"""What the samples of a block say about the errors at its sites: luminance and chromaticity together, and what both leave over.
+"""What the samples of a block say about errors at its sites: luminance and chromaticity together, then what is left.
 
-Luminance under the colour sites is filled in, and wrong by some delta. A sample is c (l + delta) + noise, with c the chromaticity of
-its channel, so one error of luminance shows in the samples of the whole block, in proportion to c. Eqs. 8-9 take these errors for
-independent and equal; here they have a covariance, D R D, with D the diagonal matrix of c: R falls with the distance between the
-sites, because a stroke or an edge that passes through one of them passes near the others. To it is added what differs from site to
-site (one chromaticity does not describe a whole block), and the noise.
+Luminance under the colour sites is filled in, and wrong by some delta. A sample is c (l + delta) + noise, with c the chromaticity
+of its channel. So one error of luminance shows in all samples of the block, in proportion to c. Eqs. 8-9 take these errors for
+independent and equal. Here they have a covariance D R D, with D the diagonal matrix of c, and R falls with the distance between
+sites, because a stroke or an edge that passes through one of them passes near the others. To it are added the noise, and what
+differs from site to site, because one chromaticity does not describe a whole block.
 
-- `solve_jointly`: chromaticity is the generalised least squares solution with this covariance, under the constraint of Eq. 7. A bright
-  stroke through a red site then reads as a bright stroke rather than as a red one.
+- `solve_jointly`: chromaticity is the generalised least squares solution with this covariance, under the constraint of Eq. 7. A
+  bright stroke through a red site then reads as a bright stroke rather than as a red one.
 - `settle_luminance`: given the final chromaticity, delta is what this covariance makes most probable.
-- `correct_sites`: what the finished render still misses at the sites (sample minus render) is shared out to all channels of all sites
-  of the block, by the covariance of a picture's errors: R between sites, and one correlation between channels.
+- `correct_sites`: what the finished picture still misses (sample minus picture) is shared out to all channels of all sites of the
+  block, by the covariance of a picture's errors (`shared.site_errors`).
 
-All three are conditional means of a Gaussian model, for any pattern, and none of it is in the paper. The constants were chosen on
+All three are conditional means of a Gaussian model, for any pattern. None is in the paper. The constants were chosen on
 photographs; twice or half of each changes the result by a few hundredths of a decibel.
 """
 
@@ -24,6 +24,7 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid, CfaPattern
+from shared.site_errors import error_correlation, nearness
 
 from .blocks import block_sites, curvature
 from .gaussian import gaussian, smoothed
@@ -32,7 +33,6 @@ from .settings import SiteSettings
 from .tiling import Part
 
 _FILLED = 0.5  # correlation of the errors of filled luminance one pixel apart
-_RENDERED, _CHANNELS = 0.35, 0.55  # correlation of a render's errors one pixel apart, and between two channels of one pixel
 _DOUBT = 0.3  # error of filled luminance as a multiple of its curvature
 _ROUNDS = 3  # in which the covariance takes its c from the round before
 _DARK = 1e-6  # scene units: luminance below it has no chromaticity
@@ -89,7 +89,8 @@ class SiteSamples:
         if self.variance is None:
             return None
         weights = gamma[[channel for channel, *_ in self.places]]
-        return (self.variance[rows] * weights**2).mean(axis=2)
+        scaled: FloatArray = (self.variance[rows] * weights**2).mean(axis=2)
+        return scaled
 
 
 def site_samples(mosaic: Mosaic, samples: Mosaic, noise: NoiseModel | None, clipping: float) -> SiteSamples:
@@ -104,7 +105,7 @@ def site_samples(mosaic: Mosaic, samples: Mosaic, noise: NoiseModel | None, clip
     values = gathered(signal, places)
     trusted = np.ones(values.shape[:2], np.bool_)
     if np.isfinite(clipping):
-        trusted = (gathered(mosaic.signal, places) < clipping).all(axis=2)
+        trusted[:] = (gathered(mosaic.signal, places) < clipping).all(axis=2)
     variance = None
     if noise is not None and any(noise.shot[:-1] + noise.read[:-1]):
         channels = [channel for channel, *_ in places]
@@ -116,13 +117,6 @@ def site_samples(mosaic: Mosaic, samples: Mosaic, noise: NoiseModel | None, clip
 def gathered(plane: FloatArray, places: list[tuple[int, slice, slice]]) -> FloatArray:
     """The values of (H, W) at each site of the whole blocks, (rows, columns, S)."""
     return np.stack([plane[rows, columns] for _, rows, columns in places], axis=2)
-
-
-def nearness(pattern: CfaPattern, correlation: float) -> DoubleArray:
-    """R: `correlation` to the power of the distance in pixels between two sites of a block, float64 (S, S)."""
-    place = np.array(pattern.sites)[:, :2]
-    distance = np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
-    return correlation**distance  # type: ignore[no-any-return]
 
 
 def solve_jointly(
@@ -178,7 +172,7 @@ def signal_power(error: FloatArray, variance: FloatArray | None, deviations: flo
     power = smoothed(np.square(error).mean(axis=2), _WIDTH)
     if variance is not None:
         power = np.maximum(power - np.float32(deviations) * variance, 0)
-    return power
+    return power.astype(np.float32, copy=False)
 
 
 def correct_sites(part: Part, sites: SiteSamples, pattern: CfaPattern, gamma: tuple[float, ...], settings: SiteSettings) -> Part:
@@ -205,17 +199,14 @@ def correct_sites(part: Part, sites: SiteSamples, pattern: CfaPattern, gamma: tu
 
 
 class _Residual:
-    """The linear map from what a render misses at the sites of a block to the errors of all channels there, in units of luminance."""
+    """The linear map from what a picture misses at the sites of a block to the errors of all channels there."""
 
     def __init__(self, pattern: CfaPattern) -> None:
-        channels, sites = len(pattern.channels), len(pattern.sites)
-        between = np.full((channels, channels), _CHANNELS) + (1 - _CHANNELS) * np.eye(channels)
-        every = np.kron(nearness(pattern, _RENDERED), between)  # of all channels at all sites
-        seen = [site * channels + channel for site, (_, _, channel) in enumerate(pattern.sites)]
-        self._strengths, vectors = np.linalg.eigh(every[np.ix_(seen, seen)])
+        every, measured = error_correlation(pattern)
+        self._strengths, vectors = np.linalg.eigh(every[np.ix_(measured, measured)])
         self._inward = np.ascontiguousarray(vectors.T)
-        self._outward = np.ascontiguousarray(every[:, seen] @ vectors)
-        self._shape = sites, channels
+        self._outward = np.ascontiguousarray(every[:, measured] @ vectors)
+        self._shape = len(pattern.sites), len(pattern.channels)
 
     def __call__(self, error: FloatArray, power: FloatArray, variance: FloatArray | None) -> FloatArray:
         """Corrections, float32 (rows, columns, S, C), from errors (rows, columns, S) and what `signal_power` makes of them."""

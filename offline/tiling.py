@@ -86,7 +86,7 @@ class Part:
         return self.first + len(self.luminance)
 
     def joined(self, below: "Part") -> "Part":
-        """This part and the one that follows it."""
+        """The rows of both parts, of which `below` follows this one."""
         pairs = (self.luminance, below.luminance), (self.chromaticity, below.chromaticity)
         return Part(self.first, *(np.concatenate(pair) for pair in pairs))
 

@@ -20,7 +20,8 @@ MAY_IMPORT = {
     "tools": {"tools", "device", "offline", "shared"},
 }
 OURS = {*MAY_IMPORT, "tests"}
-# The rooms of `tools`, from the ground up. Rooms on one floor (rendering, calibration, evaluation, live) do not import each other.
+# The rooms of `tools`, from the ground up. Rooms on one floor (rendering, calibration, evaluation, live, training) do not import
+# each other.
 _BELOW = {"host", "scenes", "pictures"}
 ROOMS = {
     "host": {"host"},
@@ -30,6 +31,7 @@ ROOMS = {
     "calibration": {"calibration", *_BELOW},
     "evaluation": {"evaluation", *_BELOW},
     "live": {"live", *_BELOW},
+    "training": {"training", *_BELOW},
     "cli": {"host"},  # it imports the commands by name
     "commands": {"commands", "rendering", "calibration", "evaluation", "live", *_BELOW},
 }

@@ -1,0 +1,43 @@
+"""How the errors of a picture hang together at the colour sites of a block: a model for the preview and for the render.
+
+What a picture misses at a site (sample minus picture, in the channel of its filter) is known there. A stroke or an edge that passes
+through one site passes near the others, and is missed in all channels: so what is missed at the sites of a block says what the
+picture's other errors there are. The constants were chosen on photographs; twice or half of each changes little.
+"""
+
+import numpy as np
+
+from .arrays import DoubleArray
+from .pattern import CfaPattern
+
+_NEAR, _CHANNELS = 0.35, 0.4  # correlation of errors one pixel apart, and of two channels at one pixel
+
+
+def nearness(pattern: CfaPattern, correlation: float = _NEAR) -> DoubleArray:
+    """`correlation` to the power of the distance in pixels between two sites of a block, float64 (S, S).
+
+    >>> from shared import CfaPattern
+    >>> from shared.site_errors import nearness
+    >>> nearness(CfaPattern.bayer(6), 0.5)[0].round(2).tolist()  # one pixel apart: 0.5; diagonally: less
+    [1.0, 0.5, 0.5, 0.38]
+    """
+    place = np.array(pattern.sites)[:, :2]
+    distance = np.hypot(*np.moveaxis(place[:, None] - place, 2, 0))
+    return correlation**distance  # type: ignore[no-any-return]
+
+
+def error_correlation(pattern: CfaPattern) -> tuple[DoubleArray, list[int]]:
+    """Correlation of the errors of all C channels at all S sites, float64 (S C, S C), and where the S measured ones are among them.
+
+    Channels are in units of luminance: each is multiplied by its gamma (Eq. 7).
+
+    >>> from shared import CfaPattern
+    >>> from shared.site_errors import error_correlation
+    >>> correlation, measured = error_correlation(CfaPattern.bayer(6))
+    >>> correlation.shape, measured
+    ((12, 12), [0, 4, 7, 11])
+    """
+    channels = len(pattern.channels)
+    between = np.full((channels, channels), _CHANNELS) + (1 - _CHANNELS) * np.eye(channels)
+    measured = [site * channels + channel for site, (_, _, channel) in enumerate(pattern.sites)]
+    return np.kron(nearness(pattern), between).astype(np.float64), measured

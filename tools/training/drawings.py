@@ -1,0 +1,89 @@
+"""Drawn scenes to learn from: what photographs show too rarely. Strokes, letters, saturated colours, edges without luminance."""
+
+from typing import Any
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from ..scenes.drawn.dead_leaves import dead_leaves
+
+SIZE = 384
+_FINE = 3  # samples per pixel and axis
+_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789&%?"
+_MARKS = 90  # on a drawing, on average
+_LUMINANCE = np.array([1.0, 1.0, 1.0]) / 3  # of equal gamma weights: what "without luminance" means to the sensor
+_DARKEST = 0.004
+
+
+def drawing(random: np.random.Generator) -> FloatArray:
+    """A scene, float32 (SIZE, SIZE, 3), 0 to 1: marks of all kinds on leaves, on a gradient, or on one colour."""
+    from PIL import Image, ImageDraw
+
+    ground = _ground(random)
+    palette = [colour(random) for _ in range(random.integers(2, 9))]
+    planes = []
+    marks = [_mark(random) for _ in range(random.poisson(_MARKS))]
+    inks = [_ink(random, palette, ground) for _ in marks]
+    for channel in range(3):
+        # One plane after the other in 32-bit floats, because pictures of 8 bits have too few dark tones.
+        plane = Image.fromarray(ground[..., channel].repeat(_FINE, axis=0).repeat(_FINE, axis=1))
+        pen = ImageDraw.Draw(plane)
+        for (kind, arguments), ink in zip(marks, inks, strict=True):
+            getattr(pen, kind)(**arguments, fill=float(ink[channel]))
+        planes.append(np.asarray(plane).reshape(SIZE, _FINE, SIZE, _FINE).mean(axis=(1, 3)))
+    return np.stack(planes, axis=2).astype(np.float32)
+
+
+def colour(random: np.random.Generator) -> FloatArray:
+    """A colour, float32 (3,), 0 to 1: one in three is grey, one in three saturated."""
+    light, kind = 10 ** random.uniform(-1.6, 0), random.integers(3)
+    if kind == 0:
+        return np.full(3, light, np.float32)
+    weight = random.uniform(0, 1, 3) ** (3 if kind == 1 else 1)
+    return np.maximum(light * weight / weight.max(), _DARKEST).astype(np.float32)
+
+
+def _ground(random: np.random.Generator) -> FloatArray:
+    kind = random.integers(3)
+    if kind == 0:
+        leaves = dead_leaves(SIZE, SIZE, SIZE * random.uniform(0.5, 2), int(random.integers(1 << 30)))
+        mixing = np.eye(3) + random.normal(0, 0.25, (3, 3))
+        mixed: FloatArray = (leaves @ np.abs(mixing)).clip(_DARKEST, 1).astype(np.float32)
+        return mixed
+    first, last = colour(random), colour(random) if kind == 1 else None
+    if last is None:
+        return np.broadcast_to(first, (SIZE, SIZE, 3)).copy()
+    angle = random.uniform(0, 2 * np.pi)
+    down, across = np.mgrid[0:SIZE, 0:SIZE] / SIZE - 0.5
+    share = (np.cos(angle) * across + np.sin(angle) * down + 0.5).clip(0, 1)[..., None]
+    gradient: FloatArray = (first * (1 - share) + last * share).astype(np.float32)
+    return gradient
+
+
+def _ink(random: np.random.Generator, palette: list[FloatArray], ground: FloatArray) -> FloatArray:
+    ink = palette[random.integers(len(palette))]
+    if random.random() < 0.25:  # as bright as some place of the ground
+        here = ground[tuple(random.integers(SIZE, size=2))]
+        ink = (ink * (here @ _LUMINANCE) / (ink @ _LUMINANCE)).clip(_DARKEST, 1).astype(np.float32)
+    return ink
+
+
+def _mark(random: np.random.Generator) -> tuple[str, dict[str, Any]]:
+    """The name of a method of Pillow's pen, and its arguments but the ink."""
+    from PIL import ImageFont
+
+    fine = SIZE * _FINE
+    place = random.uniform(0, fine, 2)
+    kind = random.choice(["line", "text", "ellipse", "rectangle", "polygon"], p=[0.35, 0.3, 0.15, 0.1, 0.1])
+    if kind == "text":
+        count = random.integers(1, 12)
+        font = ImageFont.load_default(float(_FINE * 10 ** random.uniform(0.75, 1.7)))
+        return "text", {"xy": tuple(place), "text": "".join(random.choice(list(_LETTERS), count)), "font": font}
+    length = fine * 10 ** random.uniform(-2.2, -0.2)
+    if kind == "line":
+        width = max(round(_FINE * 10 ** random.uniform(-0.3, 1.1)), 1)
+        return "line", {"xy": [*place, *(place + random.normal(0, length, 2))], "width": width}
+    if kind == "polygon":
+        return "polygon", {"xy": (place + random.normal(0, length / 2, (random.integers(3, 7), 2))).ravel().tolist()}
+    return str(kind), {"xy": [*place, *(place + length * random.uniform(0.2, 1, 2))]}

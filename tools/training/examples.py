@@ -1,0 +1,107 @@
+"""Examples to learn from: pictures as the camera would have rendered them without the network, and the truth.
+
+A picture is varied first, because photographs to learn from are sharper and cleaner than a camera RAW: other optics, white balance,
+exposure, and a little noise of its own. Then it is simulated and rendered up to the network.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from offline.learned import UNKNOWN, Cells, Inputs
+from offline.render import measure, spread
+from offline.settings import BEST
+from offline.sites import correct_sites
+from offline.solvers import SolverLog
+from offline.tiling import Part
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray
+from shared.sensor import simulate_additive
+
+from ..scenes.load import load_scene
+from .drawings import drawing
+
+DRAWN = "drawn"
+"""The name of a source that is a drawing instead of a file."""
+_SIGMAS = (0.003, 0.03)  # range of the noise, drawn logarithmically; a third of the examples have none
+_BLURS = (0.0, 0.4, 0.6, 0.8)  # pixels: standard deviations of optics
+_WHITE = 0.35  # standard deviation of the logarithm of each channel's gain
+_OWN_NOISE = 2e-5  # largest shot noise of a picture itself, variance per scene unit
+_KIND = np.float16  # what is kept on the disk: off by 5e-4 of a value at most
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """What the network gets, and what it should make of it, for h x w cells of K x K pixels.
+
+    picture: float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
+    truth: float16, the same of the scene.
+    error: float16 (4, h, w). variance: float32 (1, h, w). See `offline.learned.Inputs`.
+    """
+
+    picture: FloatArray
+    truth: FloatArray
+    error: FloatArray
+    variance: FloatArray
+
+
+def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
+    """An example from a picture file, or from a drawing (`DRAWN`). The same arguments give the same bytes."""
+    random = np.random.default_rng(seed)
+    scene = varied(drawing(random) if source == DRAWN else load_scene(source).rgb, random)
+    sigma = 0.0 if random.random() < 1 / 3 else float(np.exp(random.uniform(*np.log(_SIGMAS))))
+    origin = tuple(random.integers(period, size=2).tolist())
+    pattern = CfaPattern.bayer(period, origin=(origin[0], origin[1]))
+    mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, random)
+    settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
+    log = SolverLog()
+    measured = measure(mosaic, settings, log)
+    before: Part | None = None
+    for part in spread(mosaic, measured, settings, log):
+        before = part if before is None else before.joined(part)
+    assert before is not None  # a frame has rows
+    corrected = correct_sites(before, measured.sites, pattern, mosaic.calibration.gamma, settings.sites)
+    cells = Cells.of(pattern, mosaic.shape)
+    inputs = Inputs(cells, before, corrected, measured.sites, gamma)
+    rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
+    cut = inputs.cut(rows, columns)
+    truth = Part(0, np.ones(mosaic.shape, np.float32), scene)
+    return Example(
+        cut["picture"][0].astype(_KIND),
+        cells.picture(truth, gamma, rows, columns, mosaic.shape[0]).astype(_KIND),
+        cut["error"][0].astype(_KIND),
+        np.minimum(cut["variance"][0], np.float32(UNKNOWN)),
+    )
+
+
+def varied(scene: FloatArray, random: np.random.Generator) -> FloatArray:
+    """A scene, (H, W, 3), seen otherwise: mirrored, through a softer lens, under other light, exposed otherwise, a little noisy."""
+    from scipy.ndimage import gaussian_filter
+
+    for axis in (0, 1):
+        scene = np.flip(scene, axis) if random.random() < 0.5 else scene
+    scene = scene.transpose(1, 0, 2) if random.random() < 0.5 else scene
+    blur = random.choice(_BLURS)
+    scene = gaussian_filter(scene, (blur, blur, 0))
+    gains = np.exp(random.normal(0, _WHITE, 3))
+    bright = min(1.0, 1 / max(float(np.quantile(scene, 0.999)), 1e-3)) * 2 ** random.uniform(-1.5, 0)
+    seen: DoubleArray = scene * (gains / gains.max() * bright)
+    if random.random() < 0.5:
+        deviation = np.sqrt(1e-7 + seen * random.uniform(0, _OWN_NOISE))
+        seen = seen + random.normal(0, 1, seen.shape) * deviation
+    return np.ascontiguousarray(seen.clip(0), np.float32)
+
+
+def save_example(example: Example, path: Path) -> None:
+    """Write an example to a file of its own, or none at all."""
+    rough = path.with_suffix(".part")
+    with rough.open("wb") as file:
+        np.savez(file, **vars(example))
+    rough.replace(path)
+
+
+def load_example(path: Path) -> Example:
+    """Read an example. Raises OSError or ValueError when the file is damaged."""
+    with np.load(path) as arrays:
+        return Example(**arrays)

@@ -1,0 +1,79 @@
+"""From the trained network to a file for onnxruntime: features, network and bounds as one ONNX graph with fixed sizes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import nn
+from torch.nn import functional
+
+from .network import BASIS, BLOCKS, HALO, Network, features, inner
+
+TILE = 32
+"""Cells per side of a tile. Smaller tiles compute more of their surroundings; larger ones leave the processor's cache."""
+_OPSET = 18
+_HALF = 1024
+"""Constants of more than so many values are weights, and are stored with 16 bits."""
+
+
+class Corrector(nn.Module):  # type: ignore[misc]
+    """What a file computes: from `offline.learned.Inputs`, a correction of gamma_i times channel i, (1, 3, TILE K, TILE K)."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+        self.register_buffer("basis", torch.as_tensor(BASIS))
+
+    def forward(self, picture: Any, error: Any, variance: Any) -> Any:
+        """The three components of the correction add up to zero: luminance stays."""
+        inputs, bound, _ = features(self.network.period, picture, error, variance)
+        found = self.network(inputs) * inner(bound, BLOCKS + 1)
+        found = functional.pixel_shuffle(found, self.network.period)
+        return (found[:, :, None] * self.basis[None, :, :, None, None]).sum(dim=1)
+
+
+def save_graph(network: Network, path: Path, facts: dict[str, str]) -> None:
+    """Write the network to an ONNX file, with weights of 16 bits and `facts` as metadata."""
+    import warnings
+
+    period, side = network.period, TILE + 2 * HALO
+    shapes = {"picture": (1, 3, side * period, side * period), "error": (1, 4, side, side), "variance": (1, 1, side, side)}
+    inputs = tuple(torch.zeros(shape) for shape in shapes.values())
+    rough = path.with_suffix(".part")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        program = torch.onnx.export(
+            Corrector(network).eval(),
+            inputs,
+            input_names=list(shapes),
+            output_names=["share"],
+            opset_version=_OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    model = program.model_proto
+    _halve(model)
+    del model.metadata_props[:]
+    helper.set_model_props(model, facts)
+    for node in model.graph.node:
+        del node.metadata_props[:]
+    onnx.checker.check_model(model, full_check=True)
+    rough.write_bytes(model.SerializeToString(deterministic=True))
+    rough.replace(path)
+
+
+def _halve(model: onnx.ModelProto) -> None:
+    """Store weights with 16 bits; a node in front of each converts it when the file is loaded."""
+    casts = []
+    for weight in model.graph.initializer:
+        values = numpy_helper.to_array(weight)
+        if values.size > _HALF and values.dtype == np.float32:
+            name = weight.name
+            weight.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}_half"))
+            casts.append(helper.make_node("Cast", [f"{name}_half"], [name], to=TensorProto.FLOAT))
+    nodes = [*casts, *model.graph.node]
+    del model.graph.node[:]
+    model.graph.node.extend(nodes)

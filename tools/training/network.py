@@ -1,0 +1,137 @@
+"""The network, in PyTorch: residual convolutions on the grid of cells, with inputs and output in units of local activity.
+
+Activity is the contrast of luminance and colour around a cell, with what the render misses at the sites. A network that works in
+units of brightness instead learns nothing, or harms flat places. The correction is bounded by the contrast of colour alone beyond
+what noise explains: where a place has one colour, grey or another, or only noise, nothing is corrected.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+CHANNELS, BLOCKS = 80, 4
+"""Width, and number of residual blocks: a 3 x 3 convolution and a 1 x 1 one each."""
+HALO = BLOCKS + 3
+"""Cells around a result that it depends on: two for activity, and one for each 3 x 3 convolution."""
+
+# Orthonormal, perpendicular to (1, 1, 1): what is in these directions keeps luminance, the sum of the channels.
+BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
+LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 1.5, 8.0, 1e-8
+"""Share of luminance in activity; bound of the correction in units of the contrast of colour; multiple of the noise variance taken
+off that; bound of the inputs; least squared activity, scene units squared."""
+
+
+HUE, DARK = 0.06, 0.006
+"""A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and this many scene units."""
+
+
+class Network(nn.Module):  # type: ignore[misc]
+    """Correction of two components of colour (`BASIS`) for every pixel of a cell.
+
+    period: K. `forward` takes what `features` returns.
+    """
+
+    def __init__(self, period: int, channels: int = CHANNELS, blocks: int = BLOCKS) -> None:
+        super().__init__()
+        pixels = period**2
+        self.period = period
+        self.enter = nn.Conv2d(3 * pixels + 9, channels, 3)
+        self.wide = nn.ModuleList(nn.Conv2d(channels, channels, 3) for _ in range(blocks))
+        self.deep = nn.ModuleList(nn.Conv2d(channels, channels, 1) for _ in range(blocks))
+        self.leave = nn.Conv2d(channels, 2 * pixels, 1)
+        nn.init.zeros_(self.leave.weight)
+        nn.init.zeros_(self.leave.bias)
+
+    def forward(self, inputs: Any) -> Any:
+        """(N, 3 K^2 + 9, h, w) -> (N, 2 K^2, h - 2 BLOCKS - 2, w - 2 BLOCKS - 2), in units of the bounded activity."""
+        found = self.enter(inputs)
+        for wide, deep in zip(self.wide, self.deep, strict=True):
+            found = found[..., 1:-1, 1:-1] + deep(functional.relu(wide(functional.relu(found))))
+        return self.leave(functional.relu(found))
+
+
+def features(period: int, picture: Any, error: Any, variance: Any) -> tuple[Any, Any, Any]:
+    """(inputs of the network, bounded activity, colour in `BASIS`), two cells less on each side, from `offline.learned.Inputs`.
+
+    picture: (N, 3, h K, w K). error: (N, 4, h, w). variance: (N, 1, h, w).
+    """
+    pixels = period**2
+    light = functional.pixel_unshuffle(picture.mean(dim=1, keepdim=True), period)
+    colour = in_basis(picture, period)
+
+    mean_light, *tints, noise = (
+        around(plane.mean(dim=1, keepdim=True)) for plane in (light, colour[:, :pixels], colour[:, pixels:], variance)
+    )
+    light, colour, error, variance = (inner(each) for each in (light, colour, error, variance))
+    positive = mean_light.clamp_min(1e-4)
+    tints = [tint / positive for tint in tints]
+    # What one chromaticity, the mean of the surroundings, does not explain.
+    odd = torch.cat([colour[:, :pixels] - light * tints[0], colour[:, pixels:] - light * tints[1]], 1)
+    plain = light - mean_light
+    square = (error**2).mean(1, keepdim=True) + (odd**2).mean(1, keepdim=True)
+    evidence, contrast = around(square), around((plain**2).mean(1, keepdim=True))
+    plain, odd, colour, error, variance, noise, positive, *tints = (
+        inner(each) for each in (plain, odd, colour, error, variance, noise, positive, *tints)
+    )
+    scale = torch.sqrt(evidence + LUMINANCE * contrast + LEAST)
+    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - NOISE * noise) + 1e-20))
+    inputs = torch.cat(
+        [
+            plain / scale,
+            odd / scale,
+            error / scale,
+            *tints,
+            torch.log2(1 + torch.sqrt(variance) / scale),
+            0.3 * torch.log2(1 + positive / scale),
+            bound / scale,
+        ],
+        1,
+    )
+    return inputs.clamp(-RANGE, RANGE), bound, colour
+
+
+def in_basis(picture: Any, period: int) -> Any:
+    """The components of colour in `BASIS`, (N, 2 K^2, h, w), of a picture (N, 3, h K, w K)."""
+    basis = torch.as_tensor(BASIS).to(picture)
+    return torch.cat(
+        [functional.pixel_unshuffle((picture * each[:, None, None]).sum(1, keepdim=True), period) for each in basis], 1
+    )
+
+
+def around(plane: Any) -> Any:
+    """Mean over 3 x 3 cells, one cell less on each side."""
+    return functional.avg_pool2d(plane, 3, 1)
+
+
+def inner(planes: Any, width: int = 1) -> Any:
+    """All but the outermost cells."""
+    return planes[..., width:-width, width:-width]
+
+
+def losses(network: Network, batch: Sequence[Any]) -> tuple[Any, Any]:
+    """What is left of the error of colour, and what there was; three measures of each, (3,).
+
+    The measures: the robust mean in units of activity; the energy; and the share of pixels with a wrong hue.
+    batch: picture, truth, error, variance, as in `examples.Example`.
+    """
+    picture, truth, error, variance = batch
+    with torch.no_grad():
+        inputs, bound, colour = features(network.period, picture, error, variance)
+        right = inner(in_basis(truth, network.period), HALO)
+        missing = right - inner(colour, BLOCKS + 1)
+        scale, known = inner(bound, BLOCKS + 1), inner(variance, HALO)
+        unit = torch.sqrt(scale**2 + 0.25 * known + 1e-5)
+        seen = HUE * inner(functional.pixel_unshuffle(truth.mean(1, keepdim=True), network.period), HALO) + DARK
+    left = missing - network(inputs) * scale
+    return _measures(left, unit, seen), _measures(missing, unit, seen)
+
+
+def _measures(error: Any, unit: Any, seen: Any) -> Any:
+    robust = torch.sqrt(((error / unit) ** 2).mean(dim=1) + 1e-4).mean()
+    pixels = error.shape[1] // 2
+    apart = (error[:, :pixels] ** 2 + error[:, pixels:] ** 2) / seen**2
+    return torch.stack([robust, (error**2).mean(), (apart**2 / (1 + apart**2)).mean()])

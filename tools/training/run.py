@@ -1,0 +1,210 @@
+"""Train one network: examples on the disk, steps of gradient descent that can be interrupted, a curve of the loss, a file.
+
+Everything follows from the sources, the period and the seed: the examples, the order in which they are seen, and the first
+weights. An interrupted run goes on at its last checkpoint and ends with the weights of one that was not interrupted, on the same
+machine with the same number of threads.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from offline.learned import ORDER
+from offline.version import ALGORITHM
+from shared.errors import InputError
+from shared.progress import Progress
+
+from .examples import DRAWN, Example, load_example, make_example, save_example
+from .graph import save_graph
+from .network import HALO, Network, losses
+
+_KEPT_BACK = 20  # one source in so many is not learned from, but tells how well others are done
+_RATE, _WARM_UP, _DECAY, _NORM = 2e-3, 100, 1e-4, 1.0  # of gradient descent: largest step, steps up to it, weight decay, clipping
+_WEIGHTS = (1.0, 0.5, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
+_REPORT = 200  # steps between two checkpoints
+_JUDGED = 12  # batches of the sources kept back
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a network is trained on, and how.
+
+    sources: files of photographs.
+    period: K, even.
+    steps: of gradient descent. batch: examples in each.
+    variants: examples made of each source; a drawing is added for every four photographs.
+    patch: cells per side of what is learned from at a time, without surroundings.
+    seed: of everything random.
+    """
+
+    sources: tuple[str, ...]
+    period: int
+    steps: int
+    batch: int = 16
+    variants: int = 4
+    patch: int = 24
+    seed: int = 0
+
+    @property
+    def all_sources(self) -> list[str]:
+        """The photographs, then `DRAWN` for the drawings."""
+        return [*self.sources, *[DRAWN] * -(-len(self.sources) // 4)]
+
+    @property
+    def digest(self) -> str:
+        """Of everything that examples and weights depend on, the version of the render included."""
+        facts = {**asdict(self), "sources": [Path(source).name for source in self.sources], "algorithm": ALGORITHM}
+        return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable[[str], None]) -> Path:
+    """Train the network of one period, or go on with it; returns the path of its file in `folder`.
+
+    folder: for examples, checkpoints, curve and result; it exists.
+    jobs: processes that make examples, and threads that compute.
+    say: is told the loss now and then.
+    Raises InputError when `folder` holds another training of this period.
+    """
+    work = folder / f"k{plan.period}"
+    work.mkdir(exist_ok=True)
+    begun = work / "plan.json"
+    if begun.exists() and json.loads(begun.read_text(encoding="utf-8"))["digest"] != plan.digest:
+        raise InputError(f"{work}: holds another training (other sources, settings or version); give another folder, or remove it")
+    begun.write_text(json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8")
+    learned, kept_back = make_examples(plan, work, jobs, progress)
+    network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
+    _draw(history, work / "loss.png", plan)
+    path = folder / f"{ORDER.lower()}-k{plan.period}.onnx"
+    save_graph(network, path, {"panchroma.training": json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})})
+    return path
+
+
+def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tuple[list[Path], list[Path]]:
+    """Make the examples that are not there yet; returns those to learn from, and those kept back."""
+    found: tuple[list[Path], list[Path]] = [], []
+    missing = []
+    for number, source in enumerate(plan.all_sources):
+        for variant in range(plan.variants):
+            path = work / f"{variant}-{number:05d}.npz"
+            found[number % _KEPT_BACK == _KEPT_BACK // 2].append(path)
+            if not path.exists():
+                missing.append((source, plan.period, (plan.seed, plan.period, variant, number), path))
+    progress.stage("examples", len(missing))
+    if missing:
+        with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+            for _ in pool.map(_make, missing, chunksize=4):
+                progress.advance()
+    return found
+
+
+def _make(task: tuple[str, int, tuple[int, ...], Path]) -> None:
+    from offline import use_threads
+
+    use_threads(1)
+    source, period, seed, path = task
+    save_example(make_example(source, period, seed), path)
+
+
+def _descend(
+    plan: Plan, work: Path, learned: list[Path], kept_back: list[Path], jobs: int, progress: Progress, say: Callable[[str], None]
+) -> tuple[Network, list[dict[str, float]]]:
+    """Gradient descent from the last checkpoint on; returns the network, and the losses on what was kept back."""
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    torch.set_num_threads(jobs)
+    torch.manual_seed(plan.seed)
+    network = Network(plan.period).to(device=device, memory_format=torch.channels_last)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_DECAY)
+    history: list[dict[str, float]] = []
+    done, checkpoint = 0, work / "checkpoint.pt"
+    if checkpoint.exists():
+        state = torch.load(checkpoint, map_location=device, weights_only=True)
+        network.load_state_dict(state["network"])
+        optimiser.load_state_dict(state["optimiser"])
+        done, history = state["steps"], state["history"]
+    progress.stage("reading", len(learned) + len(kept_back))
+    examples, judges = ([_read(path, progress) for path in paths] for paths in (learned, kept_back))
+    judged = [_batch(judges, plan, (plan.seed, 1, number), device) for number in range(_JUDGED)]
+    progress.stage("training", plan.steps)
+    progress.advance(done)
+    for step in range(done, plan.steps):
+        rate = min(1.0, (step + 1) / _WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * step / plan.steps))
+        for group in optimiser.param_groups:
+            group["lr"] = _RATE * float(rate)
+        with torch.autocast(device, dtype=torch.bfloat16):
+            left, before = losses(network, _batch(examples, plan, (plan.seed, 0, step), device))
+        loss = (left / before.clamp_min(1e-7) * torch.tensor(_WEIGHTS, device=device)).sum()
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), _NORM)
+        optimiser.step()
+        progress.advance()
+        if (step + 1) % _REPORT == 0 or step + 1 == plan.steps:
+            history.append({"step": step + 1, **_judge(network, judged)})
+            say(
+                "K = {}, step {step}: {robust:.4f} of the error is left, {energy:.4f} of its energy".format(
+                    plan.period, **history[-1]
+                )
+            )
+            state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "steps": step + 1, "history": history}
+            rough = checkpoint.with_suffix(".part")
+            torch.save(state, rough)
+            rough.replace(checkpoint)
+    return network.to("cpu"), history
+
+
+def _read(path: Path, progress: Progress) -> Example:
+    try:
+        example = load_example(path)
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path}: is damaged ({error}); remove it, and start again") from error
+    progress.advance()
+    return example
+
+
+def _judge(network: Network, batches: Sequence[list[Any]]) -> dict[str, float]:
+    """The share that is left of each measure in `losses`."""
+    with torch.no_grad():
+        left, before = torch.stack([torch.stack(losses(network, batch)) for batch in batches]).sum(dim=0).cpu().numpy()
+    return dict(zip(("robust", "energy", "hue"), (left / before).tolist(), strict=True))
+
+
+def _batch(examples: list[Example], plan: Plan, seed: tuple[int, ...], device: str) -> list[Any]:
+    """Pieces of random examples: picture, truth, error and variance, each a tensor (batch, ...)."""
+    random, side = np.random.default_rng(seed), plan.patch + 2 * HALO
+    large = [example for example in examples if min(example.error.shape[1:]) >= side]
+    if not large:
+        raise InputError(f"the pictures are too small to learn from: {side * plan.period} pixels a side are needed")
+    pieces: list[list[Any]] = []
+    for _ in range(plan.batch):
+        example = large[random.integers(len(large))]
+        first = [int(random.integers(size - side + 1)) for size in example.error.shape[1:]]
+        cells = tuple(slice(start, start + side) for start in first)
+        pixels = tuple(slice(start * plan.period, (start + side) * plan.period) for start in first)
+        piece = [example.picture[:, *pixels], example.truth[:, *pixels], example.error[:, *cells], example.variance[:, *cells]]
+        if random.random() < 0.5:  # RGGB is its own transpose; both greens change places
+            piece = [plane.transpose(0, 2, 1) for plane in piece]
+            piece[2] = piece[2][[0, 2, 1, 3]]
+        pieces.append(piece)
+    return [torch.from_numpy(np.stack(planes).astype(np.float32)).to(device) for planes in zip(*pieces, strict=True)]
+
+
+def _draw(history: list[dict[str, float]], path: Path, plan: Plan) -> None:
+    """The curve of the loss, as a picture."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    for name, label in (("robust", "error, robust mean"), ("energy", "energy of the error"), ("hue", "pixels of a wrong hue")):
+        axes.plot([each["step"] for each in history], [each[name] for each in history], label=label)
+    axes.set(xlabel="step", ylabel="left of it, on pictures kept back", title=f"K = {plan.period}")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=120)
