@@ -1,6 +1,7 @@
 """The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
 
 from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
+from .learned import network_name
 from .memory import rendering_memory
 from .render import Rendering, render, render_bands
 from .settings import BEST, PAPER, RenderSettings
@@ -16,6 +17,7 @@ __all__ = [
     "available_threads",
     "compilation",
     "kernel_cache",
+    "network_name",
     "render",
     "render_bands",
     "rendering_memory",

@@ -197,6 +197,18 @@ def model_for(pattern: CfaPattern) -> Path | None:
     return path if path.exists() else None
 
 
+def network_name(pattern: CfaPattern) -> str | None:
+    """The name of the network that corrects colour for a pattern, in the preset BEST; None if there is none for it.
+
+    >>> from offline import network_name
+    >>> from shared import CfaPattern
+    >>> network_name(CfaPattern.bayer(6)), network_name(CfaPattern.bayer(5))
+    ('rggb-k6', None)
+    """
+    path = model_for(pattern)
+    return path.stem if path else None
+
+
 def learner_for(pattern: CfaPattern, gamma: tuple[float, ...], settings: LearnedSettings) -> Learner | None:
     """The network for a pattern, loaded; None if the settings do without, or there is none."""
     path = model_for(pattern) if settings.used else None

@@ -172,7 +172,8 @@ def signal_power(error: FloatArray, variance: FloatArray | None, deviations: flo
     power = smoothed(np.square(error).mean(axis=2), _WIDTH)
     if variance is not None:
         power = np.maximum(power - np.float32(deviations) * variance, 0)
-    return power.astype(np.float32, copy=False)
+    result: FloatArray = power.astype(np.float32, copy=False)
+    return result
 
 
 def correct_sites(part: Part, sites: SiteSamples, pattern: CfaPattern, gamma: tuple[float, ...], settings: SiteSettings) -> Part:

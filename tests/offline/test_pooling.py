@@ -47,7 +47,9 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], setti
     for noise in models(pattern):
         mosaic, light, coarse = blocks_of(pattern, shape, noise)
         gamma = mosaic.calibration.gamma
-        sums = pooling.statistics(mosaic.signal.astype(np.float64), light.astype(np.float64), pattern, gamma, noise, settings.doubt)
+        sums = pooling.statistics(
+            mosaic.signal.astype(np.float64), light.astype(np.float64), coarse, pattern, gamma, noise, settings.doubt
+        )
         expected = chromaticity.extend(pooling.pool(coarse, sums, gamma, settings.passes, settings.light), pattern, shape)
         given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
         found = pool_blocks(given, mosaic, light, noise, settings)

@@ -12,6 +12,7 @@ import pytest
 
 from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
 from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings, PoolingPass
+from offline.sites import SiteSamples, site_samples
 from offline.tiling import Band
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
@@ -28,7 +29,7 @@ PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # All stages in float32, the affinities solved as far as that goes: the luminance's rounding (5e-5) leads.
 FLOAT32 = 5e-5
 TIGHT = replace(PAPER, affinity=AffinitySettings(tolerance=1e-6))
-TIGHT_BEST = replace(BEST, affinity=TIGHT.affinity)
+TIGHT_BEST = replace(BEST, affinity=TIGHT.affinity, learned=PAPER.learned)  # the reference has learned nothing
 # Luminance 5e-5 off moves the weights of pooling, whose exponents it is divided by the noise in.
 DENOISED = 1e-3
 # The affinities solved to a residual of 1e-3, as a render asks for: a single pixel may be off by a hundredth, the picture is not.
@@ -219,16 +220,18 @@ MOVED: dict[str, dict[str, Change]] = {
         "similarity": (1.0, 0.02),
         "radius": (1, 0.2),
     },
-    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "trust": (1e3, None)},
+    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "trust": (1e3, None), "mismatch": (0.05, None)},
     "pooling": {"passes": ((PoolingPass(1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "doubt": (0.0, 0.02)},
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
+    "sites": {"corrected": (False, None), "deviations": (20.0, 0.02)},
+    "learned": {"used": (False, None)},
 }
 # What is switched off in a preset, but for the setting that switches it on.
 # Parts that only a damaged shot has need of.
 BEYOND = ("defects", "highlights")
-OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling"}, "best": {"refinement"}}
+OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", "sites", "learned"}, "best": {"refinement"}}
 
 
 def busy_shot(sigma: float | None) -> Mosaic:
@@ -298,6 +301,11 @@ def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: An
     return np.broadcast_to(mean, (*luminance.shape, mean.size)).copy()
 
 
+def untrusted(*given: Any) -> SiteSamples:
+    measured = site_samples(*given)
+    return replace(measured, trusted=np.zeros_like(measured.trusted))
+
+
 NEUTRAL: dict[str, Callable[..., Any]] = {
     "noise_of": lambda *_: None,
     "clipping_level": lambda _: np.inf,
@@ -311,18 +319,23 @@ NEUTRAL: dict[str, Callable[..., Any]] = {
     "propagate": mean_block,
     "noise_level": lambda *_: 0.0,
     "refine": lambda initial, *_: initial,
+    "site_samples": untrusted,
+    "settle_luminance": lambda luminance, *_: luminance,
+    "correct_sites": lambda part, *_: part,
+    "learner_for": lambda *_: None,
 }
 
 
 def test_every_stage_of_the_page_has_a_neutral_one() -> None:
-    named = {name for page in (PAGE.measure, PAGE.spread) for name in page.__code__.co_names}
-    cut = {"bands", "reach"}  # where bands are cut leaves no trace
+    named = {name for page in (PAGE.measure, PAGE.spread, PAGE.finish) for name in page.__code__.co_names}
+    cut = {"bands", "reach", "windows", "spread"}  # where bands are cut leaves no trace
     assert {name for name in named if isfunction(getattr(PAGE, name, None))} == {*NEUTRAL, *cut}
 
 
 # In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
 DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
-IDLE = {"paper": {*DAMAGED, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
+LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for"}
+IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,20 @@ from tests.reference.geometry import block, block_sites, is_whole, mirrored, pat
 
 
 def statistics(
-    signal: DoubleArray, luminance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel, doubt: float
+    signal: DoubleArray,
+    luminance: DoubleArray,
+    coarse: DoubleArray,
+    pattern: CfaPattern,
+    gamma: tuple[float, ...],
+    noise: NoiseModel,
+    doubt: float,
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
-    """sum l^2 / v and sum l m / v per channel, and mean luminance, of whole blocks: (rows, columns, C) twice, (rows, columns)."""
+    """sum l^2 / v and sum l m / v per channel, and mean luminance, of whole blocks: (rows, columns, C) twice, (rows, columns).
+
+    coarse: chromaticities through which errors of luminance are seen, (rows, columns, C).
+    """
+    grey = 1 / sum(gamma)
+    seen = np.stack([blur(plane, 0.7) for plane in np.moveaxis(coarse, 2, 0)], axis=2).clip(0.15 * grey, 3 * grey)
     shape = (signal.shape[0], signal.shape[1])
     down, across = patch_counts(pattern, shape)
     rows = [i for i in range(down + 1) if any(is_whole(pattern, shape, (i, j)) for j in range(across + 1))]
@@ -26,7 +37,7 @@ def statistics(
             for y, x, name in sites:
                 channel, value = pattern.channels.index(name), luminance[y, x]
                 variance = noise.sigma(value / sum(gamma), channel) ** 2
-                variance += (doubt * curvature(luminance, (y, x), pattern) / sum(gamma)) ** 2
+                variance += (doubt * curvature(luminance, (y, x), pattern) * seen[i, j, channel]) ** 2
                 weight[i, j, channel] += value**2 / variance
                 product[i, j, channel] += value * signal[y, x] / variance
             light[i, j] = np.mean([luminance[y, x] for y, x, _ in sites])

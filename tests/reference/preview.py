@@ -10,7 +10,7 @@ import numpy as np
 
 from device import graph
 from device.geometry import Geometry
-from shared import Mosaic
+from shared import Mosaic, site_errors
 from shared.arrays import DoubleArray
 from tests.reference.chromaticity import solve_block
 from tests.reference.geometry import mirrored
@@ -61,6 +61,7 @@ class Block:
         self.filled = (weights[0] * along + weights[1] * down) / sum(weights)
         self.luminance = float(self.filled.mean())
         self.variance = self._variance(self.luminance)
+        self.colours = colours
         channels = range(len(mosaic.pattern.channels))
         at = [[number for number, site in enumerate(geometry.sites) if site[2] == channel] for channel in channels]
         samples = [[float(colours[number]) for number in numbers] for numbers in at]
@@ -70,8 +71,26 @@ class Block:
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
         self.light = max(self.luminance, graph._FLOOR)
 
+    def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
+        """`filled`, corrected by what chromaticity times luminance misses of the samples (`shared.site_errors`)."""
+        sites, gamma = Geometry(mosaic.pattern).sites, np.array(mosaic.calibration.gamma)
+        channels = [channel for _, _, channel in sites]
+        missed = (self.colours - chromaticity[channels] * self.filled) * gamma[channels]
+        power, noise = np.mean(missed**2), self._variance(float(np.mean(self.colours))) * np.mean(gamma[channels] ** 2)
+        least = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
+        share = max(power - graph._MISSED_NOISE * noise, 0) / (power + least)
+        # The most probable errors of every channel at every site, given those of the measured ones; then their sum, luminance.
+        count = len(gamma)
+        places = np.array([site[:2] for site in sites], float)
+        near = site_errors._NEAR ** np.linalg.norm(places[:, None] - places, axis=2)
+        every = np.kron(near, np.where(np.eye(count) > 0, 1, site_errors._CHANNELS))
+        seen = [number * count + channel for number, channel in enumerate(channels)]
+        errors = every[:, seen] @ np.linalg.solve(every[np.ix_(seen, seen)], missed)
+        result: DoubleArray = self.filled + share * errors.reshape(-1, count).sum(axis=1)
+        return result
+
     def _variance(self, luminance: float) -> float:
-        return self.noise.sigma(luminance) ** 2 if self.noise else 0.0
+        return self.noise.sigma(max(luminance, 0)) ** 2 if self.noise else 0.0
 
 
 def preview(mosaic: Mosaic) -> DoubleArray:
@@ -95,12 +114,19 @@ def preview(mosaic: Mosaic) -> DoubleArray:
             total, weight = total + part * other.chromaticity, weight + part
         return total / weight
 
+    settled: dict[tuple[int, int], DoubleArray] = {}
+
+    def filled(row: int, column: int) -> DoubleArray:
+        if (row, column) not in settled:
+            settled[row, column] = block(row, column).settled(chromaticity(row, column), mosaic)
+        return settled[row, column]
+
     def luminance(row: int, column: int) -> float:
         place = row - pattern.block_origin[0], column - pattern.block_origin[1]
         (down, site_row), (right, site_column) = (divmod(value, pattern.period) for value in place)
         for number, (*site, _) in enumerate(geometry.sites):
             if site == [site_row, site_column]:
-                return float(block(down, right).filled[number])
+                return float(filled(down, right)[number])
         return sample(row, column)
 
     picture = np.empty((height, width, len(pattern.channels)))

@@ -8,7 +8,7 @@ import numpy as np
 from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
-from tests.reference import affinity, chromaticity, denoising, pooling, propagation, refinement
+from tests.reference import affinity, chromaticity, denoising, pooling, propagation, refinement, sites
 from tests.reference import luminance as wavelets
 from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
 
@@ -39,7 +39,7 @@ def sigma_of_colour(mosaic: Mosaic) -> float:
 
 
 def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
-    """The literal render. It neither estimates noise, nor replaces defects, nor restores highlights."""
+    """The literal render. It neither estimates noise, nor replaces defects, nor restores highlights, and has learned nothing."""
     pattern, gamma = mosaic.pattern, mosaic.calibration.gamma
     signal = mosaic.signal.astype(np.float64)
     measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
@@ -52,15 +52,22 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         light = denoising.denoise_luminance(light, ~measured, noise.shot[-1], noise.read[-1], clean)
 
     coarse = chromaticity.estimate(signal, light, pattern, gamma, sigma_of_colour(mosaic))
+    if settings.chromaticity.mismatch:
+        known, mismatch = max(sigma_of_colour(mosaic), 1e-6), settings.chromaticity.mismatch
+        coarse = sites.solve_jointly(coarse, signal, light, pattern, gamma, known, mismatch)
     own = coarse
     coarse = chromaticity.oriented_medians(own, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
     if settings.chromaticity.trust:
         known = max(sigma_of_colour(mosaic), 1e-6)
         coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.trust)
     if noise is not None and settings.pooling.passes:
-        sums = pooling.statistics(signal, light, pattern, gamma, noise, settings.pooling.doubt)
+        sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.doubt)
         coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
+
+    variance = sites.noise_of(signal, pattern, noise)
+    if settings.sites.corrected:
+        light = sites.settle(light, coarse, signal, variance, pattern, settings.chromaticity.mismatch, settings.sites.deviations)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
@@ -68,4 +75,9 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     last = settings.refinement
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
     refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
-    return Picture(refined * light[..., None], light, refined)  # Eq. 17
+    rgb = refined * light[..., None]  # Eq. 17
+    if settings.sites.corrected:
+        rgb = sites.correct(rgb, signal, variance, pattern, gamma, settings.sites.deviations)
+        light = rgb @ np.array(gamma)
+        refined = rgb / light[..., None]
+    return Picture(rgb, light, refined)

@@ -73,6 +73,8 @@ def _text(value: Any) -> str:
 
 
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
+    from offline import network_name
+
     panchromatic = mosaic.signal[mosaic.pattern.panchromatic_mask(mosaic.shape)]
     taken = mosaic.metadata.taken
     return {
@@ -84,6 +86,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
             "letters": mosaic.pattern.letters_from(),
             "light_efficiency": round(mosaic.pattern.light_efficiency, 3),
         },
+        "learned": network_name(mosaic.pattern),
         "bits": mosaic.calibration.bits,
         "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
         "saturated": float((panchromatic >= mosaic.calibration.full_scale).mean()),
@@ -101,6 +104,7 @@ def _page(source: str, facts: dict[str, Any]) -> str:
         "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
         "pattern": f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
         "": "\n".join(f"  {'':{_COLUMN}}{' '.join(row)}" for row in pattern["letters"]).lstrip(),
+        "network": facts["learned"] or "none for this pattern: rendered without learned colour",
         "luminance": f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated",
         **_calibration(calibration),
         "sensor": f"{one_line(calibration['sensor']) or 'unnamed'}, calibration {facts['calibration_id']}"

@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_calibration(parser)
     parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
+    parser.add_argument("--no-learned", action="store_true", help="do without the network that corrects colour (preset best)")
     options.add_max_pixels(parser)
     run_ = parser.add_argument_group("the run")
     run_.add_argument("--resume", action="store_true", help="keep results that are up to date, replace outdated ones")
@@ -88,6 +89,7 @@ def _order(arguments: argparse.Namespace) -> Order:
     return Order(
         kind=kind,
         preset=arguments.preset,
+        learned=not arguments.no_learned,
         exposure=arguments.exposure,
         camera=read_camera(arguments.camera) if arguments.camera else None,
         defects=read_defects(arguments.defects) if arguments.defects else (),

@@ -102,6 +102,8 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     existing = _existing(order, shot, source_digest)
     if existing.current:
         return Outcome(existing.current, f"{output}: is up to date", {"output": str(output), "current": True})
+    from offline import network_name
+
     with announced_compilation(note, progress):
         progress.stage("reading", 1)
         mosaic = order.read(source)
@@ -130,6 +132,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
     solvers = {name: asdict(each) for name, each in solved.items()}
     facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3), "solvers": solvers}
+    facts["learned"] = network_name(mosaic.pattern) if settings.learned.used else None
     return Outcome("made", line, facts)
 
 

@@ -1,7 +1,7 @@
 """What a run is asked for, what one shot may use of the machine, and what came of it."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,6 +23,7 @@ class Order:
     folder: the output folder, home of the journal.
     kind: format, bits and colour space of the pictures.
     preset: "best" or "paper".
+    learned: use the network of the preset "best".
     exposure: gain of a display picture, stops.
     camera: replaces the calibration in the shots.
     run: name of this run in the journal.
@@ -41,6 +42,7 @@ class Order:
     run: str
     defects: Places = ()
     max_pixels: int = MAX_PIXELS
+    learned: bool = True
     resume: bool = False
     overwrite: bool = False
     dry_run: bool = False
@@ -50,7 +52,9 @@ class Order:
         """RenderSettings of the preset."""
         from offline import BEST, PAPER
 
-        return PAPER if self.preset == "paper" else BEST
+        if self.preset == "paper":
+            return PAPER
+        return BEST if self.learned else replace(BEST, learned=PAPER.learned)
 
     def read(self, source: str) -> Mosaic:
         """The shot, calibrated. Raises InputError for one that cannot become such a picture."""

@@ -32,7 +32,8 @@ def drawing(random: np.random.Generator) -> FloatArray:
         for (kind, arguments), ink in zip(marks, inks, strict=True):
             getattr(pen, kind)(**arguments, fill=float(ink[channel]))
         planes.append(np.asarray(plane).reshape(SIZE, _FINE, SIZE, _FINE).mean(axis=(1, 3)))
-    return np.stack(planes, axis=2).astype(np.float32)
+    drawn: FloatArray = np.stack(planes, axis=2).astype(np.float32)
+    return drawn
 
 
 def colour(random: np.random.Generator) -> FloatArray:

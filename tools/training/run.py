@@ -28,7 +28,7 @@ from .network import HALO, Network, losses
 
 _KEPT_BACK = 20  # one source in so many is not learned from, but tells how well others are done
 _RATE, _WARM_UP, _DECAY, _NORM = 2e-3, 100, 1e-4, 1.0  # of gradient descent: largest step, steps up to it, weight decay, clipping
-_WEIGHTS = (1.0, 0.5, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
+_WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints
 _JUDGED = 12  # batches of the sources kept back
 

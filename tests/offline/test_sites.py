@@ -1,0 +1,191 @@
+"""Errors at the colour sites: equal to the reference, exact where the model holds, and none of them invented."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from offline.chromaticity import estimate_chromaticities
+from offline.settings import BEST, ChromaticitySettings, SiteSettings
+from offline.sites import correct_sites, settle_luminance, site_samples
+from offline.tiling import Part
+from shared import CfaPattern, Mosaic, NoiseModel
+from shared.arrays import DoubleArray, FloatArray
+from tests.offline.scenes import every_case, gamma_of, materials, shot
+from tests.reference import chromaticity, sites
+from tests.reference.compare import assert_close
+from tests.reference.render import sigma_of_colour
+from tests.reference.sensor import luminance_of, observe
+
+# Luminance and samples are float32, errors of both are small differences of them.
+FLOAT32 = 3e-6
+MISMATCH = BEST.chromaticity.mismatch
+CORRECTED = SiteSettings(corrected=True)
+
+
+def wrong_light(mosaic: Mosaic) -> FloatArray:
+    """The true luminance of `shot` with errors at the colour sites, as hole filling makes them."""
+    true = luminance_of(materials(mosaic.shape, len(mosaic.pattern.channels), 0), mosaic.calibration.gamma)
+    wrong = true * np.random.default_rng(9).uniform(0.9, 1.1, true.shape)
+    clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    return np.where(clear, true, wrong).astype(np.float32)
+
+
+def coarse_of(mosaic: Mosaic, light: FloatArray) -> DoubleArray:
+    """Eqs. 8-9 of the whole blocks."""
+    return chromaticity.estimate(
+        mosaic.signal.astype(np.float64),
+        light.astype(np.float64),
+        mosaic.pattern,
+        mosaic.calibration.gamma,
+        sigma_of_colour(mosaic),
+    )
+
+
+@every_case
+@pytest.mark.parametrize("sigma", [None, 0.02])
+def test_joint_chromaticities_equal_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+    mosaic = shot(pattern, shape, sigma)
+    light, gamma = wrong_light(mosaic), mosaic.calibration.gamma
+    known = max(sigma_of_colour(mosaic), 1e-6)
+    plain = coarse_of(mosaic, light)
+    solved = sites.solve_jointly(plain, mosaic.signal.astype(np.float64), light.astype(np.float64), pattern, gamma, known, MISMATCH)
+    found = estimate_chromaticities(mosaic, light, ChromaticitySettings(taps=1, mismatch=MISMATCH))
+    assert_close(found, chromaticity.extend(solved, pattern, shape), FLOAT32)
+    assert_close(found @ np.array(gamma), np.ones(found.shape[:2]), 1e-5)  # Eq. 7
+    assert np.abs(solved - plain).max() > 1e-3
+
+
+def test_an_error_of_luminance_that_all_sites_share_is_not_taken_for_colour() -> None:
+    """A saturated block, brighter than was filled in: one error of luminance explains it, and Eqs. 8-9 have none."""
+    pattern, colour = CfaPattern.bayer(6), np.array([0.6, 0.25, 0.15])
+    mosaic = observe(np.broadcast_to(colour, (36, 36, 3)), pattern)
+    filled = np.full(mosaic.shape, 0.8, np.float32)
+    filled[pattern.panchromatic_mask(mosaic.shape)] = 1.0
+    plain, joint = (estimate_chromaticities(mosaic, filled, ChromaticitySettings(taps=1, mismatch=each)) for each in (0, MISMATCH))
+    assert np.abs(joint - colour).max() < 0.6 * np.abs(plain - colour).max()
+
+
+@every_case
+@pytest.mark.parametrize("sigma", [None, 0.02])
+def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+    mosaic = shot(pattern, shape, sigma)
+    light, noise = wrong_light(mosaic), mosaic.calibration.noise
+    coarse = coarse_of(mosaic, light)
+    blocks = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
+    signal = mosaic.signal.astype(np.float64)
+    variance = sites.noise_of(signal, pattern, noise)
+    expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, MISMATCH, CORRECTED.deviations)
+    measured = site_samples(mosaic, mosaic, noise, np.inf)
+    found = settle_luminance(light, blocks, measured, pattern, MISMATCH, CORRECTED)
+    assert_close(found, expected, FLOAT32)
+    assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
+    assert settle_luminance(light, blocks, measured, pattern, MISMATCH, SiteSettings()) is light
+
+
+def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
+    pattern, shape = CfaPattern.bayer(6, origin=(1, 2)), (90, 96)
+    mosaic = shot(pattern, shape, None)
+    light = wrong_light(mosaic)
+    scene = materials(shape, 3, 0)
+    true = luminance_of(scene, mosaic.calibration.gamma)
+    grid = pattern.grid(shape)
+    places = np.ix_(grid.rows.clip(0, shape[0] - 1), grid.columns.clip(0, shape[1] - 1))
+    blocks = (scene / true[..., None])[places].astype(np.float32)
+    found = settle_luminance(light, blocks, site_samples(mosaic, mosaic, None, np.inf), pattern, MISMATCH, CORRECTED)
+    before, after = (float(np.square(each - true).mean()) for each in (light, found))
+    assert after < 0.5 * before
+
+
+def render_of(mosaic: Mosaic) -> Part:
+    """A picture that is wrong everywhere, a little."""
+    scene = materials(mosaic.shape, len(mosaic.pattern.channels), 0)
+    light = luminance_of(scene, mosaic.calibration.gamma)
+    random = np.random.default_rng(3)
+    colour = scene / light[..., None] + random.normal(0, 0.02, scene.shape)
+    colour /= (colour @ np.array(mosaic.calibration.gamma))[..., None]
+    return Part(0, (light * random.uniform(0.95, 1.05, light.shape)).astype(np.float32), colour.astype(np.float32))
+
+
+@every_case
+@pytest.mark.parametrize("sigma", [None, 0.005])
+def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
+    mosaic = shot(pattern, shape, sigma)
+    part, noise, gamma = render_of(mosaic), mosaic.calibration.noise, mosaic.calibration.gamma
+    rgb = part.chromaticity.astype(np.float64) * part.luminance[..., None]
+    signal = mosaic.signal.astype(np.float64)
+    expected = sites.correct(rgb, signal, sites.noise_of(signal, pattern, noise), pattern, gamma, CORRECTED.deviations)
+    found = correct_sites(part, site_samples(mosaic, mosaic, noise, np.inf), pattern, gamma, CORRECTED)
+    assert_close(found.chromaticity * found.luminance[..., None], expected, FLOAT32)
+    assert_close(found.chromaticity @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
+    assert np.abs(expected - rgb).max() > 1e-3
+
+
+@every_case
+def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, shape: tuple[int, int]) -> None:
+    mosaic = shot(pattern, shape, None)
+    found = correct_sites(
+        render_of(mosaic), site_samples(mosaic, mosaic, None, np.inf), pattern, mosaic.calibration.gamma, CORRECTED
+    )
+    for channel, rows, columns in site_samples(mosaic, mosaic, None, np.inf).places:
+        seen = found.chromaticity[rows, columns, channel] * found.luminance[rows, columns]
+        assert_close(seen, mosaic.signal[rows, columns], 1e-5)
+
+
+def test_a_part_is_corrected_as_the_whole_is() -> None:
+    pattern, shape = CfaPattern.bayer(6, origin=(3, 1)), (120, 40)
+    mosaic = shot(pattern, shape, 0.01)
+    whole, gamma = render_of(mosaic), mosaic.calibration.gamma
+    measured = site_samples(mosaic, mosaic, mosaic.calibration.noise, np.inf)
+    expected = correct_sites(whole, measured, pattern, gamma, CORRECTED)
+    for first, end in ((0, 70), (31, 99), (50, 120)):
+        found = correct_sites(whole.rows(first, end), measured, pattern, gamma, CORRECTED)
+        top = first + measured.reach if first else 0
+        bottom = end - measured.reach if end < shape[0] else end
+        assert np.array_equal(found.rows(top, bottom).chromaticity, expected.rows(top, bottom).chromaticity)
+        assert np.array_equal(found.rows(top, bottom).luminance, expected.rows(top, bottom).luminance)
+
+
+def test_noise_alone_corrects_next_to_nothing() -> None:
+    """A flat scene, rendered exactly: what the samples miss is noise, and the picture keeps almost all of its quality."""
+    pattern, shape, sigma = CfaPattern.bayer(6), (180, 180), 0.02
+    scene = np.full((*shape, 3), 0.3)
+    clean = observe(scene, pattern)
+    samples = clean.signal + np.random.default_rng(1).normal(0, sigma, shape).astype(np.float32)
+    noise = NoiseModel.gaussian(sigma, 4)
+    mosaic = Mosaic(samples, pattern, replace(clean.calibration, noise=noise))
+    light = np.full(shape, 0.9, np.float32)
+    part = Part(0, light, np.full((*shape, 3), 1 / 3, np.float32))
+    found = correct_sites(part, site_samples(mosaic, mosaic, noise, np.inf), pattern, mosaic.calibration.gamma, CORRECTED)
+    change = found.chromaticity * found.luminance[..., None] - scene
+    colour_sites = ~pattern.panchromatic_mask(shape)
+    assert np.sqrt(np.square(change[colour_sites]).mean()) < 0.15 * sigma
+
+
+def test_blocks_at_the_limit_say_nothing() -> None:
+    pattern, shape = CfaPattern.bayer(6), (60, 60)
+    mosaic = shot(pattern, shape, None)
+    limit = float(np.quantile(mosaic.signal[~pattern.panchromatic_mask(shape)], 0.7))
+    measured = site_samples(mosaic, mosaic, None, limit)
+    assert 0 < measured.trusted.mean() < 1
+    part = render_of(mosaic)
+    found = correct_sites(part, measured, pattern, mosaic.calibration.gamma, CORRECTED)
+    for _, rows, columns in measured.places:
+        same = (found.luminance[rows, columns] == part.luminance[rows, columns]) == ~measured.trusted
+        assert same.mean() > 0.99
+
+
+def test_gamma_only_scales_the_channels() -> None:
+    """A scene whose channels are divided by gamma is the same to a panchromatic sensor, and is corrected alike."""
+    pattern, shape = CfaPattern.bayer(6), (48, 48)
+    scaled = np.array([0.5, 1.0, 2.0])
+    mosaic = observe(materials(shape, 3, 0), pattern)
+    other = observe(materials(shape, 3, 0) / scaled, pattern, tuple(scaled.tolist()))
+    part = render_of(mosaic)
+    same = replace(part, chromaticity=(part.chromaticity / scaled).astype(np.float32))
+    one, two = (
+        correct_sites(each, site_samples(frame, frame, None, np.inf), pattern, frame.calibration.gamma, CORRECTED)
+        for each, frame in ((part, mosaic), (same, other))
+    )
+    assert_close(two.chromaticity * scaled, one.chromaticity, 1e-5)
+    assert gamma_of(pattern)  # the other tests use unequal gammas
