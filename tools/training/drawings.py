@@ -42,7 +42,8 @@ def colour(random: np.random.Generator) -> FloatArray:
     if kind == 0:
         return np.full(3, light, np.float32)
     weight = random.uniform(0, 1, 3) ** (3 if kind == 1 else 1)
-    return np.maximum(light * weight / weight.max(), _DARKEST).astype(np.float32)
+    mixed: FloatArray = np.maximum(light * weight / weight.max(), _DARKEST).astype(np.float32)
+    return mixed
 
 
 def _ground(random: np.random.Generator) -> FloatArray:

@@ -92,9 +92,10 @@ def make_examples(plan: Plan, work: Path, jobs: int, progress: Progress) -> tupl
     found: tuple[list[Path], list[Path]] = [], []
     missing = []
     for number, source in enumerate(plan.all_sources):
+        first = number if source == DRAWN else plan.sources.index(source)  # a photograph given twice is on one side
         for variant in range(plan.variants):
             path = work / f"{variant}-{number:05d}.npz"
-            found[number % _KEPT_BACK == _KEPT_BACK // 2].append(path)
+            found[first % _KEPT_BACK == _KEPT_BACK // 2].append(path)
             if not path.exists():
                 missing.append((source, plan.period, (plan.seed, plan.period, variant, number), path))
     progress.stage("examples", len(missing))
@@ -148,11 +149,8 @@ def _descend(
         progress.advance()
         if (step + 1) % _REPORT == 0 or step + 1 == plan.steps:
             history.append({"step": step + 1, **_judge(network, judged)})
-            say(
-                "K = {}, step {step}: {robust:.4f} of the error is left, {energy:.4f} of its energy".format(
-                    plan.period, **history[-1]
-                )
-            )
+            left = {name: f"{value:.4f}" for name, value in history[-1].items()}
+            say(f"step {step + 1}: left {left['robust']} of the error, {left['energy']} of its energy, {left['hue']} of wrong hues")
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "steps": step + 1, "history": history}
             rough = checkpoint.with_suffix(".part")
             torch.save(state, rough)
