@@ -175,7 +175,7 @@ class Inputs:
         rows = sites.within(before)
         self._error = sites.error(before, gamma, rows)[..., cells.sites]
         noise = sites.scaled_variance(gamma, rows)
-        known = np.zeros(self._error.shape[:2], np.float32) if noise is None else noise
+        known = np.zeros(self._error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
         self._variance = np.where(sites.trusted[rows], known, np.float32(UNKNOWN))[..., None]
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 

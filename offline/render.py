@@ -119,8 +119,8 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
-    sites = site_samples(mosaic, samples, noise, clipping)
-    luminance = settle_luminance(luminance, blocks, sites, mosaic.pattern, settings.chromaticity.mismatch, settings.sites)
+    sites = site_samples(mosaic, samples, luminance, noise, clipping)
+    luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return Measured(luminance, blocks, sites)
 
 
@@ -151,5 +151,5 @@ def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
         return
     look, step, origin = learner.steps(sites) if learner else (sites.reach, 1, 0)
     for part, rows in windows(parts, mosaic.shape[0], look, step, origin):
-        corrected = correct_sites(part, sites, mosaic.pattern, gamma, settings.sites)
+        corrected = correct_sites(part, sites, gamma, settings.sites)
         yield (learner.refine(part, corrected, sites, rows) if learner else corrected).rows(*rows)

@@ -8,9 +8,10 @@ differs from site to site, because one chromaticity does not describe a whole bl
 
 - `solve_jointly`: chromaticity is the generalised least squares solution with this covariance, under the constraint of Eq. 7. A
   bright stroke through a red site then reads as a bright stroke rather than as a red one.
-- `settle_luminance`: given the final chromaticity, delta is what this covariance makes most probable.
+- `settle_luminance`: given the final chromaticity, delta is what the samples make most probable.
 - `correct_sites`: what the finished picture still misses (sample minus picture) is shared out to all channels of all sites of the
-  block, by the covariance of a picture's errors (`shared.site_errors`).
+  block. Some of it is an error of luminance, as far as luminance is in doubt, and the rest an error of colour, which leaves
+  luminance as it is. Where luminance is flat, as at an edge between two colours of one brightness, all of it is colour.
 
 All three are conditional means of a Gaussian model, for any pattern. None is in the paper. The constants were chosen on
 photographs; twice or half of each changes the result by a few hundredths of a decibel.
@@ -24,7 +25,7 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid, CfaPattern
-from shared.site_errors import error_correlation, nearness
+from shared.site_errors import nearness
 
 from .blocks import block_sites, curvature
 from .gaussian import gaussian, smoothed
@@ -33,7 +34,8 @@ from .settings import SiteSettings
 from .tiling import Part
 
 _FILLED = 0.5  # correlation of the errors of filled luminance one pixel apart
-_DOUBT = 0.3  # error of filled luminance as a multiple of its curvature
+_DOUBT = 0.7  # error of filled luminance as a multiple of its curvature
+_TINT, _LEAST_SHARE = 0.5, 1e-6  # share of the power of errors that is colour at least; of luminance in the sites' channels
 _ROUNDS = 3  # in which the covariance takes its c from the round before
 _DARK = 1e-6  # scene units: luminance below it has no chromaticity
 _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which the power of errors is averaged
@@ -43,18 +45,26 @@ _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which the p
 class SiteSamples:
     """What the whole blocks of a frame measured: float32 (rows, columns, S) for S sites per block.
 
-    grid: the blocks of the frame.
+    pattern: the filter pattern. grid: its blocks in the frame.
     places: for each site its channel, and slices of the frame's rows and columns.
     samples: scene units, defects mended and highlights restored; 0 in every block that is not trusted.
     variance: variance of their noise, scene units squared; None = there is no noise, or it is unknown.
     trusted: bool (rows, columns), blocks without a sample at the sensor's limit.
+    doubt: standard deviation of the error of filled luminance, float32 (rows, columns), scene units.
     """
 
+    pattern: CfaPattern
     grid: BlockGrid
     places: list[tuple[int, slice, slice]]
     samples: FloatArray
     variance: FloatArray | None
     trusted: BoolArray
+    doubt: FloatArray
+
+    @property
+    def channels(self) -> IndexArray:
+        """The channel of each site, (S,)."""
+        return np.array([channel for channel, *_ in self.places], np.intp)
 
     @property
     def reach(self) -> int:
@@ -85,18 +95,16 @@ class SiteSamples:
         return found * self.trusted[rows, :, None]
 
     def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:
-        """Variance of the noise in `error`, mean over the sites, float32 (rows, columns); None = no noise."""
+        """Variance of the noise in `error`, float32 (rows, columns, S); None = no noise."""
         if self.variance is None:
             return None
-        weights = gamma[[channel for channel, *_ in self.places]]
-        scaled: FloatArray = (self.variance[rows] * weights**2).mean(axis=2)
-        return scaled
+        return self.variance[rows] * gamma[self.channels] ** 2
 
 
-def site_samples(mosaic: Mosaic, samples: Mosaic, noise: NoiseModel | None, clipping: float) -> SiteSamples:
+def site_samples(mosaic: Mosaic, samples: Mosaic, luminance: FloatArray, noise: NoiseModel | None, clipping: float) -> SiteSamples:
     """The samples of all whole blocks.
 
-    mosaic: as measured. samples: the same, in scene units, mended and restored.
+    mosaic: as measured. samples: the same, in scene units, mended and restored. luminance: (H, W), filled in.
     noise: noise of the mosaic; None = unknown, treated as none.
     clipping: scene units from which on a sample is at the sensor's limit.
     """
@@ -111,12 +119,19 @@ def site_samples(mosaic: Mosaic, samples: Mosaic, noise: NoiseModel | None, clip
         channels = [channel for channel, *_ in places]
         shot, read = (np.array(part, np.float32)[channels] for part in (noise.shot, noise.read))
         variance = shot * values.clip(0) + read**2
-    return SiteSamples(grid, places, values, variance, trusted)
+    return SiteSamples(mosaic.pattern, grid, places, values, variance, trusted, doubt_of(luminance, places, grid))
 
 
 def gathered(plane: FloatArray, places: list[tuple[int, slice, slice]]) -> FloatArray:
     """The values of (H, W) at each site of the whole blocks, (rows, columns, S)."""
     return np.stack([plane[rows, columns] for _, rows, columns in places], axis=2)
+
+
+def doubt_of(luminance: FloatArray, places: list[tuple[int, slice, slice]], grid: BlockGrid) -> FloatArray:
+    """Standard deviation of the error of filled luminance in each whole block, scene units, float32 (rows, columns)."""
+    bends = [curvature(luminance, [*site], grid.block_shape) for _, *site in places]
+    doubt: FloatArray = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_DOUBT)
+    return doubt
 
 
 def solve_jointly(
@@ -131,8 +146,7 @@ def solve_jointly(
     """
     places, signal = block_sites(mosaic.pattern, grid), mosaic.signal
     light = gathered(luminance, places)
-    bends = [curvature(luminance, [*site], grid.block_shape) for _, *site in places]
-    doubt = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_DOUBT)
+    doubt = doubt_of(luminance, places, grid)
     channels: IndexArray = np.array([channel for channel, *_ in places], np.intp)
     variance = np.full_like(light, sigma**2)
     near, gamma = nearness(mosaic.pattern, _FILLED), np.array(mosaic.calibration.gamma)
@@ -142,26 +156,43 @@ def solve_jointly(
 
 
 def settle_luminance(
-    luminance: FloatArray, blocks: FloatArray, sites: SiteSamples, pattern: CfaPattern, mismatch: float, settings: SiteSettings
+    luminance: FloatArray, blocks: FloatArray, sites: SiteSamples, gamma: tuple[float, ...], settings: SiteSettings
 ) -> FloatArray:
     """l[n], float32 (H, W), with the most probable error of luminance at the colour sites taken off.
 
     blocks: chromaticity of every block of the grid, (block rows, block columns, C).
-    mismatch: as in `solve_jointly`.
     """
     if not settings.corrected:
         return luminance
-    whole = blocks[sites.grid.inside].reshape(*sites.trusted.shape, -1)
+    weights = np.array(gamma, np.float32)
+    whole = blocks[sites.grid.inside].reshape(*sites.trusted.shape, -1) * weights
     colour = np.stack([whole[..., channel] for channel, *_ in sites.places], axis=2)
-    error = (sites.samples - colour * gathered(luminance, sites.places)) * sites.trusted[..., None]
-    variance = np.zeros_like(error) if sites.variance is None else sites.variance
-    power = signal_power(error, None if sites.variance is None else variance.mean(axis=2), settings.deviations)
-    delta = np.empty_like(error)
-    kernels.settle(error, colour, power, variance, nearness(pattern, _FILLED), mismatch, delta)
+    error = (sites.samples * weights[sites.channels] - colour * gathered(luminance, sites.places)) * sites.trusted[..., None]
+    delta, _ = most_probable(error, colour, sites, slice(None), weights, settings)
     settled = luminance.copy()
     for site, (_, rows, columns) in enumerate(sites.places):
         settled[rows, columns] += delta[..., site]
     return settled
+
+
+def most_probable(
+    error: FloatArray, colour: FloatArray, sites: SiteSamples, rows: slice, gamma: FloatArray, settings: SiteSettings
+) -> tuple[FloatArray, FloatArray]:
+    """The most probable errors at the sites of these rows of blocks: of luminance, (rows, columns, S), and of colour, (…, S, C).
+
+    error: sample minus picture, times gamma, (rows, columns, S).
+    colour: share of luminance in the channel of each site, (rows, columns, S).
+    """
+    variance = sites.scaled_variance(gamma, rows)
+    power = signal_power(error, None if variance is None else variance.mean(axis=2), settings.deviations)
+    share = np.square(colour).mean(axis=2)
+    # Luminance is wrong by its doubt, but not by more than the errors show; the rest of these, or a part at least, is colour.
+    doubt = np.minimum(np.square(sites.doubt[rows]), power / np.maximum(share, _LEAST_SHARE))
+    tint = np.maximum(power - doubt * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
+    noise = np.zeros_like(error) if variance is None else variance
+    light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
+    kernels.share_out(error, colour, doubt, tint, noise, sites.channels, nearness(sites.pattern), light, tints)
+    return light, tints
 
 
 def signal_power(error: FloatArray, variance: FloatArray | None, deviations: float) -> FloatArray:
@@ -176,42 +207,25 @@ def signal_power(error: FloatArray, variance: FloatArray | None, deviations: flo
     return result
 
 
-def correct_sites(part: Part, sites: SiteSamples, pattern: CfaPattern, gamma: tuple[float, ...], settings: SiteSettings) -> Part:
-    """The part of a render with the errors at its colour sites shared out; only rows `sites.reach` inside the part are final.
+def correct_sites(part: Part, sites: SiteSamples, gamma: tuple[float, ...], settings: SiteSettings) -> Part:
+    """The part of a picture with the errors at its colour sites shared out; only rows `sites.reach` inside the part are final.
 
     gamma: (C,), the weights of Eq. 7.
     """
     rows = sites.within(part)
     if not settings.corrected or rows.start >= rows.stop:
         return part
-    weights = np.array(gamma, np.float32)
-    error = sites.error(part, weights, rows)
-    variance = sites.scaled_variance(weights, rows)
-    share = _Residual(pattern)(error, signal_power(error, variance, settings.deviations), variance)
+    weights, places = np.array(gamma, np.float32), sites.inside(part, rows)
+    shares = np.stack([part.chromaticity[*place] * weights for _, *place in places], axis=2)  # (rows, columns, S, C)
+    colour = np.stack([shares[:, :, site, channel] for site, channel in enumerate(sites.channels)], axis=2)
+    light, tints = most_probable(sites.error(part, weights, rows), colour, sites, rows, weights, settings)
     luminance, chromaticity = part.luminance.copy(), part.chromaticity.copy()
-    for site, (_, *place) in enumerate(sites.inside(part, rows)):
+    for site, (_, *place) in enumerate(places):
         before = luminance[*place]
-        after = before + share[:, :, site].sum(axis=2)
-        lit = (after > _DARK) & (before > _DARK)
-        colour = (chromaticity[*place] * before[..., None] + share[:, :, site] / weights) / np.where(lit, after, 1)[..., None]
-        luminance[*place] = np.where(lit, after, before)
-        chromaticity[*place] = np.where(lit[..., None], colour, chromaticity[*place])
+        after = before + light[..., site]
+        lit = ((after > _DARK) & (before > _DARK))[..., None]
+        # Colour that luminance gains has the chromaticity that was there; tints leave luminance as it is.
+        tinted = chromaticity[*place] + tints[:, :, site] / (weights * np.where(lit, after[..., None], 1))
+        luminance[*place] = np.where(lit[..., 0], after, before)
+        chromaticity[*place] = np.where(lit, tinted, chromaticity[*place])
     return Part(part.first, luminance, chromaticity)
-
-
-class _Residual:
-    """The linear map from what a picture misses at the sites of a block to the errors of all channels there."""
-
-    def __init__(self, pattern: CfaPattern) -> None:
-        every, measured = error_correlation(pattern)
-        self._strengths, vectors = np.linalg.eigh(every[np.ix_(measured, measured)])
-        self._inward = np.ascontiguousarray(vectors.T)
-        self._outward = np.ascontiguousarray(every[:, measured] @ vectors)
-        self._shape = len(pattern.sites), len(pattern.channels)
-
-    def __call__(self, error: FloatArray, power: FloatArray, variance: FloatArray | None) -> FloatArray:
-        """Corrections, float32 (rows, columns, S, C), from errors (rows, columns, S) and what `signal_power` makes of them."""
-        noise = np.zeros_like(power) if variance is None else variance
-        out = np.empty((*power.shape, len(self._outward)), np.float32)
-        kernels.correct(error, power, noise, self._strengths, self._inward, self._outward, out)
-        return out.reshape(*power.shape, *self._shape)

@@ -6,6 +6,7 @@ from shared.arrays import DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 
+_LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose sites are all explained by one error
 _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
 
 
@@ -79,87 +80,57 @@ def solve_jointly(
 
 
 @parallel_kernel
-def settle(
+def share_out(
     error: FloatArray,
     colour: FloatArray,
-    power: FloatArray,
+    doubt: FloatArray,
+    tint: FloatArray,
     variance: FloatArray,
+    channels: IndexArray,
     near: DoubleArray,
-    mismatch: float,
-    out: FloatArray,
+    light: FloatArray,
+    tints: FloatArray,
 ) -> None:
-    """The most probable error of luminance at each site, given the errors of the samples (see `offline.sites`).
+    """The most probable errors at each site, of luminance and of colour, given the errors of the samples (see `offline.sites`).
 
-    error: sample minus what luminance and chromaticity predict, (rows, columns, S).
-    colour: chromaticity of the block in the channel of each site, (rows, columns, S).
-    power: variance of `error` without noise, mean over the sites, (rows, columns); 0 = nothing is known.
+    error: sample minus picture, (rows, columns, S), in units of luminance.
+    colour: share of luminance in the channel of each site, (rows, columns, S).
+    doubt: variance of the error of luminance, (rows, columns).
+    tint: variance of the error of colour, (rows, columns).
     variance: variance of the noise at each site, (rows, columns, S).
-    near, mismatch: as in `solve_jointly`.
-    out: (rows, columns, S), written.
+    channels: (S,), channel of each site.
+    near: (S, S), correlation of errors at two sites.
+    light: (rows, columns, S), written: errors of luminance.
+    tints: (rows, columns, S, C), written: errors of the channels that leave luminance as it is.
     """
     rows, columns, sites = error.shape
+    count = tints.shape[3]
     for row in prange(rows):
-        covariance, right, clipped = np.empty((sites, sites)), np.empty((sites, 1)), np.empty(sites)
+        covariance, right, weight = np.empty((sites, sites)), np.empty((sites, 1)), np.empty(sites)
         for column in range(columns):
-            out[row, column] = 0
-            mean = 0.0
-            for site in range(sites):
-                clipped[site] = max(np.float64(colour[row, column, site]), 0.0)
-                mean += clipped[site] ** 2 / sites
-            if power[row, column] == 0 or mean == 0:
+            light[row, column] = 0
+            tints[row, column] = 0
+            power, odd = np.float64(doubt[row, column]), np.float64(tint[row, column])
+            if power + odd <= 0:
                 continue
-            scale = power[row, column] / (mean * (1 + mismatch))
-            _covariance(clipped, scale, near, mismatch, variance[row, column], covariance)
             for site in range(sites):
+                weight[site] = max(np.float64(colour[row, column, site]), 0.0)
                 right[site, 0] = error[row, column, site]
+            for i in range(sites):
+                for j in range(sites):
+                    same = 1.0 if channels[i] == channels[j] else 0.0
+                    covariance[i, j] = near[i, j] * (power * weight[i] * weight[j] + odd * (same - 1 / count))
+                covariance[i, i] += variance[row, column, i] + _LEAST * (power + odd)
             _decompose(covariance)
             _forward(covariance, right)
             _backward(covariance, right)
             for site in range(sites):
-                total = 0.0
                 for other in range(sites):
-                    total += near[site, other] * clipped[other] * right[other, 0]
-                out[row, column, site] = scale * total
-
-
-@parallel_kernel
-def correct(
-    error: FloatArray,
-    power: FloatArray,
-    variance: FloatArray,
-    strengths: DoubleArray,
-    inward: DoubleArray,
-    outward: DoubleArray,
-    out: FloatArray,
-) -> None:
-    """The most probable error of every channel at each site: `outward` (`inward` error / (strengths + variance / power)).
-
-    error: sample minus render, (rows, columns, S).
-    power: variance of one channel's error, (rows, columns); 0 = nothing is known.
-    variance: variance of the noise, (rows, columns).
-    strengths: (S,), eigenvalues of the errors' correlation.
-    inward: (S, S), its eigenvectors, one per row.
-    outward: (S * C, S), from these to the channels of all sites.
-    out: (rows, columns, S * C), written.
-    """
-    rows, columns, sites = error.shape
-    for row in prange(rows):
-        part = np.empty(sites)
-        for column in range(columns):
-            if power[row, column] == 0:
-                out[row, column] = 0
-                continue
-            noise = np.float64(variance[row, column]) / power[row, column]
-            for k in range(sites):
-                total = 0.0
-                for site in range(sites):
-                    total += inward[k, site] * error[row, column, site]
-                part[k] = total / (strengths[k] + noise)
-            for value in range(len(outward)):
-                total = 0.0
-                for k in range(sites):
-                    total += outward[value, k] * part[k]
-                out[row, column, value] = total
+                    part = near[site, other] * right[other, 0]
+                    light[row, column, site] += power * weight[other] * part
+                    for channel in range(count):
+                        same = 1.0 if channels[other] == channel else 0.0
+                        tints[row, column, site, channel] += odd * (same - 1 / count) * part
 
 
 @kernel

@@ -61,7 +61,7 @@ def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
     for part in spread(mosaic, measured, settings, log):
         before = part if before is None else before.joined(part)
     assert before is not None  # a frame has rows
-    corrected = correct_sites(before, measured.sites, pattern, mosaic.calibration.gamma, settings.sites)
+    corrected = correct_sites(before, measured.sites, mosaic.calibration.gamma, settings.sites)
     cells = Cells.of(pattern, mosaic.shape)
     inputs = Inputs(cells, before, corrected, measured.sites, gamma)
     rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
