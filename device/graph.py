@@ -37,6 +37,8 @@ _NOISE_WEIGHT = 4.0
 """Multiple of the noise variance that a squared relative difference must exceed to count."""
 _MISSED_NOISE = 2.0
 """Multiple of the noise variance that the mean square of what is missed at the sites of a block must exceed to count."""
+_DOUBT = 0.5
+"""Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
 _SPREAD = 0.5
 """Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
 
@@ -57,12 +59,12 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     g = Nodes()
     inputs = Inputs(g, geometry)
     probes = measure_blocks(g, geometry, inputs)
-    filled, luminance = fill_holes(g, geometry, inputs, probes)
+    filled, luminance, contrast = fill_holes(g, geometry, inputs, probes)
     chromaticity = estimate_chromaticities(g, geometry, inputs, probes, filled, luminance)  # Eqs. 8-9
     pooled, measures = pool(g, inputs, chromaticity, luminance)
     blocks = g("Concat", measures, in_picture_units(g, inputs, pooled, "" if linear else contract.WHITE), axis=0)
     if scale == 1:
-        settled = settle(g, geometry, inputs, probes, filled, pooled)
+        settled = settle(g, geometry, inputs, probes, filled, pooled, contrast)
         pixels, cells = pixel_light(g, geometry, inputs, settled)
     else:
         pixels, cells = cell_light(g, geometry, inputs)
@@ -110,11 +112,11 @@ def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
     return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples]
 
 
-def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str]:
-    """Luminance at the colour sites of every block, (sites, blocks), and its mean over the sites, (1, blocks).
+def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str, str]:
+    """Luminance at the colour sites of every block, (sites, blocks), its mean over the sites, and its contrast, (1, blocks).
 
     It is a weighted mean of the interpolations along rows and along columns. The weights are the inverse squared differences around
-    the block, so that the direction with less change counts more.
+    the block, so that the direction with less change counts more. Contrast is the larger of these differences beyond the noise.
     """
     rows, columns, *steps, _ = probes
     variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
@@ -126,7 +128,8 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
     along_rows = g("Div", column_change, g("Add", row_change, column_change))
     filled = g("Add", columns, g("Mul", g("Sub", rows, columns), along_rows))
     sites = len(geometry.sites)
-    return filled, g("Mul", g.total(filled, sites, axis=0), 1 / sites)
+    contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least))
+    return filled, g("Mul", g.total(filled, sites, axis=0), 1 / sites), contrast
 
 
 def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
@@ -174,20 +177,23 @@ def in_picture_units(g: Nodes, inputs: Inputs, chromaticity: str, white: str) ->
     return g("Mul", chromaticity, g("Unsqueeze", g("Div", inputs.unit, white), [1, 2]) if white else inputs.unit)
 
 
-def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, chromaticity: str) -> str:
+def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, chromaticity: str, contrast: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
     What chromaticity times luminance misses at the sites of a block is mapped to errors of luminance there (`shared.site_errors`),
-    as far as it is more than noise.
+    as far as it is more than noise, and as there is contrast: next to flat luminance it is an error of colour.
     """
-    samples, filled = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (probes[-1], filled))
+    samples, filled, contrast = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (probes[-1], filled, contrast))
     channels, count = [channel for _, _, channel in geometry.sites], len(geometry.sites)
     gamma = g("Gather", inputs.gamma, channels)
     missed = g("Mul", g("Sub", samples, g("Mul", g("Gather", chromaticity, channels), filled)), gamma)
     power = g("Mul", g.total(g("Mul", missed, missed), count, axis=0), 1 / count)
     weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _MISSED_NOISE / count)
     noise = g("Mul", inputs.variance(g, g("Mul", g.total(samples, count, axis=0), 1 / count)), weight)
-    share = g("Div", g("Relu", g("Sub", power, noise)), g("Add", power, _LEAST_VARIANCE))
+    contrast = g("Mul", contrast, _DOUBT)
+    share = g(
+        "Div", g("Mul", g("Relu", g("Sub", power, noise)), contrast), g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12)
+    )
     shares = [g.total(g("Mul", missed, row[:, None, None]), count, axis=0) for row in geometry.settling]
     return g("Add", filled, g("Mul", g("Concat", *shares, axis=0), share))
 

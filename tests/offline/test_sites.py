@@ -75,12 +75,13 @@ def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tupl
     blocks = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
     signal = mosaic.signal.astype(np.float64)
     variance = sites.noise_of(signal, pattern, noise)
-    expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, MISMATCH, CORRECTED.deviations)
-    measured = site_samples(mosaic, mosaic, noise, np.inf)
-    found = settle_luminance(light, blocks, measured, pattern, MISMATCH, CORRECTED)
+    gamma = mosaic.calibration.gamma
+    expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, gamma, CORRECTED.deviations)
+    measured = site_samples(mosaic, mosaic, light, noise, np.inf)
+    found = settle_luminance(light, blocks, measured, gamma, CORRECTED)
     assert_close(found, expected, FLOAT32)
     assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
-    assert settle_luminance(light, blocks, measured, pattern, MISMATCH, SiteSettings()) is light
+    assert settle_luminance(light, blocks, measured, gamma, SiteSettings()) is light
 
 
 def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
@@ -92,7 +93,8 @@ def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
     grid = pattern.grid(shape)
     places = np.ix_(grid.rows.clip(0, shape[0] - 1), grid.columns.clip(0, shape[1] - 1))
     blocks = (scene / true[..., None])[places].astype(np.float32)
-    found = settle_luminance(light, blocks, site_samples(mosaic, mosaic, None, np.inf), pattern, MISMATCH, CORRECTED)
+    measured = site_samples(mosaic, mosaic, light, None, np.inf)
+    found = settle_luminance(light, blocks, measured, mosaic.calibration.gamma, CORRECTED)
     before, after = (float(np.square(each - true).mean()) for each in (light, found))
     assert after < 0.5 * before
 
@@ -112,22 +114,22 @@ def render_of(mosaic: Mosaic) -> Part:
 def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
     mosaic = shot(pattern, shape, sigma)
     part, noise, gamma = render_of(mosaic), mosaic.calibration.noise, mosaic.calibration.gamma
-    rgb = part.chromaticity.astype(np.float64) * part.luminance[..., None]
-    signal = mosaic.signal.astype(np.float64)
-    expected = sites.correct(rgb, signal, sites.noise_of(signal, pattern, noise), pattern, gamma, CORRECTED.deviations)
-    found = correct_sites(part, site_samples(mosaic, mosaic, noise, np.inf), pattern, gamma, CORRECTED)
+    light, colour, signal = (each.astype(np.float64) for each in (part.luminance, part.chromaticity, mosaic.signal))
+    variance, doubt = sites.noise_of(signal, pattern, noise), sites.doubt_of(light, pattern)
+    expected = sites.correct(light, colour, signal, doubt, variance, pattern, gamma, CORRECTED.deviations)
+    found = correct_sites(part, site_samples(mosaic, mosaic, part.luminance, noise, np.inf), gamma, CORRECTED)
     assert_close(found.chromaticity * found.luminance[..., None], expected, FLOAT32)
     assert_close(found.chromaticity @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
-    assert np.abs(expected - rgb).max() > 1e-3
+    assert np.abs(expected - colour * light[..., None]).max() > 1e-3
 
 
 @every_case
 def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape, None)
-    found = correct_sites(
-        render_of(mosaic), site_samples(mosaic, mosaic, None, np.inf), pattern, mosaic.calibration.gamma, CORRECTED
-    )
-    for channel, rows, columns in site_samples(mosaic, mosaic, None, np.inf).places:
+    part = render_of(mosaic)
+    measured = site_samples(mosaic, mosaic, part.luminance, None, np.inf)
+    found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
+    for channel, rows, columns in measured.places:
         seen = found.chromaticity[rows, columns, channel] * found.luminance[rows, columns]
         assert_close(seen, mosaic.signal[rows, columns], 1e-5)
 
@@ -136,10 +138,10 @@ def test_a_part_is_corrected_as_the_whole_is() -> None:
     pattern, shape = CfaPattern.bayer(6, origin=(3, 1)), (120, 40)
     mosaic = shot(pattern, shape, 0.01)
     whole, gamma = render_of(mosaic), mosaic.calibration.gamma
-    measured = site_samples(mosaic, mosaic, mosaic.calibration.noise, np.inf)
-    expected = correct_sites(whole, measured, pattern, gamma, CORRECTED)
+    measured = site_samples(mosaic, mosaic, whole.luminance, mosaic.calibration.noise, np.inf)
+    expected = correct_sites(whole, measured, gamma, CORRECTED)
     for first, end in ((0, 70), (31, 99), (50, 120)):
-        found = correct_sites(whole.rows(first, end), measured, pattern, gamma, CORRECTED)
+        found = correct_sites(whole.rows(first, end), measured, gamma, CORRECTED)
         top = first + measured.reach if first else 0
         bottom = end - measured.reach if end < shape[0] else end
         assert np.array_equal(found.rows(top, bottom).chromaticity, expected.rows(top, bottom).chromaticity)
@@ -156,7 +158,7 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     mosaic = Mosaic(samples, pattern, replace(clean.calibration, noise=noise))
     light = np.full(shape, 0.9, np.float32)
     part = Part(0, light, np.full((*shape, 3), 1 / 3, np.float32))
-    found = correct_sites(part, site_samples(mosaic, mosaic, noise, np.inf), pattern, mosaic.calibration.gamma, CORRECTED)
+    found = correct_sites(part, site_samples(mosaic, mosaic, light, noise, np.inf), mosaic.calibration.gamma, CORRECTED)
     change = found.chromaticity * found.luminance[..., None] - scene
     colour_sites = ~pattern.panchromatic_mask(shape)
     assert np.sqrt(np.square(change[colour_sites]).mean()) < 0.15 * sigma
@@ -166,10 +168,10 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     pattern, shape = CfaPattern.bayer(6), (60, 60)
     mosaic = shot(pattern, shape, None)
     limit = float(np.quantile(mosaic.signal[~pattern.panchromatic_mask(shape)], 0.7))
-    measured = site_samples(mosaic, mosaic, None, limit)
-    assert 0 < measured.trusted.mean() < 1
     part = render_of(mosaic)
-    found = correct_sites(part, measured, pattern, mosaic.calibration.gamma, CORRECTED)
+    measured = site_samples(mosaic, mosaic, part.luminance, None, limit)
+    assert 0 < measured.trusted.mean() < 1
+    found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
     for _, rows, columns in measured.places:
         same = (found.luminance[rows, columns] == part.luminance[rows, columns]) == ~measured.trusted
         assert same.mean() > 0.99
@@ -184,8 +186,22 @@ def test_gamma_only_scales_the_channels() -> None:
     part = render_of(mosaic)
     same = replace(part, chromaticity=(part.chromaticity / scaled).astype(np.float32))
     one, two = (
-        correct_sites(each, site_samples(frame, frame, None, np.inf), pattern, frame.calibration.gamma, CORRECTED)
+        correct_sites(each, site_samples(frame, frame, each.luminance, None, np.inf), frame.calibration.gamma, CORRECTED)
         for each, frame in ((part, mosaic), (same, other))
     )
     assert_close(two.chromaticity * scaled, one.chromaticity, 1e-5)
     assert gamma_of(pattern)  # the other tests use unequal gammas
+
+
+def test_at_an_edge_without_luminance_none_is_invented() -> None:
+    """Two colours of one brightness: the picture misses colour at the sites along the edge, and luminance is right everywhere."""
+    pattern, shape = CfaPattern.bayer(6), (60, 60)
+    scene = np.empty((*shape, 3))
+    scene[:, :31], scene[:, 31:] = (0.5, 0.3, 0.1), (0.1, 0.3, 0.5)
+    mosaic = observe(scene, pattern)
+    light = np.full(shape, 0.9, np.float32)
+    blurred = np.broadcast_to(np.array([1, 1, 1]) / 3, scene.shape)
+    part = Part(0, light, blurred.astype(np.float32))
+    found = correct_sites(part, site_samples(mosaic, mosaic, light, None, np.inf), mosaic.calibration.gamma, CORRECTED)
+    assert np.array_equal(found.luminance, light)
+    assert np.abs(found.chromaticity - blurred).max() > 0.1

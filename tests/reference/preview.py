@@ -58,6 +58,7 @@ class Block:
         least = graph._STILL + 2 * self._variance(along[0])
         row_change, column_change = np.mean(row_steps**2) + least, np.mean(column_steps**2) + least
         weights = 1 / row_change, 1 / column_change
+        self.contrast = max(row_change, column_change) - least
         self.filled = (weights[0] * along + weights[1] * down) / sum(weights)
         self.luminance = float(self.filled.mean())
         self.variance = self._variance(self.luminance)
@@ -77,8 +78,8 @@ class Block:
         channels = [channel for _, _, channel in sites]
         missed = (self.colours - chromaticity[channels] * self.filled) * gamma[channels]
         power, noise = np.mean(missed**2), self._variance(float(np.mean(self.colours))) * np.mean(gamma[channels] ** 2)
-        least = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
-        share = max(power - graph._MISSED_NOISE * noise, 0) / (power + least)
+        contrast = graph._DOUBT * self.contrast
+        share = max(power - graph._MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
         # The most probable errors of every channel at every site, given those of the measured ones; then their sum, luminance.
         count = len(gamma)
         places = np.array([site[:2] for site in sites], float)

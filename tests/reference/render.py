@@ -66,8 +66,9 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     variance = sites.noise_of(signal, pattern, noise)
+    doubt = sites.doubt_of(light, pattern)
     if settings.sites.corrected:
-        light = sites.settle(light, coarse, signal, variance, pattern, settings.chromaticity.mismatch, settings.sites.deviations)
+        light = sites.settle(light, coarse, signal, variance, pattern, gamma, settings.sites.deviations)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
@@ -77,7 +78,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
     rgb = refined * light[..., None]  # Eq. 17
     if settings.sites.corrected:
-        rgb = sites.correct(rgb, signal, variance, pattern, gamma, settings.sites.deviations)
+        rgb = sites.correct(light, refined, signal, doubt, variance, pattern, gamma, settings.sites.deviations)
         light = rgb @ np.array(gamma)
         refined = rgb / light[..., None]
     return Picture(rgb, light, refined)

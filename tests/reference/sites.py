@@ -80,13 +80,59 @@ def signal_power(error: DoubleArray, variance: DoubleArray, deviations: float) -
     return power
 
 
+def doubt_of(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
+    """Standard deviation of the error of filled luminance of the whole blocks, (rows, columns)."""
+    blocks = whole_blocks(pattern, (luminance.shape[0], luminance.shape[1]))
+    bends = np.array([[[curvature(luminance, (y, x), pattern) for y, x, _ in sites] for sites in row] for row in blocks])
+    doubt: DoubleArray = constants._DOUBT * np.sqrt((bends**2).mean(axis=2))
+    return doubt
+
+
+def most_probable(
+    error: DoubleArray,
+    colour: DoubleArray,
+    doubt: DoubleArray,
+    variance: DoubleArray,
+    blocks: list[list[list[tuple[int, int, str]]]],
+    pattern: CfaPattern,
+    deviations: float,
+) -> tuple[DoubleArray, DoubleArray]:
+    """Errors of luminance, (rows, columns, S), and of colour, (rows, columns, S, C), given the errors of the samples.
+
+    All in units of luminance. The errors are one Gaussian vector: luminance at each site, then every channel at each site.
+    """
+    count, sites = len(pattern.channels), error.shape[2]
+    index = [pattern.channels.index(name) for _, _, name in blocks[0][0]]
+    power = signal_power(error, variance.mean(axis=2), deviations)
+    light, tints = np.zeros(error.shape), np.zeros((*error.shape, count))
+    aside = np.eye(count) - 1 / count  # takes luminance out of a colour
+    for place in product(range(len(blocks)), range(len(blocks[0]))):
+        if power[place] == 0:
+            continue
+        share = np.mean(colour[place] ** 2)
+        bright = min(doubt[place] ** 2, power[place] / max(share, constants._LEAST_SHARE))
+        odd = max(power[place] - bright * share, constants._TINT * power[place]) / (1 - 1 / count)
+        r = near(blocks[place[0]][place[1]], site_errors._NEAR)
+        prior = np.zeros((sites + sites * count,) * 2)
+        prior[:sites, :sites] = bright * r
+        prior[sites:, sites:] = odd * np.kron(r, aside)
+        seen = np.zeros((sites, len(prior)))
+        for site, channel in enumerate(index):
+            seen[site, site] = max(colour[place][site], 0)
+            seen[site, sites + site * count + channel] = 1
+        covariance = seen @ prior @ seen.T + np.diag(variance[place] + 1e-6 * (bright + odd))
+        found = prior @ seen.T @ np.linalg.solve(covariance, error[place])
+        light[place], tints[place] = found[:sites], found[sites:].reshape(sites, count)
+    return light, tints
+
+
 def settle(
     luminance: DoubleArray,
     coarse: DoubleArray,
     signal: DoubleArray,
     variance: DoubleArray,
     pattern: CfaPattern,
-    mismatch: float,
+    gamma: tuple[float, ...],
     deviations: float,
 ) -> DoubleArray:
     """Luminance, (H, W), with its most probable errors at the colour sites taken off.
@@ -95,63 +141,48 @@ def settle(
     variance: of the noise at each site, (rows, columns, S).
     """
     blocks = whole_blocks(pattern, (signal.shape[0], signal.shape[1]))
-    colour = np.array(
-        [
-            [[c[pattern.channels.index(name)] for _, _, name in sites] for sites, c in zip(*pair, strict=True)]
-            for pair in zip(blocks, coarse, strict=True)
-        ]
-    )
-    light, samples = (
-        np.array([[[plane[y, x] for y, x, _ in sites] for sites in row] for row in blocks]) for plane in (luminance, signal)
-    )
-    error = samples - colour * light
-    power = signal_power(error, variance.mean(axis=2), deviations)
+    index = [pattern.channels.index(name) for _, _, name in blocks[0][0]]
+    weight = np.array(gamma)[index]
+    colour = coarse[..., index] * weight
+    light, samples = at_sites(luminance, blocks), at_sites(signal, blocks)
+    error = samples * weight - colour * light
+    delta, _ = most_probable(error, colour, doubt_of(luminance, pattern), variance * weight**2, blocks, pattern, deviations)
     settled = luminance.copy()
-    for row, column in product(range(len(blocks)), range(len(blocks[0]))):
-        c, sites = np.maximum(colour[row, column], 0), blocks[row][column]
-        if power[row, column] == 0 or not c.any():
-            continue
-        scale = power[row, column] / (np.mean(c**2) * (1 + mismatch))
-        shared = scale * near(sites, constants._FILLED)
-        covariance = np.diag(c) @ shared @ np.diag(c) + np.diag(scale * mismatch * np.mean(c**2) + variance[row, column])
-        delta = shared @ np.diag(c) @ np.linalg.solve(covariance, error[row, column])
-        for (y, x, _), value in zip(sites, delta, strict=True):
-            settled[y, x] += value
+    for row, values in zip(blocks, delta, strict=True):
+        for sites, each in zip(row, values, strict=True):
+            for (y, x, _), value in zip(sites, each, strict=True):
+                settled[y, x] += value
     return settled
 
 
+def at_sites(plane: DoubleArray, blocks: list[list[list[tuple[int, int, str]]]]) -> DoubleArray:
+    """The values of (H, W, ...) at the sites of the blocks, (rows, columns, S, ...)."""
+    return np.array([[[plane[y, x] for y, x, _ in sites] for sites in row] for row in blocks])
+
+
 def correct(
-    rgb: DoubleArray, signal: DoubleArray, variance: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], deviations: float
+    luminance: DoubleArray,
+    chromaticity: DoubleArray,
+    signal: DoubleArray,
+    doubt: DoubleArray,
+    variance: DoubleArray,
+    pattern: CfaPattern,
+    gamma: tuple[float, ...],
+    deviations: float,
 ) -> DoubleArray:
     """The picture, (H, W, C), with what it misses at the sites of each block shared out among all channels there."""
     blocks = whole_blocks(pattern, (signal.shape[0], signal.shape[1]))
     index = [pattern.channels.index(name) for _, _, name in blocks[0][0]]
-    weight = np.array([gamma[channel] for channel in index])
-    error = (
-        np.array(
-            [
-                [[(signal[y, x] - rgb[y, x, pattern.channels.index(name)]) for y, x, name in sites] for sites in row]
-                for row in blocks
-            ]
-        )
-        * weight
-    )
-    noise = (variance * weight**2).mean(axis=2)
-    power = signal_power(error, noise, deviations)
-    channels = len(gamma)
-    between = np.full((channels, channels), site_errors._CHANNELS)
-    np.fill_diagonal(between, 1)
-    result = rgb.copy()
+    weights = np.array(gamma)
+    rgb: DoubleArray = chromaticity * luminance[..., None]
+    here = at_sites(chromaticity * weights, blocks)
+    colour = np.stack([here[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
+    seen = np.stack([at_sites(rgb * weights, blocks)[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
+    error = at_sites(signal, blocks) * weights[index] - seen
+    light, tints = most_probable(error, colour, doubt, variance * weights[index] ** 2, blocks, pattern, deviations)
     for row, column in product(range(len(blocks)), range(len(blocks[0]))):
-        sites = blocks[row][column]
-        every = power[row, column] * np.kron(near(sites, site_errors._NEAR), between)
-        seen = np.array([site * channels + channel for site, channel in enumerate(index)])
-        if power[row, column] == 0:
-            continue
-        covariance = every[np.ix_(seen, seen)] + noise[row, column] * np.eye(len(sites))
-        share = (every[:, seen] @ np.linalg.solve(covariance, error[row, column])).reshape(len(sites), channels) / np.array(gamma)
-        for (y, x, _), each in zip(sites, share, strict=True):
-            before, after = (float(values @ np.array(gamma)) for values in (rgb[y, x], rgb[y, x] + each))
-            if min(before, after) > 1e-6:
-                result[y, x] += each
-    return result
+        for site, (y, x, _) in enumerate(blocks[row][column]):
+            after = luminance[y, x] + light[row, column, site]
+            if min(luminance[y, x], after) > 1e-6:
+                rgb[y, x] = chromaticity[y, x] * after + tints[row, column, site] / weights
+    return rgb
