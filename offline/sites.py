@@ -167,7 +167,8 @@ def settle_luminance(
     weights = np.array(gamma, np.float32)
     whole = blocks[sites.grid.inside].reshape(*sites.trusted.shape, -1) * weights
     colour = np.stack([whole[..., channel] for channel, *_ in sites.places], axis=2)
-    error = (sites.samples * weights[sites.channels] - colour * gathered(luminance, sites.places)) * sites.trusted[..., None]
+    missed = (sites.samples * weights[sites.channels] - colour * gathered(luminance, sites.places)) * sites.trusted[..., None]
+    error = missed.astype(np.float32, copy=False)
     delta, _ = most_probable(error, colour, sites, slice(None), weights, settings)
     settled = luminance.copy()
     for site, (_, rows, columns) in enumerate(sites.places):

@@ -84,12 +84,13 @@ class Method:
 @cache
 def methods() -> dict[str, Method]:
     """All methods by name, ours first."""
-    paper, best = (partial(render_preset, PRESETS[name]) for name in ("paper", "best"))
+    paper, best, unlearned = (partial(render_preset, PRESETS[name]) for name in ("paper", "best", "unlearned"))
     render_code = "tools/evaluation/presets.py", "offline"
     preview_code = "tools/evaluation/camera_preview.py", "device"
     ours = [
         Method("paper", "Sparse colour, paper", paper, render_code, ours=True, seconds=0.3),
         Method("best", "Sparse colour, best", best, render_code, ours=True, seconds=2),
+        Method("unlearned", "Sparse colour, best, unlearned", unlearned, render_code, ours=True, seconds=2),
         Method(
             "preview", "Sparse colour, preview", render_preview, preview_code, ours=True, packages=("onnxruntime",), seconds=0.1
         ),

@@ -1,10 +1,12 @@
-"""The presets of the off-camera renderer, by name."""
+"""The presets of the off-camera renderer, by name, and `best` without what it has learned."""
+
+from dataclasses import replace
 
 from offline import BEST, PAPER, RenderSettings, render
 from shared import Mosaic
 from shared.arrays import FloatArray
 
-PRESETS = {"paper": PAPER, "best": BEST}
+PRESETS = {"paper": PAPER, "best": BEST, "unlearned": replace(BEST, learned=PAPER.learned)}
 
 
 def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:

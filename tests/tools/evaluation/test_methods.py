@@ -10,14 +10,14 @@ from tools.evaluation.protocol import Protocol
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.versions import package_version
 
-ASKED_FOR = {"paper", "best", "preview", "bilinear", "malvar", "menon", "dlmmse", "ahd", "dcb", "dht", "aahd", "ea"}
+ASKED_FOR = {"paper", "best", "unlearned", "preview", "bilinear", "malvar", "menon", "dlmmse", "ahd", "dcb", "dht", "aahd", "ea"}
 LOW_LIGHT = {"bm3d+menon", "bm3d+dlmmse"}
 
 
 def test_every_method_asked_for_is_there_by_name() -> None:
     assert set(methods()) >= ASKED_FOR | LOW_LIGHT
     assert all(method.name == name for name, method in methods().items())
-    assert [name for name, method in methods().items() if method.ours] == ["paper", "best", "preview"]
+    assert [name for name, method in methods().items() if method.ours] == ["paper", "best", "unlearned", "preview"]
 
 
 def test_methods_are_chosen_by_name_and_checked() -> None:

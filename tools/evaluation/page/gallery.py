@@ -31,6 +31,8 @@ _MOST_STOPS = 6.0
 
 WHY_AHEAD, WHY_BEHIND, WHY_WORST = "where we gain most", "where we lose most", "where our error is largest"
 WHY_HUE = "where most of our hues are wrong"
+LEARNED, UNLEARNED = "best", "unlearned"
+WHY_LEARNED = "where learning changes most, for better or worse"
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
         taken: list[Crop] = []
-        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE):
+        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE, WHY_LEARNED):
             found = sorted(_candidates(figures, level, why, taken), key=lambda candidate: -candidate[0])
             for score, crop in found[:_PER_KIND]:
                 if score > 0:
@@ -144,11 +146,13 @@ def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> 
             continue
         errors = results[own].errors
         ours, theirs = (np.maximum(results[name].errors, _INVISIBLE) for name in (own, rival))
+        plain = np.maximum(results[UNLEARNED].errors, _INVISIBLE) if UNLEARNED in results else ours
         scores = {
             WHY_AHEAD: np.log10(theirs / ours),
             WHY_BEHIND: np.log10(ours / theirs),
             WHY_WORST: np.where(errors > _INVISIBLE, ours, 0.0),
             WHY_HUE: results[own].hues,
+            WHY_LEARNED: np.abs(np.log10(plain / ours)) * (own == LEARNED),
         }[why].copy()
         origins = [window_origins(size) for size in (scene.rows, scene.columns)]
         for row, column in np.argwhere(scores > 0).tolist():

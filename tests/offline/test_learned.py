@@ -1,0 +1,200 @@
+"""The network's surroundings: cells, mirror images, tiles, bounds. How good its corrections are is told by the evaluation."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
+from offline.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, model_for
+from offline.sites import SiteSamples, site_samples
+from offline.tiling import Part
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from shared.sensor import simulate_additive
+from tests.reference.compare import assert_close
+from tools.scenes.load import load_scene
+
+WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
+GREY = SensorCalibration()
+ONES = np.ones(3, np.float32)
+# The same sums in another order, where a tile begins elsewhere.
+FLOAT32 = 2e-5
+
+
+def scene(height: int, width: int) -> FloatArray:
+    """The charts and leaves of the built-in scene."""
+    return load_scene("builtin:330x220").rgb[:height, :width]
+
+
+def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Part, SiteSamples]:
+    """A picture that is blurred in colour, and what the sites measured."""
+    mosaic = simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0))
+    light = np.ascontiguousarray(rgb.sum(axis=2))
+    grey = np.full(rgb.shape, 1 / 3, np.float32)
+    colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
+    return Part(0, light, colour), site_samples(mosaic, mosaic, light, mosaic.calibration.noise, np.inf)
+
+
+def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
+    """Chromaticity after the network."""
+    part, sites = measured(rgb, pattern)
+    path = model_for(pattern)
+    assert path is not None
+    return Learner(path, pattern, (1.0, 1.0, 1.0)).refine(part, part, sites, (0, len(rgb))).chromaticity
+
+
+@pytest.mark.parametrize("period", [4, 6, 8])
+def test_there_is_a_network_for_bayer_blocks(period: int) -> None:
+    assert {network_name(CfaPattern.bayer(period, order)) for order in ("RGGB", "GRBG", "GBRG", "BGGR")} == {f"rggb-k{period}"}
+    assert network_name(CfaPattern.bayer(5)) is None
+    assert network_name(CfaPattern.with_block(("RG", "WB"), period)) is None
+    assert network_name(CfaPattern.with_block(("RGB",), period)) is None
+
+
+def test_all_networks_together_are_small() -> None:
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.onnx")) < 4 * 2**20
+
+
+def test_a_pattern_without_a_network_is_rendered_without() -> None:
+    mosaic = simulate_additive(scene(80, 90), CfaPattern.bayer(5), GREY, 0.01, np.random.default_rng(0))
+    assert np.array_equal(render(mosaic).rgb, render(mosaic, WITHOUT).rgb)
+
+
+@pytest.mark.parametrize(("order", "axes"), [("GRBG", (1,)), ("GBRG", (0,)), ("BGGR", (0, 1))])
+def test_the_other_orders_are_mirror_images(order: str, axes: tuple[int, ...]) -> None:
+    rgb = scene(96, 108)
+    expected = np.flip(refined(rgb, CfaPattern.bayer(6, origin=(2, 2))), axes)
+    found = refined(np.ascontiguousarray(np.flip(rgb, axes)), CfaPattern.bayer(6, order, origin=(2, 2)))
+    assert_close(found, expected, FLOAT32)
+
+
+@pytest.mark.parametrize("origin", [(0, 0), (1, 5), (3, 2), (5, 4)])
+@pytest.mark.parametrize("order", ["RGGB", "GRBG", "BGGR"])
+def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> None:
+    """The samples of a block, put into the picture at their sites, are found in the middle of the cell, in the order R, G, G, B."""
+    pattern, shape = CfaPattern.bayer(6, order, origin=origin), (40, 53)
+    rgb = np.random.default_rng(1).uniform(0.1, 1, (*shape, 3)).astype(np.float32)
+    light = np.ascontiguousarray(rgb.sum(axis=2))
+    part = Part(0, light, rgb / light[..., None])
+    mosaic = simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0))
+    sites = site_samples(mosaic, mosaic, light, None, np.inf)
+    black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
+    cells = Cells.of(pattern, shape)
+    whole = (0, cells.shape[0]), (0, cells.shape[1])
+    cut = Inputs(cells, black, part, sites, ONES).cut(*whole)
+    picture = cut["picture"][0].reshape(3, cells.shape[0], 6, cells.shape[1], 6).transpose(0, 1, 3, 2, 4)
+    for number, (channel, row, column) in enumerate([(0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)]):
+        known = cut["variance"][0, 0] < UNKNOWN
+        assert known.sum() == sites.trusted.size
+        assert_close(cut["error"][0, number][known], picture[channel, :, :, row, column][known], 1e-6)
+
+
+def test_the_whole_picture_does_not_depend_on_bands_or_threads() -> None:
+    rgb = np.concatenate([scene(220, 250), scene(220, 250)[::-1]])
+    mosaic = simulate_additive(rgb, CfaPattern.bayer(6, "GRBG", origin=(1, 4)), GREY, 0.005, np.random.default_rng(0))
+    expected = render(mosaic).rgb
+    assert np.abs(expected - render(mosaic, WITHOUT).rgb).max() > 0.01
+    assert np.array_equal(np.concatenate(list(render_bands(mosaic))), expected)
+    before = threads()
+    try:
+        for count in {1, available_threads()}:
+            use_threads(count)
+            assert np.array_equal(render(mosaic).rgb, expected)
+    finally:
+        use_threads(before)
+
+
+def test_what_lies_beyond_a_tiles_reach_does_not_matter() -> None:
+    """A tile that is rendered as part of a larger frame is the same."""
+    rgb = np.concatenate([scene(220, 300)] * 2)
+    pattern = CfaPattern.bayer(6)
+    part, sites = measured(rgb, pattern)
+    path = model_for(pattern)
+    assert path is not None
+    learner = Learner(path, pattern, (1.0, 1.0, 1.0))
+    whole = learner.refine(part, part, sites, (0, len(rgb)))
+    look, step, origin = learner.steps(sites)
+    end = origin + step
+    window = part.rows(0, end + look)
+    assert np.array_equal(learner.refine(window, window, sites, (0, end)).chromaticity[:end], whole.chromaticity[:end])
+
+
+def test_luminance_stays() -> None:
+    found = refined(scene(120, 130), CfaPattern.bayer(6))
+    assert_close(found.sum(axis=2), np.ones(found.shape[:2]), 1e-5)
+
+
+@pytest.mark.parametrize("colour", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.2), (0.05, 0.1, 0.9)])
+def test_one_colour_stays_that_colour(colour: tuple[float, ...]) -> None:
+    """A ramp of light over a surface of one colour, grey or another: 16 bits hold no smaller difference than one in 65,536."""
+    light = np.broadcast_to(np.linspace(0.05, 0.9, 180)[None, :, None], (150, 180, 1))
+    rgb = (light * np.array(colour)).astype(np.float32)
+    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
+    change = render(mosaic).rgb - render(mosaic, WITHOUT).rgb
+    assert np.abs(change[20:-20, 20:-20]).max() < 1 / 65536
+
+
+def test_noise_on_a_flat_surface_is_not_taken_for_colour() -> None:
+    rgb = np.full((200, 210, 3), 0.3, np.float32)
+    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.01, np.random.default_rng(0))
+    with_it, without = (float(np.square(render(mosaic, each).rgb - rgb).mean()) for each in (BEST, WITHOUT))
+    assert with_it < 1.02 * without
+
+
+def test_blocks_at_the_limit_are_left_alone() -> None:
+    rgb, pattern = scene(120, 120), CfaPattern.bayer(6)
+    part, sites = measured(rgb, pattern)
+    untrusted = replace(sites, trusted=np.zeros_like(sites.trusted))
+    path = model_for(pattern)
+    assert path is not None
+    learner = Learner(path, pattern, (1.0, 1.0, 1.0))
+    assert np.array_equal(learner.refine(part, part, untrusted, (0, 120)).chromaticity, part.chromaticity)
+    assert not np.array_equal(learner.refine(part, part, sites, (0, 120)).chromaticity, part.chromaticity)
+
+
+def test_gamma_only_scales_the_channels() -> None:
+    rgb, pattern, gamma = scene(100, 100), CfaPattern.bayer(6), (0.5, 1.0, 2.0)
+    scaled = np.array(gamma, np.float32)
+    part, sites = measured(rgb, pattern)
+    other = replace(part, chromaticity=part.chromaticity / scaled)
+    seen = replace(sites, samples=sites.samples / scaled[sites.channels])
+    path = model_for(pattern)
+    assert path is not None
+    expected = Learner(path, pattern, (1.0, 1.0, 1.0)).refine(part, part, sites, (0, 100)).chromaticity
+    found = Learner(path, pattern, gamma).refine(other, other, seen, (0, 100)).chromaticity
+    assert_close(found * scaled, expected, 1e-5)
+
+
+def test_it_brings_colour_closer_to_the_scene() -> None:
+    rgb = load_scene("builtin:360x240").rgb
+    mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
+    with_it, without = (float(np.square(render(mosaic, each).rgb - rgb)[15:-15, 15:-15].mean()) for each in (BEST, WITHOUT))
+    assert with_it < 0.9 * without
+
+
+def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "rggb-k6.onnx"
+    path.write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"):
+        Learner(path, CfaPattern.bayer(6), (1.0, 1.0, 1.0))
+
+
+def test_bands_of_a_frame_without_whole_tiles() -> None:
+    """Frames smaller than a tile, a few cells, and just one block."""
+    for shape in ((13, 13), (30, 61), (7, 200)):
+        rgb = scene(*shape) if shape[1] <= 300 else scene(7, 200)
+        mosaic = simulate_additive(rgb, CfaPattern.bayer(6, origin=(2, 3)), GREY, 0.0, np.random.default_rng(0))
+        found = render(mosaic).rgb
+        assert found.shape == rgb.shape
+        assert np.isfinite(found).all()
+        assert np.array_equal(np.concatenate(list(render_bands(mosaic))), found)
+
+
+def test_codes_at_the_limit_stay_finite() -> None:
+    codes = np.full((60, 60), 4095, np.uint16)
+    codes[20:40, 20:40] = 300
+    found = render(Mosaic(codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))).rgb
+    assert np.isfinite(found).all()
