@@ -197,6 +197,12 @@ def model_for(pattern: CfaPattern) -> Path | None:
     return path if path.exists() else None
 
 
+def rows_held(path: Path, period: int) -> int:
+    """About how many rows of a frame are held at a time: those of a tile, of its surroundings, and of a band that has arrived."""
+    side: int = _session(path).get_inputs()[1].shape[-1]
+    return 2 * side * period
+
+
 def network_name(pattern: CfaPattern) -> str | None:
     """The name of the network that corrects colour for a pattern, in the preset BEST; None if there is none for it.
 

@@ -2,6 +2,7 @@
 
 from shared.mosaic import Mosaic
 
+from .learned import model_for, rows_held
 from .refinement import reach
 from .settings import BEST, RenderSettings
 from .tiling import bands
@@ -10,6 +11,9 @@ from .tiling import bands
 _PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, and what replaces them
 _BLOCK = 220.0  # per colour block, while their chromaticities are estimated
 _BAND, _BAND_CHANNEL = 48.0, 28.0  # per pixel of a band (four fields), and per channel of it (the same rows at several stages)
+_SITE = 40.0  # per colour block, kept until the picture is finished: samples and their noise
+_HELD = 9.0  # per pixel of the rows that `finish` holds, and per channel of them: before and after the network
+_NETWORK = 60 * 2**20  # with its runtime and the tiles that are at work
 
 
 def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
@@ -24,7 +28,10 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     """
     (height, width), pattern = mosaic.shape, mosaic.pattern
     period, look = pattern.period, reach(pattern.period, settings.refinement)
-    blocks = _BLOCK * height * width / period**2
+    count = height * width / period**2
     highest = max(band.patches[1] - band.patches[0] for band in bands(pattern.grid(mosaic.shape), look)) * period + 2 * look
     band = (_BAND + _BAND_CHANNEL * len(pattern.channels)) * min(highest, height) * width
-    return round(_PLANES * height * width + max(blocks, band))
+    held = 0.0
+    if settings.learned.used and (network := model_for(pattern)):
+        held = _NETWORK + _HELD * (1 + len(pattern.channels)) * min(rows_held(network, period), height) * width
+    return round(_PLANES * height * width + max(_BLOCK * count, _SITE * count + band + held))

@@ -120,6 +120,7 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
     sites = site_samples(mosaic, samples, luminance, noise, clipping)
+    del samples  # a plane of the frame, before another one is needed
     luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return Measured(luminance, blocks, sites)
 
@@ -151,5 +152,9 @@ def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
         return
     look, step, origin = learner.steps(sites) if learner else (sites.reach, 1, 0)
     for part, rows in windows(parts, mosaic.shape[0], look, step, origin):
+        progress.part("sites")
         corrected = correct_sites(part, sites, gamma, settings.sites)
-        yield (learner.refine(part, corrected, sites, rows) if learner else corrected).rows(*rows)
+        if learner:
+            progress.part("learned")
+            corrected = learner.refine(part, corrected, sites, rows)
+        yield corrected.rows(*rows)
