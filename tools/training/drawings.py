@@ -12,16 +12,22 @@ SIZE = 384
 _FINE = 3  # samples per pixel and axis
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789&%?"
 _MARKS = 90  # on a drawing, on average
+_DOCUMENTS = 0.4  # share of drawings that are mostly black on white
 _LUMINANCE = np.array([1.0, 1.0, 1.0]) / 3  # of equal gamma weights: what "without luminance" means to the sensor
 _DARKEST = 0.004
 
 
 def drawing(random: np.random.Generator) -> FloatArray:
-    """A scene, float32 (SIZE, SIZE, 3), 0 to 1: marks of all kinds on leaves, on a gradient, or on one colour."""
+    """A scene, float32 (SIZE, SIZE, 3), 0 to 1: marks of all kinds on paper, on leaves, on a gradient, or on one colour."""
     from PIL import Image, ImageDraw
 
-    ground = _ground(random)
-    palette = [colour(random) for _ in range(random.integers(2, 9))]
+    if random.random() < _DOCUMENTS:
+        ground = np.broadcast_to(np.float32(random.uniform(0.6, 0.95)), (SIZE, SIZE, 3)).copy()
+        black = np.full(3, random.uniform(0.008, 0.05), np.float32)
+        palette = [black, black, *(colour(random) for _ in range(random.integers(1, 4)))]
+    else:
+        ground = _ground(random)
+        palette = [colour(random) for _ in range(random.integers(2, 9))]
     planes = []
     marks = [_mark(random) for _ in range(random.poisson(_MARKS))]
     inks = [_ink(random, palette, ground) for _ in marks]

@@ -10,11 +10,14 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 from torch.nn import functional
 
-from .network import BASIS, BLOCKS, HALO, Network, features, inner
+from .network import BASIS, BLOCKS, HALO, Network, features, in_basis, inner
 
 TILE = 32
 """Cells per side of a tile. Smaller tiles compute more of their surroundings; larger ones leave the processor's cache."""
 _OPSET = 18
+_MARGIN, _LEAST_MARGIN, _DIM = 0.25, 0.01, 0.2
+"""How far chromaticity may go beyond that of its surroundings, in units of their range, and at least; and the share of mean luminance
+below which a pixel's own chromaticity tells little."""
 _HALF = 1024
 """Constants of more than so many values are weights, and are stored with 16 bits."""
 
@@ -29,10 +32,29 @@ class Corrector(nn.Module):  # type: ignore[misc]
 
     def forward(self, picture: Any, error: Any, variance: Any) -> Any:
         """The three components of the correction add up to zero: luminance stays."""
-        inputs, bound, _ = features(self.network.period, picture, error, variance)
+        inputs, bound, colour = features(self.network.period, picture, error, variance)
         found = self.network(inputs) * inner(bound, BLOCKS + 1)
+        found = within_surroundings(found, picture, self.network.period)
         found = functional.pixel_shuffle(found, self.network.period)
         return (found[:, :, None] * self.basis[None, :, :, None, None]).sum(dim=1)
+
+
+def within_surroundings(correction: Any, picture: Any, period: int) -> Any:
+    """`correction`, (N, 2 K^2, h, w), so that no chromaticity leaves the range of those in the 3 x 3 cells around by much."""
+    light = inner(functional.pixel_unshuffle(picture.mean(dim=1, keepdim=True), period), HALO - 1)
+    colour = inner(in_basis(picture, period), HALO - 1)
+    pixels = period**2
+    safe = torch.maximum(light, _DIM * light.mean(dim=1, keepdim=True)).clamp_min(1e-5)
+    light, here = inner(light), inner(colour)
+    limited = []
+    for part in (slice(0, pixels), slice(pixels, 2 * pixels)):
+        tint = colour[:, part] / safe
+        high = functional.max_pool2d(tint.amax(dim=1, keepdim=True), 3, 1)
+        low = -functional.max_pool2d((-tint).amax(dim=1, keepdim=True), 3, 1)
+        margin = _MARGIN * (high - low) + _LEAST_MARGIN
+        least, most = (low - margin) * inner(safe) - here[:, part], (high + margin) * inner(safe) - here[:, part]
+        limited.append(torch.minimum(torch.maximum(correction[:, part], torch.clamp_max(least, 0)), torch.clamp_min(most, 0)))
+    return torch.cat(limited, 1)
 
 
 def save_graph(network: Network, path: Path, facts: dict[str, str]) -> None:

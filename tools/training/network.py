@@ -25,7 +25,7 @@ LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 1.5, 8.0, 1e-8
 off that; bound of the inputs; least squared activity, scene units squared."""
 
 
-HUE, DARK = 0.06, 0.006
+HUE, DARK = 0.06, 0.002
 """A hue is wrong if colour is off by more than this share of luminance (mean of the channels), and this many scene units."""
 
 
