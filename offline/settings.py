@@ -46,13 +46,17 @@ class HighlightSettings:
 
     restored: take luminance there from the colour samples.
     shoulder: the uppermost fraction of the colour samples' own range, in which they gradually count as clipped, 0 to 1.
+    agreement: how far the samples of a block next to clipped ones may differ from luminance, relative to it, before the block takes
+        the colour of its neighbours, > 0.
     """
 
     restored: bool = False
     shoulder: float = 0.05
+    agreement: float = 0.2
 
     def __post_init__(self) -> None:
         _require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
+        _require(self.agreement > 0, "highlights.agreement", self.agreement, "more than 0")
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ class SiteSamples:
     places: for each site its channel, and slices of the frame's rows and columns.
     samples: scene units, defects mended and highlights restored; 0 in every block that is not trusted.
     variance: variance of their noise, scene units squared; None = there is no noise, or it is unknown.
-    trusted: bool (rows, columns), blocks without a sample at the sensor's limit.
+    trusted: bool (rows, columns), blocks without a sample at the sensor's limit in them or next to them.
     doubt: standard deviation of the error of filled luminance, float32 (rows, columns), scene units.
     """
 
@@ -111,15 +111,26 @@ def site_samples(mosaic: Mosaic, samples: Mosaic, luminance: FloatArray, noise: 
     grid, signal = mosaic.pattern.grid(mosaic.shape), samples.signal
     places = block_sites(mosaic.pattern, grid)
     values = gathered(signal, places)
-    trusted = np.ones(values.shape[:2], np.bool_)
-    if np.isfinite(clipping):
-        trusted[:] = (gathered(mosaic.signal, places) < clipping).all(axis=2)
+    trusted = unclipped_blocks(mosaic.signal, grid, clipping)
     variance = None
     if noise is not None and any(noise.shot[:-1] + noise.read[:-1]):
         channels = [channel for channel, *_ in places]
         shot, read = (np.array(part, np.float32)[channels] for part in (noise.shot, noise.read))
         variance = shot * values.clip(0) + read**2
     return SiteSamples(mosaic.pattern, grid, places, values, variance, trusted, doubt_of(luminance, places, grid))
+
+
+def unclipped_blocks(signal: FloatArray, grid: BlockGrid, clipping: float) -> BoolArray:
+    """The whole blocks that have no sample of `clipping` or more in themselves or next to them, bool (rows, columns)."""
+    trusted = np.ones((len(grid.whole_rows), len(grid.whole_columns)), np.bool_)
+    if not signal.max() >= clipping:
+        return trusted
+    limits = [size - 1 for size in signal.shape]
+    for down in range(-1, grid.block_shape[0] + 1):
+        rows = (grid.whole_rows + down).clip(0, limits[0])
+        for right in range(-1, grid.block_shape[1] + 1):
+            trusted &= signal[np.ix_(rows, (grid.whole_columns + right).clip(0, limits[1]))] < clipping
+    return trusted
 
 
 def gathered(plane: FloatArray, places: list[tuple[int, slice, slice]]) -> FloatArray:

@@ -1,9 +1,9 @@
 """Measure low light: python -m tests.benchmarks.low_light SCENE... [--sigma 0 0.01 0.03] [--rivals DIR]
 
 For each scene, noise and method: 10 % and 25 % quantile and median of the PSNR of all 10 x 10 patches, PSNR of the whole picture
-(dB), and the share of pixels of a wrong hue (%). The methods are `paper`, `best`, and Bayer + BM3D on its planes + Menon 2007. Their
-luminance alone, too: `best`, and BM3D on the panchromatic plane whose holes the paper's method has filled. The rivals need the
-packages `bm3d` and `colour-demosaicing`; they are slow, so that --rivals DIR keeps their figures.
+(dB), and the share of pixels of a wrong hue (%). The methods are `paper`, `best`, and Bayer + BM3D on its planes + Menon 2007.
+Their luminance alone, too: `best`, and BM3D on the panchromatic plane whose holes the paper's method has filled. The rivals need
+the packages `bm3d` and `colour-demosaicing`; they are slow, so that --rivals DIR keeps their figures.
 """
 
 import argparse

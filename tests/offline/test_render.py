@@ -210,7 +210,7 @@ BLIND = -0.05
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
-    "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
+    "highlights": {"restored": (False, None), "shoulder": (0.9, None), "agreement": (0.01, None)},
     "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
     "denoising": {
         "strength": (0.5, 0.02),
@@ -250,6 +250,7 @@ def damaged_shot(sigma: float | None) -> Mosaic:
     noise = np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
     mosaic = observe(scene, pattern, gamma_of(pattern), sigma, noise)
     signal = np.minimum(mosaic.signal, mosaic.calibration.full_scale)
+    signal[21:26, 38] *= 0.05  # a stroke among clipped samples, which ends in a block
     signal[20, 8] = signal[31, 12] = signal[33, 7] = mosaic.calibration.full_scale
     signal[8, 9:12] = 0
     calibration = replace(mosaic.calibration, defects=((8, 9), (8, 10), (8, 11)))
@@ -315,6 +316,8 @@ NEUTRAL: dict[str, Callable[..., Any]] = {
     "denoise_luminance": lambda filled, *_: filled,
     "estimate_chromaticities": grey_blocks,
     "pool_blocks": lambda measured, *_: measured,
+    "trust_in_blocks": lambda *_: None,
+    "without_made_up_colour": lambda blocks, *_: blocks,
     "solve_affinities": even_affinities,
     "propagate": mean_block,
     "noise_level": lambda *_: 0.0,
@@ -333,7 +336,7 @@ def test_every_stage_of_the_page_has_a_neutral_one() -> None:
 
 
 # In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
-DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights", "trust_in_blocks", "without_made_up_colour"}
 LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for"}
 IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
 

@@ -15,9 +15,9 @@ from .network import BASIS, BLOCKS, HALO, Network, features, in_basis, inner
 TILE = 32
 """Cells per side of a tile. Smaller tiles compute more of their surroundings; larger ones leave the processor's cache."""
 _OPSET = 18
-_MARGIN, _LEAST_MARGIN, _DIM = 0.25, 0.01, 0.2
-"""How far chromaticity may go beyond that of its surroundings, in units of their range, and at least; and the share of mean luminance
-below which a pixel's own chromaticity tells little."""
+_MARGIN, _LEAST_MARGIN, _DIM = -0.15, 0.0, 0.2
+"""How far chromaticity may go beyond that of its surroundings, in units of their range (negative: less far), and at least; and the
+share of mean luminance below which a pixel's own chromaticity tells little."""
 _HALF = 1024
 """Constants of more than so many values are weights, and are stored with 16 bits."""
 
