@@ -32,7 +32,7 @@ class Corrector(nn.Module):  # type: ignore[misc]
 
     def forward(self, picture: Any, error: Any, variance: Any) -> Any:
         """The three components of the correction add up to zero: luminance stays."""
-        inputs, bound, colour = features(self.network.period, picture, error, variance)
+        inputs, bound, _ = features(self.network.period, picture, error, variance)
         found = self.network(inputs) * inner(bound, BLOCKS + 1)
         found = within_surroundings(found, picture, self.network.period)
         found = functional.pixel_shuffle(found, self.network.period)

@@ -1,6 +1,7 @@
 """`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see test_render."""
 
 import json
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ def test_machines_get_every_fact(tmp_path: Path) -> None:
     assert (facts["width"], facts["height"], facts["bits"]) == (53, 37, 12)
     assert facts["pattern"]["letters"] == list(shot.pattern.letters_from())
     assert facts["pattern"]["channels"] == "RGB"
+    assert facts["learned"] == "rggb-k6"
     assert facts["pattern"]["light_efficiency"] == pytest.approx(100 / 36, abs=1e-3)
     assert SensorCalibration.from_json(facts["calibration"]) == shot.calibration
     assert facts["calibration_id"] == shot.calibration.id
@@ -68,6 +70,7 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
     shown = rows(outcome.out)
     assert shown["size"] == "53 x 37 pixels, 12 bits; samples match their digest"
     assert shown["pattern"] == "period 6, 2.78 times the light of a Bayer sensor"
+    assert shown["network"] == "rggb-k6"
     assert "R G W W W W" in outcome.out
     assert shown["levels"] == "black 256 257 258 259, white 3839"
     assert shown["gamma"] == "0.7 0.91 1.12  (RGB)"
@@ -207,3 +210,10 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
     ]
     (tmp_path / "empty").mkdir()
     assert run("inspect", "--verify", tmp_path / "empty").errors == [f"panchroma: {tmp_path}/empty: no DNG in this folder or below"]
+
+
+def test_a_pattern_without_a_network_says_so(tmp_path: Path) -> None:
+    plain = mosaic()
+    path = save(tmp_path / "shot.dng", replace(plain, pattern=CfaPattern.bayer(5)))
+    assert rows(run("inspect", path).out)["network"] == "none for this pattern: rendered without learned colour"
+    assert run("inspect", path, "--json").records[0]["learned"] is None

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from offline import PAPER, render, render_bands
+from offline import BEST, PAPER, render, render_bands
 from offline.settings import RenderSettings
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray, FloatArray
@@ -191,9 +192,31 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
     solvers = record.pop("solvers")
     assert list(solvers) == ["luminance", "medians", "affinity"]
     assert all(0 < each["iterations"] <= 100 and 0 <= each["residual"] < 1e-2 for each in solvers.values())
-    assert record == {"source": str(shot), "ok": True, "output": str(out / f"{STEM}.tif"), "width": 48, "height": 36}
+    assert record == {
+        "source": str(shot),
+        "ok": True,
+        "output": str(out / f"{STEM}.tif"),
+        "width": 48,
+        "height": 36,
+        "learned": "rggb-k6",
+    }
     assert f"{STEM}.tif: 48 x 36" in outcome.err
     assert ": luminance " in outcome.err
+
+
+def test_the_network_can_be_left_out(out: Path, shot: Path) -> None:
+    learned, plain, paper = (
+        run("render", shot, "-o", out, "--json", "--overwrite", *options).records[0]["learned"]
+        for options in ((), ("--no-learned",), ("--preset", "paper"))
+    )
+    assert (learned, plain, paper) == ("rggb-k6", None, None)
+    pictures = []
+    for options in ((), ("--no-learned",)):
+        assert run("render", shot, "-o", out, "--overwrite", *MEASURED[2:], *options).code == 0
+        pictures.append(tifffile.imread(out / f"{STEM}.tif"))
+    mosaic, without = read_dng(shot), replace(BEST, learned=PAPER.learned)
+    assert np.array_equal(pictures[0], render(mosaic).rgb)
+    assert np.array_equal(pictures[1], render(mosaic, without).rgb)
 
 
 def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
