@@ -24,7 +24,7 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.zeros((600, 900), np.uint16), CfaPattern.bayer(6), SensorCalibration())
     >>> f"{rendering_memory(mosaic) / 2**20:.0f} MB"
-    '32 MB'
+    '109 MB'
     """
     (height, width), pattern = mosaic.shape, mosaic.pattern
     period, look = pattern.period, reach(pattern.period, settings.refinement)

@@ -10,7 +10,7 @@ import pytest
 from offline import BEST, PAPER, render, render_bands
 from offline import tiling as product
 from offline.settings import RefinementSettings, RenderSettings
-from offline.tiling import bands, domain_places
+from offline.tiling import Part, bands, domain_places, windows
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
@@ -112,3 +112,28 @@ def test_the_domain_is_the_frame_mirrored_twice() -> None:
     assert columns.tolist() == [geometry.mirrored(left + place, 13) for place in range(18)]
     wider = domain_places(grid, 4)[0]
     assert wider.tolist() == [rows[geometry.mirrored(place, 12)] for place in range(-4, 16)]
+
+
+@pytest.mark.parametrize("step", [1, 7, 24])
+@pytest.mark.parametrize("reach", [0, 5, 30])
+def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int) -> None:
+    height, random = 100, np.random.default_rng(step)
+    light = random.random((height, 3), np.float32)
+    colour = random.random((height, 3, 2), np.float32)
+    cuts = [0, 9, 10, 43, 60, 97, height]
+    parts = (Part(first, light[first:end], colour[first:end]) for first, end in pairwise(cuts))
+    done = 0
+    for part, (first, end) in windows(parts, height, reach, step, -3):
+        assert first == done
+        assert end == height or (end + 3) % step == 0
+        assert part.first <= max(first - reach, 0)
+        assert part.end >= min(end + reach, height)
+        assert np.array_equal(part.luminance, light[part.first : part.end])
+        assert np.array_equal(part.rows(first, end).chromaticity, colour[first:end])
+        done = end
+    assert done == height
+
+
+def test_windows_keep_no_more_than_they_need() -> None:
+    parts = (Part(first, np.zeros((10, 4), np.float32), np.zeros((10, 4, 3), np.float32)) for first in range(0, 1000, 10))
+    assert max(len(part.luminance) for part, _ in windows(parts, 1000, 12, 16, 0)) <= 2 * 12 + 2 * 16 + 10
