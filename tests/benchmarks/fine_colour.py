@@ -1,8 +1,8 @@
 """Draw fine colour before and after: python -m tests.benchmarks.fine_colour [-o PICTURE.png]
 
-Crops of the built-in scene, which has coloured print, isoluminant edges and small leaves. From left to right: the truth; `best` without
-anything that it does for fine colour; with what the samples at the colour sites say; with the network as well. One block of rows
-each: without noise, sigma 0.01, sigma 0.03, and over-exposed by a stop.
+Crops of the built-in scene, which has coloured print, edges without luminance, and small leaves. From left to right: the truth;
+`best` without anything that it does for fine colour; with what the samples at the colour sites say; with the network as well. One
+block of rows each: without noise, sigma 0.01, sigma 0.03, and over-exposed by a stop.
 """
 
 import argparse

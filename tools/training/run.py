@@ -130,6 +130,8 @@ def _descend(
         network.load_state_dict(state["network"])
         optimiser.load_state_dict(state["optimiser"])
         done, history = state["steps"], state["history"]
+    if done == plan.steps:
+        return network.to("cpu"), history
     progress.stage("reading", len(learned) + len(kept_back))
     examples, judges = ([_read(path, progress) for path in paths] for paths in (learned, kept_back))
     judged = [_batch(judges, plan, (plan.seed, 1, number), device) for number in range(_JUDGED)]
