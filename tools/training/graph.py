@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from .network import BASIS, BLOCKS, HALO, Network, features, in_basis, inner
 
-TILE = 32
+TILE = 48
 """Cells per side of a tile. Smaller tiles compute more of their surroundings; larger ones leave the processor's cache."""
 _OPSET = 18
 _MARGIN, _LEAST_MARGIN, _DIM = -0.15, 0.0, 0.2
