@@ -10,12 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, strips
+from shared.arrays import BoolArray, DoubleArray, strips
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
 from .blocks import gather
-from .gaussian import smoothed
 from .kernels.highlights import interpolate, raise_clipped
 from .settings import HighlightSettings
 
@@ -24,8 +23,6 @@ _REACH = 3  # standard deviations
 _BRIGHT = 0.6  # fraction of the limit: blocks with darker samples around them belong to another surface
 _TOLERANCE = 0.4  # fraction of the limit: samples that differ more than this from the blocks' prediction do not count
 _RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation needs two
-_AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity
-_DARK = 1e-9  # what divisions by luminance or trust are kept from
 _FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour
 
 
@@ -72,42 +69,6 @@ def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSetti
     progress.advance()
     result.flags.writeable = False
     return replace(mosaic, samples=result)
-
-
-def trust_in_blocks(mosaic: Mosaic, clipping: float, settings: HighlightSettings) -> DoubleArray | None:
-    """How far each whole block vouches for its colour, 0 to 1, float64 (rows, columns); None if nothing is clipped.
-
-    Next to clipped samples nobody knows how luminance runs under a block. If an edge runs there, its samples show different
-    surfaces, and their ratio is no chromaticity. Then they do not add up to the luminance around them (Eq. 7). Blocks that do add
-    up vouch for their colour, however saturated.
-
-    mosaic: free of defects, highlights not restored.
-    """
-    if not settings.restored or not mosaic.signal.max() >= clipping:
-        return None
-    found, gamma = gather(mosaic, mosaic.signal), mosaic.calibration.gamma
-    total = sum(weight * found.samples[..., found.channels == channel].mean(axis=2) for channel, weight in enumerate(gamma))
-    light = found.light.mean(axis=2)
-    # Clipped surroundings read too little: only where all of them are clipped may the block exceed them.
-    apart = np.where(found.lowest >= clipping, np.maximum(light - total, 0), np.abs(light - total))
-    apart *= found.highest >= clipping
-    trust: DoubleArray = 1 / (1 + (apart / (settings.agreement * np.maximum(light, _DARK))) ** 4)
-    return trust
-
-
-def without_made_up_colour(blocks: FloatArray, trust: DoubleArray | None, mosaic: Mosaic) -> FloatArray:
-    """Chromaticities of all blocks, (block rows, block columns, C), those without trust replaced by their neighbours'.
-
-    blocks: as the result. trust: what `trust_in_blocks` returns; with None, the result is `blocks` itself.
-    """
-    if trust is None:
-        return blocks
-    grid, gamma = mosaic.pattern.grid(mosaic.shape), np.array(mosaic.calibration.gamma)
-    whole = blocks[grid.inside].reshape(*trust.shape, -1).astype(np.float64)
-    weight, *sums = smoothed(np.stack([trust, *(trust * plane for plane in np.moveaxis(whole, 2, 0))]), _AROUND)
-    around = np.stack(sums, axis=2) / np.maximum(weight, _DARK)[..., None]
-    around /= (around @ gamma)[..., None]
-    return grid.extend((around + trust[..., None] * (whole - around)).astype(np.float32))
 
 
 def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:

@@ -18,7 +18,7 @@ from .affinity import solve_affinities
 from .chromaticity import estimate_chromaticities
 from .defects import mend_defects
 from .denoising import denoise_luminance
-from .highlights import clipping_level, restore_highlights, trust_in_blocks, without_made_up_colour
+from .highlights import clipping_level, restore_highlights
 from .learned import learner_for
 from .luminance import recover_luminance
 from .noise import noise_of
@@ -29,6 +29,7 @@ from .settings import BEST, RenderSettings
 from .sites import SiteSamples, correct_sites, settle_luminance, site_samples
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
+from .trust import trust_in_blocks, with_trusted_colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +115,13 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
-    trust = trust_in_blocks(samples, clipping, settings.highlights)
+    trust = trust_in_blocks(samples, clipping, noise, settings.sites)
     samples = restore_highlights(samples, clipping, settings.highlights, progress)
     luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
-    blocks = without_made_up_colour(blocks, trust, mosaic)
+    blocks = with_trusted_colour(blocks, trust, mosaic)
     sites = site_samples(mosaic, samples, luminance, noise, clipping)
     del samples  # a plane of the frame, before another one is needed
     luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)

@@ -46,17 +46,13 @@ class HighlightSettings:
 
     restored: take luminance there from the colour samples.
     shoulder: the uppermost fraction of the colour samples' own range, in which they gradually count as clipped, 0 to 1.
-    agreement: how far the samples of a block next to clipped ones may differ from luminance, relative to it, before the block takes
-        the colour of its neighbours, > 0.
     """
 
     restored: bool = False
     shoulder: float = 0.05
-    agreement: float = 0.2
 
     def __post_init__(self) -> None:
         _require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
-        _require(self.agreement > 0, "highlights.agreement", self.agreement, "more than 0")
 
 
 @dataclass(frozen=True)
@@ -231,17 +227,22 @@ class RefinementSettings:
 
 @dataclass(frozen=True)
 class SiteSettings:
-    """Errors at the colour sites, where samples say what is missed (see `sites`); the paper has none of it.
+    """Errors at the colour sites, where samples say what is missed (see `sites` and `trust`); the paper has none of it.
 
-    corrected: correct luminance once chromaticity is known, and every channel once the picture is.
+    corrected: correct luminance once chromaticity is known, and every channel once the picture is; trust no block whose samples do
+        not add up to luminance.
     deviations: multiple of the noise variance that is taken off the power of errors, 0 or more.
+    agreement: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
+        its neighbours, > 0.
     """
 
     corrected: bool = False
     deviations: float = 2.0
+    agreement: float = 0.4
 
     def __post_init__(self) -> None:
         _require(self.deviations >= 0, "sites.deviations", self.deviations, "0 or more")
+        _require(self.agreement > 0, "sites.agreement", self.agreement, "more than 0")
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ PLAIN = replace(
     SITES,
     chromaticity=replace(BEST.chromaticity, mismatch=0.0),
     sites=PAPER.sites,
-    highlights=replace(BEST.highlights, agreement=1e9),
 )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.highlights import clipping_level, replace_dark, restore_highlights, trust_in_blocks, unclipped, without_made_up_colour
+from offline.highlights import clipping_level, replace_dark, restore_highlights, unclipped
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_sensor
@@ -134,35 +134,3 @@ def test_without_a_known_neutral_white_is_equal_readings() -> None:
     mosaic = exposed(lamp(12.0, (1.0, 1.0, 1.0)), None)
     same = replace(mosaic, calibration=replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0)))
     assert np.array_equal(render(mosaic, BEST).rgb, render(same, BEST).rgb)
-
-
-def test_a_block_across_an_edge_beside_clipped_samples_is_not_trusted() -> None:
-    """White paper, clipped, with black strokes that end at the red sites of some blocks: they look cyan, and are not."""
-    scene = np.broadcast_to(np.array(NEUTRAL) * 2.2, (60, 60, 3)).astype(np.float32)
-    scene[28:31, 30::6] = 0.02  # blocks begin at multiples of six
-    mosaic = exposed(scene)
-    trust = trust_in_blocks(mosaic, clipping_level(mosaic), BEST.highlights)
-    assert trust is not None
-    assert trust[5, 5:].max() < 0.3
-    assert np.delete(trust, 5, axis=0).min() > 0.9
-    blocks = np.broadcast_to(np.array(NEUTRAL) / sum(NEUTRAL), (*mosaic.pattern.grid(mosaic.shape).shape, 3)).astype(np.float32)
-    row = int(np.flatnonzero(mosaic.pattern.grid(mosaic.shape).rows == 30)[0])
-    tinted = blocks.copy()
-    tinted[row, 6:] = (0.05, 0.55, 0.4)
-    assert np.abs(without_made_up_colour(tinted, trust, mosaic) - blocks).max() < 0.3 * np.abs(tinted - blocks).max()
-
-
-def test_a_saturated_light_vouches_for_its_colour() -> None:
-    colour = np.array([0.9, 0.7, 0.4])
-    mosaic = exposed(np.broadcast_to(colour * 2.4, (48, 48, 3)).astype(np.float32))
-    assert mosaic.signal.max() >= clipping_level(mosaic)
-    trust = trust_in_blocks(mosaic, clipping_level(mosaic), BEST.highlights)
-    assert trust is not None
-    assert trust.min() > 0.99
-
-
-def test_without_clipping_every_block_keeps_its_own_colour() -> None:
-    mosaic = exposed(np.full((30, 36, 3), 0.3, np.float32))
-    assert trust_in_blocks(mosaic, clipping_level(mosaic), BEST.highlights) is None
-    blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, 3), 1 / 3, np.float32)
-    assert without_made_up_colour(blocks, None, mosaic) is blocks

@@ -210,7 +210,7 @@ BLIND = -0.05
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
-    "highlights": {"restored": (False, None), "shoulder": (0.9, None), "agreement": (0.01, None)},
+    "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
     "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
     "denoising": {
         "strength": (0.5, 0.02),
@@ -225,7 +225,7 @@ MOVED: dict[str, dict[str, Change]] = {
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
-    "sites": {"corrected": (False, None), "deviations": (20.0, 0.02)},
+    "sites": {"corrected": (False, None), "deviations": (20.0, 0.02), "agreement": (0.05, None)},
     "learned": {"used": (False, None)},
 }
 # What is switched off in a preset, but for the setting that switches it on.
@@ -317,7 +317,7 @@ NEUTRAL: dict[str, Callable[..., Any]] = {
     "estimate_chromaticities": grey_blocks,
     "pool_blocks": lambda measured, *_: measured,
     "trust_in_blocks": lambda *_: None,
-    "without_made_up_colour": lambda blocks, *_: blocks,
+    "with_trusted_colour": lambda blocks, *_: blocks,
     "solve_affinities": even_affinities,
     "propagate": mean_block,
     "noise_level": lambda *_: 0.0,
@@ -336,8 +336,8 @@ def test_every_stage_of_the_page_has_a_neutral_one() -> None:
 
 
 # In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
-DAMAGED = {"clipping_level", "mend_defects", "restore_highlights", "trust_in_blocks", "without_made_up_colour"}
-LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for"}
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
+LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for", "trust_in_blocks", "with_trusted_colour"}
 IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
 
 

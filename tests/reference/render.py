@@ -8,7 +8,7 @@ import numpy as np
 from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
-from tests.reference import affinity, chromaticity, denoising, pooling, propagation, refinement, sites
+from tests.reference import affinity, chromaticity, denoising, pooling, propagation, refinement, sites, trust
 from tests.reference import luminance as wavelets
 from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
 
@@ -63,6 +63,9 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.doubt)
         coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
+    if settings.sites.corrected:
+        trusted = trust.trust_in_blocks(signal, pattern, gamma, noise, settings.sites.agreement)
+        coarse = trust.with_trusted_colour(coarse, trusted, gamma)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     variance = sites.noise_of(signal, pattern, noise)

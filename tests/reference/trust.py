@@ -1,0 +1,50 @@
+"""Which blocks vouch for their colour, block by block. Nothing is clipped here."""
+
+from itertools import product
+
+import numpy as np
+
+from offline import trust as constants
+from shared import CfaPattern, NoiseModel
+from shared.arrays import DoubleArray
+from tests.reference.gaussian import blur
+from tests.reference.geometry import block, letter
+from tests.reference.sites import whole_blocks
+
+
+def trust_in_blocks(
+    signal: DoubleArray, pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel | None, agreement: float
+) -> DoubleArray:
+    """0 to 1 for each whole block, (rows, columns)."""
+    found = block(pattern)
+    totals, lights = [], []
+    for row in whole_blocks(pattern, (signal.shape[0], signal.shape[1])):
+        for sites in row:
+            top, left = min(y for y, _, _ in sites), min(x for _, x, _ in sites)
+            ring = [
+                (y, x)
+                for y, x in product(range(top - 1, top + found.height + 1), range(left - 1, left + found.width + 1))
+                if 0 <= y < signal.shape[0] and 0 <= x < signal.shape[1] and letter(pattern, y, x) == "W"
+            ]
+            means = []
+            for y, x, _ in sites:
+                weights = [1 / ((y - down) ** 2 + (x - right) ** 2) for down, right in ring]
+                means.append(float(np.average([signal[place] for place in ring], weights=weights)) if ring else 0.0)
+            lights.append(float(np.mean(means)))
+            values = {name: [signal[y, x] for y, x, each in sites if each == name] for name in pattern.channels}
+            totals.append(sum(weight * float(np.mean(values[name])) for weight, name in zip(gamma, pattern.channels, strict=True)))
+    total, light = np.array(totals), np.array(lights)
+    unsure = noise.sigma(float(np.median(total))) if noise else 0.0
+    width = agreement * np.maximum(light, 1e-9) + constants._NOISE * unsure
+    rows = len(whole_blocks(pattern, (signal.shape[0], signal.shape[1])))
+    found: DoubleArray = (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
+    return found
+
+
+def with_trusted_colour(coarse: DoubleArray, trust: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
+    """Chromaticities of the whole blocks, (rows, columns, C): without trust, the trusted mean around takes their place."""
+    weight = np.maximum(blur(trust, constants._AROUND), 1e-9)
+    around = np.stack([blur(trust * plane, constants._AROUND) / weight for plane in np.moveaxis(coarse, 2, 0)], axis=2)
+    around /= (around @ np.array(gamma))[..., None]
+    result: DoubleArray = trust[..., None] * coarse + (1 - trust[..., None]) * around
+    return result
