@@ -37,8 +37,8 @@ def trust_in_blocks(
     unsure = noise.sigma(float(np.median(total))) if noise else 0.0
     width = agreement * np.maximum(light, 1e-9) + constants._NOISE * unsure
     rows = len(whole_blocks(pattern, (signal.shape[0], signal.shape[1])))
-    found: DoubleArray = (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
-    return found
+    trust: DoubleArray = (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
+    return trust
 
 
 def with_trusted_colour(coarse: DoubleArray, trust: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:

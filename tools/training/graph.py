@@ -15,6 +15,8 @@ from .network import BASIS, BLOCKS, HALO, Network, features, in_basis, inner
 TILE = 48
 """Cells per side of a tile. Smaller tiles compute more of their surroundings; larger ones leave the processor's cache."""
 _OPSET = 18
+_GATE = 1.8
+"""As `NOISE` in training, and a little stricter: where noise is mistaken for colour once in a hundred cells, it can be seen."""
 _MARGIN, _LEAST_MARGIN, _DIM = -0.15, 0.0, 0.2
 """How far chromaticity may go beyond that of its surroundings, in units of their range (negative: less far), and at least; and the
 share of mean luminance below which a pixel's own chromaticity tells little."""
@@ -32,7 +34,7 @@ class Corrector(nn.Module):  # type: ignore[misc]
 
     def forward(self, picture: Any, error: Any, variance: Any) -> Any:
         """The three components of the correction add up to zero: luminance stays."""
-        inputs, bound, _ = features(self.network.period, picture, error, variance)
+        inputs, bound, _ = features(self.network.period, picture, error, variance, _GATE)
         found = self.network(inputs) * inner(bound, BLOCKS + 1)
         found = within_surroundings(found, picture, self.network.period)
         found = functional.pixel_shuffle(found, self.network.period)

@@ -54,10 +54,11 @@ class Network(nn.Module):  # type: ignore[misc]
         return self.leave(functional.relu(found))
 
 
-def features(period: int, picture: Any, error: Any, variance: Any) -> tuple[Any, Any, Any]:
+def features(period: int, picture: Any, error: Any, variance: Any, gate: float = NOISE) -> tuple[Any, Any, Any]:
     """(inputs of the network, bounded activity, colour in `BASIS`), two cells less on each side, from `offline.learned.Inputs`.
 
     picture: (N, 3, h K, w K). error: (N, 4, h, w). variance: (N, 1, h, w).
+    gate: multiple of the noise variance that is taken off the contrast of colour.
     """
     pixels = period**2
     light = functional.pixel_unshuffle(picture.mean(dim=1, keepdim=True), period)
@@ -78,7 +79,7 @@ def features(period: int, picture: Any, error: Any, variance: Any) -> tuple[Any,
         inner(each) for each in (plain, odd, colour, error, variance, noise, positive, *tints)
     )
     scale = torch.sqrt(evidence + LUMINANCE * contrast + LEAST)
-    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - NOISE * noise) + 1e-20))
+    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - gate * noise) + 1e-20))
     inputs = torch.cat(
         [
             plain / scale,
