@@ -11,7 +11,7 @@ from tools.host.versions import package_version
 from .camera_preview import render_preview
 from .cameras import CameraPair, Denoise
 from .code_digest import digest
-from .presets import PRESETS, render_preset
+from .presets import PRESETS, UNLEARNED, render_preset
 from .rivals.bilinear import demosaic_bilinear
 from .rivals.denoising import denoise_bayer
 from .rivals.dlmmse import demosaic_dlmmse
@@ -84,7 +84,7 @@ class Method:
 @cache
 def methods() -> dict[str, Method]:
     """All methods by name, ours first."""
-    paper, best, unlearned = (partial(render_preset, PRESETS[name]) for name in ("paper", "best", "unlearned"))
+    paper, best, unlearned = (partial(render_preset, each) for each in (PRESETS["paper"], PRESETS["best"], UNLEARNED))
     render_code = "tools/evaluation/presets.py", "offline"
     preview_code = "tools/evaluation/camera_preview.py", "device"
     ours = [

@@ -6,7 +6,8 @@ from offline import BEST, PAPER, RenderSettings, render
 from shared import Mosaic
 from shared.arrays import FloatArray
 
-PRESETS = {"paper": PAPER, "best": BEST, "unlearned": replace(BEST, learned=PAPER.learned)}
+PRESETS = {"paper": PAPER, "best": BEST}
+UNLEARNED = replace(BEST, learned=PAPER.learned)
 
 
 def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:

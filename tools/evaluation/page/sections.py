@@ -13,7 +13,7 @@ from ..protocol import ORDER, fraction
 from ..verdict import capital, heading, periods
 from .plots import Quartiles, Series, legend, line_plot
 
-_OURS = ("--ours", "--ours-2", "--ours-3")
+_OURS = ("--ours", "--ours-2", "--ours-3", "--ours-4")
 _RIVALS, _LEVELS = 9, 6  # colours of the style sheet
 
 
