@@ -26,7 +26,7 @@ from .pooling import pool_blocks
 from .propagation import propagate
 from .refinement import noise_level, reach, refine
 from .settings import BEST, RenderSettings
-from .sites import SiteSamples, correct_sites, settle_luminance, site_samples
+from .sites import SiteSamples, correct_sites, settle_luminance, site_samples, unclipped_blocks
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
 from .trust import trust_in_blocks, with_trusted_colour
@@ -115,14 +115,14 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
-    trust = trust_in_blocks(samples, clipping, noise, settings.sites)
+    trust, unclipped = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
     samples = restore_highlights(samples, clipping, settings.highlights, progress)
     luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
     blocks = with_trusted_colour(blocks, trust, mosaic)
-    sites = site_samples(mosaic, samples, luminance, noise, clipping)
+    sites = site_samples(samples, unclipped, luminance, noise)
     del samples  # a plane of the frame, before another one is needed
     luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return Measured(luminance, blocks, sites)

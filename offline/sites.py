@@ -47,7 +47,7 @@ class SiteSamples:
 
     pattern: the filter pattern. grid: its blocks in the frame.
     places: for each site its channel, and slices of the frame's rows and columns.
-    samples: scene units, defects mended and highlights restored; 0 in every block that is not trusted.
+    samples: scene units, defects mended and highlights restored.
     variance: variance of their noise, scene units squared; None = there is no noise, or it is unknown.
     trusted: bool (rows, columns), blocks without a sample at the sensor's limit in them or next to them.
     doubt: standard deviation of the error of filled luminance, float32 (rows, columns), scene units.
@@ -101,17 +101,17 @@ class SiteSamples:
         return self.variance[rows] * gamma[self.channels] ** 2
 
 
-def site_samples(mosaic: Mosaic, samples: Mosaic, luminance: FloatArray, noise: NoiseModel | None, clipping: float) -> SiteSamples:
+def site_samples(mosaic: Mosaic, trusted: BoolArray, luminance: FloatArray, noise: NoiseModel | None) -> SiteSamples:
     """The samples of all whole blocks.
 
-    mosaic: as measured. samples: the same, in scene units, mended and restored. luminance: (H, W), filled in.
+    mosaic: in scene units, defects mended and highlights restored.
+    trusted: what `unclipped_blocks` returned before highlights were restored.
+    luminance: (H, W), filled in, scene units.
     noise: noise of the mosaic; None = unknown, treated as none.
-    clipping: scene units from which on a sample is at the sensor's limit.
     """
-    grid, signal = mosaic.pattern.grid(mosaic.shape), samples.signal
+    grid = mosaic.pattern.grid(mosaic.shape)
     places = block_sites(mosaic.pattern, grid)
-    values = gathered(signal, places)
-    trusted = unclipped_blocks(mosaic.signal, grid, clipping)
+    values = gathered(mosaic.signal, places)
     variance = None
     if noise is not None and any(noise.shot[:-1] + noise.read[:-1]):
         channels = [channel for channel, *_ in places]
@@ -120,8 +120,9 @@ def site_samples(mosaic: Mosaic, samples: Mosaic, luminance: FloatArray, noise: 
     return SiteSamples(mosaic.pattern, grid, places, values, variance, trusted, doubt_of(luminance, places, grid))
 
 
-def unclipped_blocks(signal: FloatArray, grid: BlockGrid, clipping: float) -> BoolArray:
-    """The whole blocks that have no sample of `clipping` or more in themselves or next to them, bool (rows, columns)."""
+def unclipped_blocks(mosaic: Mosaic, clipping: float) -> BoolArray:
+    """The whole blocks that have no sample of `clipping` (scene units) or more in or next to them, bool (rows, columns)."""
+    signal, grid = mosaic.signal, mosaic.pattern.grid(mosaic.shape)
     trusted = np.ones((len(grid.whole_rows), len(grid.whole_columns)), np.bool_)
     if not signal.max() >= clipping:
         return trusted

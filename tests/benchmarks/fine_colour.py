@@ -1,4 +1,4 @@
-"""Draw fine colour before and after: python -m tests.benchmarks.fine_colour [-o PICTURE.png]
+"""Draw fine colour before and after: python -m tests.benchmarks.fine_colour [-o PICTURE.jpg]
 
 Crops of the built-in scene, which has coloured print, edges without luminance, and small leaves. From left to right: the truth;
 `best` without anything that it does for fine colour; with what the samples at the colour sites say; with the network as well. One
@@ -59,10 +59,10 @@ def main() -> None:
     from PIL import Image
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", type=Path, default=Path("fine_colour.png"), metavar="PICTURE.png")
+    parser.add_argument("-o", "--output", type=Path, default=Path("fine_colour.jpg"), metavar="PICTURE.jpg")
     output = parser.parse_args().output
     framed = [np.pad(row, ((0, GAP), (0, 0), (0, 0)), constant_values=255) for row in strips(builtin_scene(*SIZE).rgb)]
-    Image.fromarray(np.concatenate(framed)).quantize(256).save(output, optimize=True)
+    Image.fromarray(np.concatenate(framed)).save(output, quality=90, subsampling=0)
     print(output)
 
 

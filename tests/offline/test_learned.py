@@ -8,7 +8,7 @@ import pytest
 
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
 from offline.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, model_for
-from offline.sites import SiteSamples, site_samples
+from offline.sites import SiteSamples, site_samples, unclipped_blocks
 from offline.tiling import Part
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
@@ -35,7 +35,7 @@ def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[
     light = np.ascontiguousarray(rgb.sum(axis=2))
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
-    return Part(0, light, colour), site_samples(mosaic, mosaic, light, mosaic.calibration.noise, np.inf)
+    return Part(0, light, colour), site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, mosaic.calibration.noise)
 
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
@@ -80,7 +80,7 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> 
     light = np.ascontiguousarray(rgb.sum(axis=2))
     part = Part(0, light, rgb / light[..., None])
     mosaic = simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0))
-    sites = site_samples(mosaic, mosaic, light, None, np.inf)
+    sites = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, None)
     black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
     cells = Cells.of(pattern, shape)
     whole = (0, cells.shape[0]), (0, cells.shape[1])

@@ -12,7 +12,7 @@ import pytest
 
 from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
 from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings, PoolingPass
-from offline.sites import SiteSamples, site_samples
+from offline.sites import SiteSamples, site_samples, unclipped_blocks
 from offline.tiling import Band
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
@@ -323,6 +323,7 @@ NEUTRAL: dict[str, Callable[..., Any]] = {
     "noise_level": lambda *_: 0.0,
     "refine": lambda initial, *_: initial,
     "site_samples": untrusted,
+    "unclipped_blocks": lambda mosaic, _: unclipped_blocks(mosaic, np.inf),
     "settle_luminance": lambda luminance, *_: luminance,
     "correct_sites": lambda part, *_: part,
     "learner_for": lambda *_: None,
@@ -336,7 +337,7 @@ def test_every_stage_of_the_page_has_a_neutral_one() -> None:
 
 
 # In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
-DAMAGED = {"clipping_level", "mend_defects", "restore_highlights"}
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights", "unclipped_blocks"}
 LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for", "trust_in_blocks", "with_trusted_colour"}
 IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
 

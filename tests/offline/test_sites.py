@@ -7,7 +7,7 @@ import pytest
 
 from offline.chromaticity import estimate_chromaticities
 from offline.settings import BEST, ChromaticitySettings, SiteSettings
-from offline.sites import correct_sites, settle_luminance, site_samples
+from offline.sites import correct_sites, settle_luminance, site_samples, unclipped_blocks
 from offline.tiling import Part
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
@@ -77,7 +77,7 @@ def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tupl
     variance = sites.noise_of(signal, pattern, noise)
     gamma = mosaic.calibration.gamma
     expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, gamma, CORRECTED.deviations)
-    measured = site_samples(mosaic, mosaic, light, noise, np.inf)
+    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, noise)
     found = settle_luminance(light, blocks, measured, gamma, CORRECTED)
     assert_close(found, expected, FLOAT32)
     assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
@@ -93,7 +93,7 @@ def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
     grid = pattern.grid(shape)
     places = np.ix_(grid.rows.clip(0, shape[0] - 1), grid.columns.clip(0, shape[1] - 1))
     blocks = (scene / true[..., None])[places].astype(np.float32)
-    measured = site_samples(mosaic, mosaic, light, None, np.inf)
+    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, None)
     found = settle_luminance(light, blocks, measured, mosaic.calibration.gamma, CORRECTED)
     before, after = (float(np.square(each - true).mean()) for each in (light, found))
     assert after < 0.5 * before
@@ -117,7 +117,7 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
     light, colour, signal = (each.astype(np.float64) for each in (part.luminance, part.chromaticity, mosaic.signal))
     variance, doubt = sites.noise_of(signal, pattern, noise), sites.doubt_of(light, pattern)
     expected = sites.correct(light, colour, signal, doubt, variance, pattern, gamma, CORRECTED.deviations)
-    found = correct_sites(part, site_samples(mosaic, mosaic, part.luminance, noise, np.inf), gamma, CORRECTED)
+    found = correct_sites(part, site_samples(mosaic, unclipped_blocks(mosaic, np.inf), part.luminance, noise), gamma, CORRECTED)
     assert_close(found.chromaticity * found.luminance[..., None], expected, FLOAT32)
     assert_close(found.chromaticity @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
     assert np.abs(expected - colour * light[..., None]).max() > 1e-3
@@ -127,7 +127,7 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
 def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape, None)
     part = render_of(mosaic)
-    measured = site_samples(mosaic, mosaic, part.luminance, None, np.inf)
+    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), part.luminance, None)
     found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
     for channel, rows, columns in measured.places:
         seen = found.chromaticity[rows, columns, channel] * found.luminance[rows, columns]
@@ -138,7 +138,7 @@ def test_a_part_is_corrected_as_the_whole_is() -> None:
     pattern, shape = CfaPattern.bayer(6, origin=(3, 1)), (120, 40)
     mosaic = shot(pattern, shape, 0.01)
     whole, gamma = render_of(mosaic), mosaic.calibration.gamma
-    measured = site_samples(mosaic, mosaic, whole.luminance, mosaic.calibration.noise, np.inf)
+    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), whole.luminance, mosaic.calibration.noise)
     expected = correct_sites(whole, measured, gamma, CORRECTED)
     for first, end in ((0, 70), (31, 99), (50, 120)):
         found = correct_sites(whole.rows(first, end), measured, gamma, CORRECTED)
@@ -158,7 +158,9 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     mosaic = Mosaic(samples, pattern, replace(clean.calibration, noise=noise))
     light = np.full(shape, 0.9, np.float32)
     part = Part(0, light, np.full((*shape, 3), 1 / 3, np.float32))
-    found = correct_sites(part, site_samples(mosaic, mosaic, light, noise, np.inf), mosaic.calibration.gamma, CORRECTED)
+    found = correct_sites(
+        part, site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, noise), mosaic.calibration.gamma, CORRECTED
+    )
     change = found.chromaticity * found.luminance[..., None] - scene
     colour_sites = ~pattern.panchromatic_mask(shape)
     assert np.sqrt(np.square(change[colour_sites]).mean()) < 0.15 * sigma
@@ -169,7 +171,7 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     mosaic = shot(pattern, shape, None)
     limit = float(np.quantile(mosaic.signal, 0.8))
     part = render_of(mosaic)
-    measured = site_samples(mosaic, mosaic, part.luminance, None, limit)
+    measured = site_samples(mosaic, unclipped_blocks(mosaic, limit), part.luminance, None)
     assert 0 < measured.trusted.mean() < 1
     found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
     for _, rows, columns in measured.places:
@@ -186,7 +188,9 @@ def test_gamma_only_scales_the_channels() -> None:
     part = render_of(mosaic)
     same = replace(part, chromaticity=(part.chromaticity / scaled).astype(np.float32))
     one, two = (
-        correct_sites(each, site_samples(frame, frame, each.luminance, None, np.inf), frame.calibration.gamma, CORRECTED)
+        correct_sites(
+            each, site_samples(frame, unclipped_blocks(frame, np.inf), each.luminance, None), frame.calibration.gamma, CORRECTED
+        )
         for each, frame in ((part, mosaic), (same, other))
     )
     assert_close(two.chromaticity * scaled, one.chromaticity, 1e-5)
@@ -202,6 +206,8 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
     light = np.full(shape, 0.9, np.float32)
     blurred = np.broadcast_to(np.array([1, 1, 1]) / 3, scene.shape)
     part = Part(0, light, blurred.astype(np.float32))
-    found = correct_sites(part, site_samples(mosaic, mosaic, light, None, np.inf), mosaic.calibration.gamma, CORRECTED)
+    found = correct_sites(
+        part, site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, None), mosaic.calibration.gamma, CORRECTED
+    )
     assert np.array_equal(found.luminance, light)
     assert np.abs(found.chromaticity - blurred).max() > 0.1
