@@ -13,6 +13,7 @@ from .cameras import CameraPair, Denoise
 from .code_digest import digest
 from .presets import PRESETS, UNLEARNED, render_preset
 from .rivals.bilinear import demosaic_bilinear
+from .rivals.demosaicnet import PACKAGES, demosaic_demosaicnet
 from .rivals.denoising import denoise_bayer
 from .rivals.dlmmse import demosaic_dlmmse
 from .rivals.libraw import ALGORITHMS, demosaic_libraw
@@ -137,6 +138,15 @@ def methods() -> dict[str, Method]:
         *interpolating,
         *libraw,
         Method("ea", "Bayer, OpenCV edge-aware", demosaic_opencv, wrapped, packages=(opencv,), seconds=0.05),
+        Method(
+            "demosaicnet",
+            "Bayer, Gharbi 2016, balanced",
+            demosaic_demosaicnet,
+            _rivals("demosaicnet"),
+            balanced=True,
+            packages=PACKAGES,
+            seconds=8,
+        ),
         *low_light,
     ]
     return {method.name: method for method in (*ours, *rivals)}
@@ -163,7 +173,7 @@ def choose(names: list[str]) -> list[Method]:
         if name not in methods():
             raise InputError(f"unknown method {name!r}; there are {', '.join(methods())}")
         if missing := methods()[name].missing:
-            extra = "rivals" if missing == "bm3d" else "evaluation"
+            extra = {"bm3d": "rivals", **dict.fromkeys(PACKAGES, "learned-rivals")}.get(missing, "evaluation")
             raise InputError(f"{name} needs the package {missing}: pip install -e '.[{extra}]', or leave it out of --methods")
         chosen.append(methods()[name])
     return chosen

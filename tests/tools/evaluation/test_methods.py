@@ -10,7 +10,22 @@ from tools.evaluation.protocol import Protocol
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.versions import package_version
 
-ASKED_FOR = {"paper", "best", "unlearned", "preview", "bilinear", "malvar", "menon", "dlmmse", "ahd", "dcb", "dht", "aahd", "ea"}
+ASKED_FOR = {
+    "paper",
+    "best",
+    "unlearned",
+    "preview",
+    "bilinear",
+    "malvar",
+    "menon",
+    "dlmmse",
+    "ahd",
+    "dcb",
+    "dht",
+    "aahd",
+    "ea",
+    "demosaicnet",
+}
 LOW_LIGHT = {"bm3d+menon", "bm3d+dlmmse"}
 
 

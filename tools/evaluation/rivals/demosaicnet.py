@@ -1,0 +1,78 @@
+"""A learned demosaicker: Gharbi, Chaurasia, Paris and Durand, "Deep Joint Demosaicking and Denoising" (SIGGRAPH Asia 2016).
+
+The package `demosaicnet` (MIT) has the authors' weights for noise-free Bayer mosaics. Its own code imports a part of setuptools
+that is no more, so the network, fifteen convolutions on quads and one on pixels, is written down here again.
+"""
+
+from functools import cache
+from importlib.metadata import distribution
+from typing import Any
+
+import numpy as np
+
+from shared.arrays import BORDER, FloatArray
+
+from .bayer import channel_map, check_mosaic
+
+PACKAGES = "demosaicnet", "torch"
+_LAYERS, _WIDTH = 15, 64
+_MARGIN = 40  # pixels: more than the network sees around each one, and even
+_GAMMA = 2.2  # it has learned from pictures as screens show them
+_ROWS = 256  # of a piece
+_PHASES = {"GRBG": (0, 0), "RGGB": (0, 1), "BGGR": (1, 0), "GBRG": (1, 1)}  # pixels before the first quad of the order GRBG
+
+
+def demosaic_demosaicnet(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
+    """The network's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), both in scene units, 1 = white.
+
+    Raises InputError for an unknown order, and for a frame of less than 2 x 2.
+    """
+    check_mosaic(mosaic, order)
+    import torch
+
+    height, width = mosaic.shape
+    down, right = _PHASES[order]
+    pads = (_MARGIN + down, _MARGIN + (height + down) % 2), (_MARGIN + right, _MARGIN + (width + right) % 2)
+    codes = np.sign(mosaic) * np.abs(mosaic) ** np.float32(1 / _GAMMA)
+    wide = np.pad(codes, pads, mode=BORDER)
+    planes = (wide * (channel_map(wide.shape, "GRBG") == np.arange(3)[:, None, None])).astype(np.float32)
+    picture = np.empty((3, *(size - 2 * _MARGIN for size in wide.shape)), np.float32)
+    for top in range(0, picture.shape[1], _ROWS):
+        end = min(top + _ROWS, picture.shape[1])
+        with torch.no_grad():
+            found = _network(torch.from_numpy(planes[None, :, top : end + 2 * _MARGIN]))[0].numpy()
+        edge = (end - top + 2 * _MARGIN - found.shape[1]) // 2  # what the convolutions have eaten
+        inside = slice(_MARGIN - edge, _MARGIN - edge + end - top)
+        picture[:, top:end] = found[:, inside, _MARGIN - edge : _MARGIN - edge + picture.shape[2]]
+    picture = picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
+    return np.ascontiguousarray(np.sign(picture) * np.abs(picture) ** np.float32(_GAMMA))
+
+
+def _network(mosaic: Any) -> Any:
+    """(1, 3, h, w), zeros where a channel was not measured, order GRBG -> (1, 3, h - 62, w - 62)."""
+    from torch.nn import functional
+
+    weights = _weights()
+
+    def convolved(values: Any, name: str, **options: Any) -> Any:
+        return functional.conv2d(values, weights[f"{name}.weight"], weights[f"{name}.bias"], **options)
+
+    found = convolved(mosaic, "main_processor.pack_mosaic", stride=2)
+    for layer in range(1, _LAYERS + 1):
+        found = functional.relu(convolved(found, f"main_processor.conv{layer}"))
+    residual = convolved(found[:, :_WIDTH] * found[:, _WIDTH:], "residual_predictor")
+    upsampled = functional.conv_transpose2d(residual, weights["upsampler.weight"], weights["upsampler.bias"], stride=2, groups=3)
+    edge = (mosaic.shape[2] - upsampled.shape[2]) // 2
+    cropped = mosaic[:, :, edge : edge + upsampled.shape[2], edge : edge + upsampled.shape[3]]
+    import torch
+
+    full = functional.relu(convolved(torch.cat([cropped, upsampled], 1), "fullres_processor.post_conv"))
+    return convolved(full, "fullres_processor.output")
+
+
+@cache
+def _weights() -> dict[str, Any]:
+    import torch
+
+    path = distribution("demosaicnet").locate_file("demosaicnet/data/bayer.pth")
+    return dict(torch.load(str(path), map_location="cpu", weights_only=True))
