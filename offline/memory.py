@@ -13,7 +13,7 @@ _BLOCK = 220.0  # per colour block, while their chromaticities are estimated
 _BAND, _BAND_CHANNEL = 48.0, 28.0  # per pixel of a band (four fields), and per channel of it (the same rows at several stages)
 _SITE = 40.0  # per colour block, kept until the picture is finished: samples and their noise
 _HELD = 9.0  # per pixel of the rows that `finish` holds, and per channel of them: before and after the network
-_NETWORK = 60 * 2**20  # with its runtime and the tiles that are at work
+_NETWORK = 90 * 2**20  # with its runtime and the tiles that are at work
 
 
 def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
