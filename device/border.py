@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from shared.arrays import CodeArray, IndexArray
+from shared.arrays import CodeArray, IndexArray, mirrored
 from shared.pattern import CfaPattern
 
 Span = tuple[int, int]
@@ -47,7 +47,7 @@ class ExtendedFrame:
 def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> CodeArray:
     """Samples at rows x columns, which lie partly or wholly outside the frame."""
     places = np.arange(*rows), np.arange(*columns)
-    images = [_mirrored(place, size) for place, size in zip(places, codes.shape, strict=True)]
+    images = [mirrored(place, size) for place, size in zip(places, codes.shape, strict=True)]
     nearest = [_repeated(place, size, pattern.period) for place, size in zip(places, codes.shape, strict=True)]
     tile = pattern.filter_map((pattern.period, pattern.period)) == len(pattern.channels)
     clear, clear_image = (tile[np.ix_(*(axis % pattern.period for axis in axes))] for axes in (places, images))
@@ -58,14 +58,6 @@ def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:
     """Samples at rows x columns. Indexing by the shorter list first is many times faster than by both at once."""
     rows, columns = places
     return codes[rows][:, columns] if len(rows) < len(columns) else codes[:, columns][rows]
-
-
-def _mirrored(places: IndexArray, size: int) -> IndexArray:
-    """Indices inside the frame of the mirror images, by the border convention of `shared.arrays`."""
-    turn = max(2 * (size - 1), 1)
-    folded = np.abs(places) % turn
-    inside: IndexArray = np.minimum(folded, turn - folded)
-    return inside
 
 
 def _repeated(places: IndexArray, size: int, period: int) -> IndexArray:

@@ -17,21 +17,20 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import FloatArray, IndexArray
+from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.errors import InputError
 from shared.pattern import CfaPattern
 
 from .kernels.compile import threads
 from .settings import LearnedSettings
 from .sites import SiteSamples
-from .tiling import Part
+from .tiling import DARK, Part
 
 FOLDER = Path(__file__).parent / "models"
 ORDER = "RGGB"
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 UNKNOWN = 1e6
 """Variance, in scene units squared, of a sample that is not trusted: the network then corrects nothing around it."""
-_DARK = 1e-6  # scene units: luminance below it has no chromaticity
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,7 @@ class Cells:
     def of(cls, pattern: CfaPattern, shape: tuple[int, int]) -> "Cells":
         """The cells of a frame of this shape; the pattern has a Bayer block and an even period."""
         period, grid = pattern.period, pattern.grid(shape)
-        letters = "".join(row[:2] for row in pattern.letters_from(pattern.block_origin)[:2])
-        steps = _MIRRORED[letters]
+        steps = _MIRRORED[_block_letters(pattern)]
         margin = (period - 2) // 2  # pixels of a cell before its block
         origin = [-((margin - first) % period) for first in pattern.block_origin]
         count = [-(-(size - start) // period) for size, start in zip(shape, origin, strict=True)]
@@ -85,8 +83,8 @@ class Cells:
         part: all rows of the frame that the cells show. height: rows of the frame.
         """
         width = part.luminance.shape[1]
-        down = _mirrored(self._pixels(0, rows), height).clip(part.first, part.end - 1) - part.first
-        across = _mirrored(self._pixels(1, columns), width)
+        down = mirrored(self._pixels(0, rows), height).clip(part.first, part.end - 1) - part.first
+        across = mirrored(self._pixels(1, columns), width)
         place = np.ix_(down, across)
         light = part.luminance[place]
         colour = part.chromaticity[place][..., self.channels]
@@ -103,12 +101,6 @@ class Cells:
 
     def _pixels(self, axis: int, span: tuple[int, int]) -> IndexArray:
         return self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
-
-
-def _mirrored(places: IndexArray, size: int) -> IndexArray:
-    """Frame pixels that `places`, inside or outside, show: the border of `shared.arrays.BORDER`."""
-    turn = max(2 * size - 2, 1)
-    return np.minimum(places % turn, -places % turn)
 
 
 class Learner:
@@ -151,10 +143,10 @@ class Learner:
             place = slice(max(top, rows[0]), min(top + size, rows[1])), slice(max(left, 0), min(left + size, width))
             share = share[place[0].start - top : place[0].stop - top, place[1].start - left : place[1].stop - left]
             inside = slice(place[0].start - part.first, place[0].stop - part.first), place[1]
-            light = part.luminance[inside][..., None]
-            lit = np.where(light > _DARK, light, np.float32(np.inf))
+            light = part.luminance[inside]
+            lit = np.where(light > DARK, light, np.float32(np.inf))
             for channel, index in enumerate(cells.channels):
-                chromaticity[(*inside, index)] += share[..., channel] / (lit[..., 0] * self._gamma[index])
+                chromaticity[(*inside, index)] += share[..., channel] / (lit * self._gamma[index])
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // self._tile))]
         with ThreadPoolExecutor(threads(), "learned") as pool:
@@ -190,11 +182,15 @@ class Inputs:
 
 def model_for(pattern: CfaPattern) -> Path | None:
     """The network for a pattern; None if there is none, because the pattern has no Bayer block or another period."""
-    letters = "".join(row[:2] for row in pattern.letters_from(pattern.block_origin)[:2])
-    if len(pattern.sites) != len(ORDER) or pattern.block_shape != (2, 2) or letters not in _MIRRORED:
+    if len(pattern.sites) != len(ORDER) or pattern.block_shape != (2, 2) or _block_letters(pattern) not in _MIRRORED:
         return None
     path = FOLDER / f"{ORDER.lower()}-k{pattern.period}.onnx"
     return path if path.exists() else None
+
+
+def _block_letters(pattern: CfaPattern) -> str:
+    """The letters of the 2 x 2 pixels from a block's origin on, row by row."""
+    return "".join(row[:2] for row in pattern.letters_from(pattern.block_origin)[:2])
 
 
 def rows_held(path: Path, period: int) -> int:

@@ -102,12 +102,12 @@ class Measured(NamedTuple):
 
     luminance: of every pixel, float32 (H, W).
     blocks: chromaticity of every block, float32 (block rows, block columns, C).
-    sites: the samples of the whole blocks.
+    sites: the samples of the whole blocks; None where the settings do nothing with them.
     """
 
     luminance: FloatArray
     blocks: FloatArray
-    sites: SiteSamples
+    sites: SiteSamples | None
 
 
 def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Measured:
@@ -122,6 +122,8 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
     blocks = with_trusted_colour(blocks, trust, mosaic)
+    if not (settings.sites.corrected or settings.learned.used):
+        return Measured(luminance, blocks, None)
     sites = site_samples(samples, unclipped, luminance, noise)
     del samples  # a plane of the frame, before another one is needed
     luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
@@ -148,11 +150,11 @@ def spread(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
 def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progress: Progress) -> Iterator[Part]:
     """Correct what has been spread by the samples at the colour sites, and by what is learned, band by band."""
     sites, gamma = measured.sites, mosaic.calibration.gamma
-    learner = learner_for(mosaic.pattern, gamma, settings.learned)
     parts = spread(mosaic, measured, settings, progress)
-    if not (settings.sites.corrected or learner):
+    if sites is None:
         yield from parts
         return
+    learner = learner_for(mosaic.pattern, gamma, settings.learned)
     look, step, origin = learner.steps(sites) if learner else (sites.reach, 1, 0)
     for part, rows in windows(parts, mosaic.shape[0], look, step, origin):
         progress.part("sites")

@@ -31,13 +31,12 @@ from .blocks import block_sites, curvature
 from .gaussian import gaussian, smoothed
 from .kernels import sites as kernels
 from .settings import SiteSettings
-from .tiling import Part
+from .tiling import DARK, Part
 
 _FILLED = 0.5  # correlation of the errors of filled luminance one pixel apart
 _DOUBT = 0.7  # error of filled luminance as a multiple of its curvature
 _TINT, _LEAST_SHARE = 0.5, 1e-6  # share of the power of errors that is colour at least; of luminance in the sites' channels
 _ROUNDS = 3  # in which the covariance takes its c from the round before
-_DARK = 1e-6  # scene units: luminance below it has no chromaticity
 _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which the power of errors is averaged
 
 
@@ -236,7 +235,7 @@ def correct_sites(part: Part, sites: SiteSamples, gamma: tuple[float, ...], sett
     for site, (_, *place) in enumerate(places):
         before = luminance[*place]
         after = before + light[..., site]
-        lit = ((after > _DARK) & (before > _DARK))[..., None]
+        lit = ((after > DARK) & (before > DARK))[..., None]
         # Colour that luminance gains has the chromaticity that was there; tints leave luminance as it is.
         tinted = chromaticity[*place] + tints[:, :, site] / (weights * np.where(lit, after[..., None], 1))
         luminance[*place] = np.where(lit[..., 0], after, before)

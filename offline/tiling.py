@@ -15,6 +15,8 @@ from shared.pattern import BlockGrid
 HALO = 2
 """Patches around a core that are solved with it. Fields are then off by at most 0.007, by 1e-4 rms (photographs): a tenth of the
 error that a residual of 1e-3 leaves."""
+DARK = 1e-6
+"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected."""
 _REGION, _LEAST_CORE = 144, 8  # pixels of a region with its halo, and patches of a core: what a processor's cache holds
 # The least number of rows of a band, so that every thread has work. Wide frames need fewer rows for that: their bands have about
 # `_ENOUGH` pixels, so that the planes of a band fit in the cache and their memory is reused.

@@ -20,6 +20,14 @@ IndexArray = NDArray[np.intp]
 
 BORDER: Literal["reflect"] = "reflect"
 
+
+def mirrored(places: IndexArray, size: int) -> IndexArray:
+    """Indices inside an axis of `size` that `places`, inside or outside, show by the convention of ``BORDER``."""
+    turn = max(2 * (size - 1), 1)
+    inside: IndexArray = np.minimum(places % turn, -places % turn)
+    return inside
+
+
 STRIP = 256
 """Rows of a picture that are processed at a time, so that temporary arrays stay small compared with the picture."""
 

@@ -61,6 +61,7 @@ def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
     for part in spread(mosaic, measured, settings, log):
         before = part if before is None else before.joined(part)
     assert before is not None  # a frame has rows
+    assert measured.sites is not None  # BEST uses them
     corrected = correct_sites(before, measured.sites, mosaic.calibration.gamma, settings.sites)
     cells = Cells.of(pattern, mosaic.shape)
     inputs = Inputs(cells, before, corrected, measured.sites, gamma)

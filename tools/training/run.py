@@ -60,7 +60,7 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """Of everything that examples and weights depend on, the version of the render included."""
+        """A digest of the plan and the version of the render: trainings with the same digest give the same weights."""
         facts = {**asdict(self), "sources": [Path(source).name for source in self.sources], "algorithm": ALGORITHM}
         return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:16]
 

@@ -1,0 +1,176 @@
+"""No dead knobs, no dead stages: each setting and each stage of the page is moved, and the picture changes."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import fields, replace
+from inspect import isfunction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from offline import BEST, PAPER, render
+from offline.settings import PoolingPass
+from offline.sites import SiteSamples, site_samples, unclipped_blocks
+from offline.tiling import Band
+from shared import CfaPattern, Mosaic
+from shared.arrays import FloatArray
+from shared.errors import ConvergenceError
+from tests.offline.scenes import gamma_of, shot
+from tests.reference.sensor import observe
+
+PAGE = sys.modules[render.__module__]  # `offline.render` names the function
+# Rounding does not move a picture as far as this; every setting and stage does.
+SEEN = 1e-4
+
+Change = tuple[Any, float | None]
+PRESETS = {"paper": PAPER, "best": BEST}
+# Every field of every part of the settings -> another value, and the noise of the shot: what its calibration admits (None: that it
+# has none and knows nothing of it), or with BLIND, what it does not know.
+BLIND = -0.05
+MOVED: dict[str, dict[str, Change]] = {
+    "noise": {"estimate": (False, BLIND)},
+    "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
+    "highlights": {"restored": (False, None), "shoulder": (0.9, None)},
+    "luminance": {"iterations": (10, 0.02), "decay": (0.95, 0.02), "threshold": (0.05, 0.02)},
+    "denoising": {
+        "strength": (0.5, 0.02),
+        "sizes": ((12,), 0.02),
+        "threshold": (2.0, 0.02),
+        "share": (0.6, 0.02),
+        "similarity": (1.0, 0.02),
+        "radius": (1, 0.2),
+    },
+    "chromaticity": {"taps": (3, 0.02), "repetitions": (1, 0.02), "trust": (1e3, None), "mismatch": (0.05, None)},
+    "pooling": {"passes": ((PoolingPass(1.0, 0.5, 5),), 0.02), "light": (1.0, 0.02), "doubt": (0.0, 0.02)},
+    "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
+    "propagation": {"softness": (3.0, 0.02)},
+    "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
+    "sites": {"corrected": (False, None), "deviations": (20.0, 0.02), "agreement": (0.05, None)},
+    "learned": {"used": (False, None)},
+}
+# What is switched off in a preset, but for the setting that switches it on.
+# Parts that only a damaged shot has need of.
+BEYOND = ("defects", "highlights")
+OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", "sites", "learned"}, "best": {"refinement"}}
+
+
+def busy_shot(sigma: float | None) -> Mosaic:
+    """Enough blocks, and enough errors among them, that every stage has something to do; a negative sigma is kept secret."""
+    pattern = CfaPattern.bayer(4, origin=(1, 2))
+    if sigma is None or sigma >= 0:
+        return shot(pattern, (45, 50), sigma)
+    secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame
+    return Mosaic(secret.signal, pattern, replace(secret.calibration, noise=None))
+
+
+def damaged_shot(sigma: float | None) -> Mosaic:
+    """Sensor codes of a ramp that the panchromatic pixels cannot follow, hot pixels at its foot, and a listed row of dead ones."""
+    pattern, shape = CfaPattern.bayer(4, origin=(1, 2)), (45, 50)
+    scene = np.linspace(0.2, 1.6, shape[1])[:, None] * np.broadcast_to([1.0, 0.9, 0.7], (*shape, 3))
+    noise = np.random.default_rng(1).normal(scale=sigma or 0, size=shape)
+    mosaic = observe(scene, pattern, gamma_of(pattern), sigma, noise)
+    signal = np.minimum(mosaic.signal, mosaic.calibration.full_scale)
+    signal[21:26, 38] *= 0.05  # a stroke among clipped samples, which ends in a block
+    signal[20, 8] = signal[31, 12] = signal[33, 7] = mosaic.calibration.full_scale
+    signal[8, 9:12] = 0
+    calibration = replace(mosaic.calibration, defects=((8, 9), (8, 10), (8, 11)))
+    return Mosaic(Mosaic(signal, pattern, calibration).codes, pattern, calibration)
+
+
+def test_every_setting_is_moved() -> None:
+    assert {part.name: {knob.name for knob in fields(getattr(PAPER, part.name))} for part in fields(PAPER)} == {
+        part: set(knobs) for part, knobs in MOVED.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("preset", "part", "knob"),
+    [(name, part, knob) for name, off in OFF.items() for part, knobs in MOVED.items() if part not in off for knob in knobs],
+)
+def test_every_setting_matters(preset: str, part: str, knob: str) -> None:
+    value, sigma = MOVED[part][knob]
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(sigma) if part in BEYOND else busy_shot(sigma)
+    moved = replace(settings, **{part: replace(getattr(settings, part), **{knob: value})})
+    assert moved != settings
+    if (part, knob) == ("affinity", "iterations"):  # it bounds the work, never the result
+        with pytest.raises(ConvergenceError):
+            render(mosaic, moved)
+        return
+    assert np.abs(render(mosaic, moved).rgb - render(mosaic, settings).rgb).max() > SEEN
+
+
+@pytest.mark.parametrize("sigma", [None, 0.0])
+def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> None:
+    mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
+    off = replace(plain, denoising=PAPER.denoising, pooling=PAPER.pooling)
+    assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
+
+
+def even_affinities(luminance: FloatArray, pattern: CfaPattern, _: Any, band: Band, *__: Any) -> FloatArray:
+    (first, end), across = band.patches, pattern.grid((luminance.shape[0], luminance.shape[1])).patches[1]
+    return np.full((2, 2, (end - first) * pattern.period, across * pattern.period), 0.25, np.float32)
+
+
+def grey_blocks(mosaic: Mosaic, *_: Any) -> FloatArray:
+    shape = *mosaic.pattern.grid(mosaic.shape).shape, len(mosaic.pattern.channels)
+    return np.full(shape, mosaic.calibration.grey, np.float32)
+
+
+def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: Any) -> FloatArray:
+    mean: FloatArray = blocks.mean(axis=(0, 1))
+    return np.broadcast_to(mean, (*luminance.shape, mean.size)).copy()
+
+
+def untrusted(*given: Any) -> SiteSamples:
+    measured = site_samples(*given)
+    return replace(measured, trusted=np.zeros_like(measured.trusted))
+
+
+NEUTRAL: dict[str, Callable[..., Any]] = {
+    "noise_of": lambda *_: None,
+    "clipping_level": lambda _: np.inf,
+    "mend_defects": lambda mosaic, *_: mosaic,
+    "restore_highlights": lambda mosaic, *_: mosaic,
+    "recover_luminance": lambda mosaic, *_: mosaic.signal.copy(),  # kernels are compiled anew for arrays that are read-only
+    "denoise_luminance": lambda filled, *_: filled,
+    "estimate_chromaticities": grey_blocks,
+    "pool_blocks": lambda measured, *_: measured,
+    "trust_in_blocks": lambda *_: None,
+    "with_trusted_colour": lambda blocks, *_: blocks,
+    "solve_affinities": even_affinities,
+    "propagate": mean_block,
+    "noise_level": lambda *_: 0.0,
+    "refine": lambda initial, *_: initial,
+    "site_samples": untrusted,
+    "unclipped_blocks": lambda mosaic, _: unclipped_blocks(mosaic, np.inf),
+    "settle_luminance": lambda luminance, *_: luminance,
+    "correct_sites": lambda part, *_: part,
+    "learner_for": lambda *_: None,
+}
+
+
+def test_every_stage_of_the_page_has_a_neutral_one() -> None:
+    named = {name for page in (PAGE.measure, PAGE.spread, PAGE.finish) for name in page.__code__.co_names}
+    cut = {"bands", "reach", "windows", "spread"}  # where bands are cut leaves no trace
+    assert {name for name in named if isfunction(getattr(PAGE, name, None))} == {*NEUTRAL, *cut}
+
+
+# In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
+DAMAGED = {"clipping_level", "mend_defects", "restore_highlights", "unclipped_blocks"}
+LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for", "trust_in_blocks", "with_trusted_colour"}
+IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
+
+
+@pytest.mark.parametrize(
+    ("preset", "stage"), [(name, stage) for name, idle in IDLE.items() for stage in NEUTRAL if stage not in idle]
+)
+def test_every_stage_matters(preset: str, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = PRESETS[preset]
+    mosaic = damaged_shot(0.02) if stage in DAMAGED else busy_shot(0.02)
+    whole = render(mosaic, settings).rgb
+    monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
+    idle = render(mosaic, settings).rgb
+    assert np.abs(idle - whole).max() > SEEN
+    assert np.abs(idle - whole).mean() > SEEN
