@@ -8,6 +8,7 @@ import hashlib
 import json
 import math
 import operator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -21,6 +22,16 @@ from .reading import MAX_PIXELS
 
 SCHEMA = 1
 BITS = range(10, 17)
+
+# What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
+# beyond the limits a render would overflow, without an error.
+_GAMMA = (1e-3, 1e3)
+_NOISE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
+_NEUTRAL = (1e-6, 1e6)
+_LARGEST_COLOUR = 1e6
+_WORST_MATRIX = 1e4  # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of the others
+_LEAST_RANGE = 16  # codes from black to white
+_MOST_DEFECTS = 1 << 20  # one in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render
 
 
 @dataclass(frozen=True)
@@ -108,6 +119,7 @@ class SensorCalibration:
         self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count)
         if min(self.gamma) <= 0:
             raise InputError(f"calibration: gamma is {self.gamma}, expected positive weights")
+        _check_range("gamma", self.gamma, _GAMMA)
         self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
         try:
             object.__setattr__(self, "white_level", operator.index(self.white_level))  # NumPy's integers too: JSON takes only int
@@ -118,18 +130,30 @@ class SensorCalibration:
                 f"calibration: black_level {self.black_level} and white_level {self.white_level}, "
                 "expected 0 <= black < white <= 65535"
             )
-        if self.noise is not None and len(self.noise.shot) != count + 1:
-            raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
+        if self.white_level - max(self.black_level) < _LEAST_RANGE:
+            raise InputError(
+                f"calibration: black_level {self.black_level} is less than {_LEAST_RANGE} codes below white_level {self.white_level}"
+            )
+        if self.noise is not None:
+            if len(self.noise.shot) != count + 1:
+                raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
+            for name in ("shot", "read"):
+                _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], _NOISE, "0, or ")
         if self.neutral is not None:
             self._set("neutral", self.neutral, count)
             if min(self.neutral) <= 0:
                 raise InputError(f"calibration: neutral is {self.neutral}, expected positive readings")
+            _check_range("neutral", self.neutral, _NEUTRAL)
         if self.camera_to_xyz is not None:
             try:
                 rows = tuple(_numbers("camera_to_xyz", row, count) for row in self.camera_to_xyz)
             except TypeError:
                 raise InputError(f"calibration: camera_to_xyz is {self.camera_to_xyz!r}, expected a list of rows") from None
-            if len(rows) != 3 or np.linalg.matrix_rank(np.array(rows)) < min(3, count):
+            if max(abs(figure) for row in rows for figure in row) > _LARGEST_COLOUR:
+                raise InputError(f"calibration: camera_to_xyz holds a figure beyond {_LARGEST_COLOUR:g}: {rows}")
+            matrix = np.array(rows)
+            lengths = np.sqrt((matrix**2).sum(axis=0))
+            if len(rows) != 3 or not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
                 raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")
             object.__setattr__(self, "camera_to_xyz", rows)
         object.__setattr__(self, "defects", _places(self.defects))
@@ -235,12 +259,22 @@ def _numbers(name: str, values: Any, count: int | None = None) -> tuple[float, .
     return numbers
 
 
+def _check_range(name: str, values: Iterable[float], limits: tuple[float, float], also: str = "") -> None:
+    """Raise InputError that names the field unless all values lie in `limits`; also: what else is expected, for the message."""
+    low, high = limits
+    for value in values:
+        if not low <= value <= high:
+            raise InputError(f"calibration: {name} holds {value:g}, expected {also}{low:g} to {high:g}")
+
+
 def _places(values: Any) -> tuple[tuple[int, int], ...]:
     """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
         places = sorted({(operator.index(row), operator.index(column)) for row, column in values})
     except (TypeError, ValueError):
         raise InputError("calibration: defects is not a list of [row, column]") from None
+    if len(places) > _MOST_DEFECTS:
+        raise InputError(f"calibration: defects holds {len(places)} pixels, expected {_MOST_DEFECTS} at most; measure the sensor anew")
     if places and not 0 <= min(min(place) for place in places) <= max(max(place) for place in places) < MAX_PIXELS:
         raise InputError("calibration: defects holds a negative row or column, or one that no sensor has")
     return tuple(places)
