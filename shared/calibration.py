@@ -274,7 +274,9 @@ def _places(values: Any) -> tuple[tuple[int, int], ...]:
     except (TypeError, ValueError):
         raise InputError("calibration: defects is not a list of [row, column]") from None
     if len(places) > _MOST_DEFECTS:
-        raise InputError(f"calibration: defects holds {len(places)} pixels, expected {_MOST_DEFECTS} at most; measure the sensor anew")
+        raise InputError(
+            f"calibration: defects holds {len(places)} pixels, expected {_MOST_DEFECTS} at most; measure the sensor anew"
+        )
     if places and not 0 <= min(min(place) for place in places) <= max(max(place) for place in places) < MAX_PIXELS:
         raise InputError("calibration: defects holds a negative row or column, or one that no sensor has")
     return tuple(places)

@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 from .chart.place import PATCHES
 from .colour_matrix import UNEVEN, ColourFit
 from .gamma import GammaFit
-from .noise import NoiseResult
+from .noise import SIGMAS, DarkResult, NoiseResult
 
 if TYPE_CHECKING:
-    from .measure import ShotMeasurement
+    from .shot import ShotMeasurement
 
 _OFFSET = 4.0  # standard errors: a larger offset is not a coincidence
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_READ = 0.05  # half width over read noise
-SIGMAS = 1.96  # standard errors in half a 95 % interval
+_GOOD_NOISE = 0.1  # half width over variance at full scale
+_CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
 _GOOD_GAMMA = 0.02  # half width over gamma
 _GOOD_COLOUR = 4.0  # mean dE2000: an average chart in average light stays below
 
@@ -51,21 +52,33 @@ def gamma_warnings(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[
 
 
 def noise_warnings(noise: NoiseResult) -> list[str]:
-    """Warn of an uncertain read noise: in all but the darkest frames shot noise hides it."""
+    """Warn of an uncertain gain, and of an uncertain read noise: in all but the darkest frames shot noise hides it."""
+    warnings = []
+    if not noise.uncertainty <= _GOOD_NOISE:
+        warnings.append(
+            f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); take more pairs of flat frames (--flat)"
+        )
     part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
-    if not part > _GOOD_READ / SIGMAS:
+    if part > _GOOD_READ / SIGMAS:
+        known = f"only known to ±{100 * SIGMAS * part:.0f} % (95 %)" if SIGMAS * part < 1 else "unknown"
+        warnings.append(f"read noise is {known}, because {noise.source} hardly show it; take dark frames (--dark)")
+    return warnings
+
+
+def dark_warnings(dark: DarkResult) -> list[str]:
+    """Warn of codes that are too coarse for the read noise."""
+    if dark.shows_read:
         return []
-    known = f"only known to ±{100 * SIGMAS * part:.0f} % (95 %)" if SIGMAS * part < 1 else "unknown"
-    return [f"read noise is {known}, because {noise.source} hardly show it; take dark frames (--dark)"]
+    return ["the read noise is smaller than rounding to codes shows, so the dark frames do not tell it; use more gain or more bits"]
 
 
 def colour_warnings(colour: ColourFit, shot: str) -> list[str]:
     """Warn of uneven light on the chart and of large colour differences; shot: name of the shot."""
     warnings = []
-    if colour.unevenness > UNEVEN:
+    if colour.unevenness > UNEVEN and colour.left_out.mean() > _CORRECTED:
         warnings.append(
             f"{shot}: the light on the chart is uneven, up to {colour.unevenness:.2f} times brighter in one place than in another; "
-            "the colours are corrected for it, but an evenly lit chart would be better"
+            "correcting the colours for it leaves errors; light the chart evenly"
         )
     mean = float(colour.difference.mean())
     if mean > _GOOD_COLOUR:

@@ -1,7 +1,7 @@
 """An estimate of gamma (Eq. 7) with its intervals and residuals; combining several; the test whether it is good enough."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
@@ -30,6 +30,8 @@ class GammaFit:
     condition: largest over smallest singular value of the colours, each divided by its level: 1 = ideal, 100 = nearly grey.
     spread: sqrt(chi2 / freedom); 1 = noise explains the residuals.
     offset: panchromatic level where the channels are 0, in standard errors; beyond about 4 the black level is wrong.
+    moments: (C, C + 2), of a fit with instruments Z: Z'X, Z'l and the sums of Z, from which the fit can be repeated for another
+        black level. None for a chart, whose patches are kept.
     """
 
     gamma: DoubleArray
@@ -41,6 +43,17 @@ class GammaFit:
     condition: float
     spread: float
     offset: float
+    moments: DoubleArray | None = None
+
+    def rebased(self, was: DoubleArray, now: DoubleArray, white: int) -> "GammaFit":
+        """Return the fit with another black level, from its moments; parameters: see `PlaceSamples.rebased`."""
+        if self.moments is None:
+            return self
+        count = len(self.gamma)
+        stretch, shift = (white - was) / (white - now), (was - now) / (white - now)
+        products, total = self.moments[:, :-1], self.moments[:, -1:]
+        moments = np.concatenate([products * stretch + total * shift, total], axis=1)
+        return replace(self, gamma=np.linalg.solve(moments[:, :count], moments[:, count]), moments=moments)
 
     @property
     def half_width(self) -> DoubleArray:

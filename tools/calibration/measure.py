@@ -1,52 +1,28 @@
-"""From measurements to a camera: measure each shot, combine the results, and decide what to warn of. Start reading here."""
+"""From observations to a camera: combine what the frames show, and decide what to warn of. Start reading here."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from shared import Camera, Mosaic, SensorCalibration
-from shared.arrays import ByteArray, DoubleArray
-from shared.colorimetry import SRGB_TO_XYZ, Matrix, as_rows
+from shared import Camera, Mosaic
+from shared.arrays import DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ, as_rows
 from shared.colour_difference import delta_e_2000
 from shared.errors import InputError
-from shared.progress import SILENT, Progress
 
-from .advice import colour_warnings, gamma_warnings, noise_warnings
-from .chart.find import chart_at, find_chart
-from .chart.judge import FoundChart
-from .chart.picture import overlay
-from .chart_gamma import fit_chart_gamma, reconciled
+from .advice import colour_warnings, dark_warnings, gamma_warnings, noise_warnings
+from .chart_gamma import reconciled
 from .colour_matrix import ColourFit, fit_colour, white_balanced
 from .gamma import GammaFit, check_determined, combined
-from .noise import DarkResult, NoiseResult, noise_of_places
-from .samples import PlaceSamples, patch_samples
-from .scene_gamma import fit_scene_gamma
+from .noise import DarkResult, NoiseResult, noise_of_flats, noise_of_places
+from .observations import KEPT, Observations
+from .samples import PlaceSamples
+from .shot import ShotMeasurement
 
 _BAD_COLOUR = 6.0  # mean dE2000: above it the colours are useless
 _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
-
-
-@dataclass(frozen=True, eq=False)
-class ShotMeasurement:
-    """Measurements of one shot.
-
-    name: file name.
-    calibration: the calibration stored in the shot.
-    fits: independent estimates of gamma; if there is a chart, the first one comes from its patches.
-    chart: the chart; None for an ordinary scene.
-    places: statistics of the patches; None for an ordinary scene.
-    picture: uint8 RGB (H, W, 3), the shot with the patches outlined; None for an ordinary scene.
-    """
-
-    name: str
-    calibration: SensorCalibration
-    fits: tuple[GammaFit, ...]
-    chart: FoundChart | None = None
-    places: PlaceSamples | None = None
-    picture: ByteArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,57 +65,31 @@ class Outcome:
         return "use it with care" if self.warnings else "use it"
 
 
-def measure_chart(
-    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, progress: Progress = SILENT
-) -> ShotMeasurement:
-    """Find the chart in a shot, measure its patches, and estimate gamma from them and from the scene around the chart.
-
-    name: file name.
-    mosaic: the shot.
-    reference: (24, 3), XYZ (D50), white = 1.
-    corners: of the chart, see `ChartPlace`; None = find it.
-    progress: receives the stages of the search.
-
-    Raises InputError with the reason if the shot cannot be used.
-    """
-    chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference, progress)
-    progress.stage("measuring", 1)
-    places = patch_samples(mosaic, chart.place.regions())
-    fits = [fit_chart_gamma(places)]
-    with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
-        fits.append(fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape)))
-    return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
-
-
-def measure_scene(name: str, mosaic: Mosaic) -> ShotMeasurement:
-    """Estimate gamma from a shot without a chart. Raises InputError with the reason if the shot cannot be used."""
-    return ShotMeasurement(name, mosaic.calibration, (fit_scene_gamma(mosaic),))
-
-
 def conclude(
-    base: Mosaic,
-    shots: Sequence[ShotMeasurement],
-    reference: DoubleArray,
-    dark: DarkResult | None = None,
-    noise: NoiseResult | None = None,
-    provenance: dict[str, Any] | None = None,
-    extra_defects: Sequence[tuple[int, int]] = (),
+    base: Mosaic, seen: Observations, reference: DoubleArray, provenance: dict[str, Any] | None = None, notes: Sequence[str] = ()
 ) -> Outcome:
-    """Combine all measurements into one camera.
+    """Combine all measurements into one camera. The order in which they were made does not matter.
 
     base: any frame of the camera; it gives the pattern, the levels, the sensor, and whatever was not measured.
-    shots: measured shots.
+    seen: what was measured.
     reference: (24, 3), XYZ (D50) of the chart, white = 1.
-    dark, noise: measurements of dark and flat frames, if any.
     provenance: facts that every part of the camera file records.
-    extra_defects: (row, column) of further defective pixels.
+    notes: further warnings.
     """
     noted = provenance or {}
     changes: dict[str, Any] = {}
     measured: dict[str, dict[str, Any]] = {}
-    warnings: list[str] = []
-    refusal, gamma = "", None
-    full_scale = base.calibration.full_scale
+    warnings: list[str] = list(notes)
+    refusal, gamma, noise = "", None, None
+    calibration, dark = base.calibration, seen.dark
+    if dark:
+        changes["black_level"] = tuple(dark.black.tolist())
+        measured["black_level"] = {**noted, "frames": dark.frames, "standard_error": _rounded(dark.black_error)}
+        calibration = replace(calibration, black_level=changes["black_level"])
+        warnings += dark_warnings(dark)
+    seen = seen.rebased(np.array(calibration.black_level), calibration.white_level)
+    shots = (*seen.charts, *seen.scenes)
+    full_scale = calibration.full_scale
     if shots:
         gamma = combined([fit for shot in shots for fit in shot.fits])
         try:
@@ -150,22 +100,23 @@ def conclude(
         changes["gamma"] = tuple(gamma.gamma.tolist())
         measured["gamma"] = {**noted, **_gamma_facts(gamma, shots)}
         warnings += gamma_warnings(gamma, shots)
-    if dark:
-        changes["black_level"] = tuple(dark.black.tolist())
-        measured["black_level"] = {**noted, "frames": dark.frames, "standard_error": _rounded(dark.black_error)}
-    defects = sorted({*(dark.defects if dark else ()), *extra_defects})
-    if dark or extra_defects:
+    dead = seen.flats.dead if seen.flats else ()
+    if dark or seen.flats:
+        defects = sorted({*(dark.defects if dark else ()), *dead})
         changes["defects"] = tuple(defects)
         measured["defects"] = {**noted, "part_of_pixels": len(defects) / base.samples.size}
         if len(defects) > 1e-3 * base.samples.size:
             warnings.append(f"there are many defective pixels: {len(defects)} ({100 * len(defects) / base.samples.size:.2f} %)")
-    charts = [shot for shot in shots if shot.chart is not None and shot.places is not None]
-    if noise is None and charts:
-        read = dark.read / (base.calibration.white_level - dark.black) if dark else None
-        noise = noise_of_places(PlaceSamples.joined([shot.places for shot in charts if shot.places]), base, read)
+    if seen.flats:
+        noise = noise_of_flats(seen.flats, calibration, dark)
+    elif seen.charts:
         warnings.append(
             "noise was measured on the chart's patches, whose texture adds to it; pairs of flat frames (--flat) show only noise"
         )
+        try:
+            noise = noise_of_places(PlaceSamples.joined([shot.places for shot in seen.charts if shot.places]), calibration, dark)
+        except InputError as error:
+            warnings[-1] = str(error)
     if noise:
         changes["noise"] = noise.model(full_scale)
         measured["noise"] = {
@@ -175,7 +126,7 @@ def conclude(
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
         warnings += noise_warnings(noise)
-    colour, shot, before, camera_rgb = _colour(charts, gamma, reference)
+    colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
         changes["neutral"] = tuple(colour.neutral.tolist())
@@ -189,11 +140,11 @@ def conclude(
             "light_unevenness": round(colour.unevenness, 3),
         }
         warnings += colour_warnings(colour, shot)
-    calibration = replace(base.calibration, **changes)
-    camera = None if refusal else Camera(calibration, base.pattern, measured)
-    return Outcome(
-        camera, refusal, tuple(warnings), tuple(shots), gamma, colour, shot, before, camera_rgb, noise, dark, base.pattern.channels
-    )
+    for part, kept in seen.to_json().items():
+        measured[part] = {**measured[part], KEPT: kept}
+    camera = None if refusal else Camera(replace(calibration, **changes), base.pattern, measured)
+    channels = base.pattern.channels
+    return Outcome(camera, refusal, tuple(warnings), shots, gamma, colour, shot, before, camera_rgb, noise, dark, channels)
 
 
 def _colour(

@@ -6,7 +6,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from shared import Mosaic, NoiseModel
+from shared import Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 
@@ -21,6 +21,11 @@ _NOT_DARK = 0.1  # of full scale above black
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _TILES = 12  # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
 _LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
+_GROUPS = 6  # of tiles, per pair
+_RESTLESS = 2.0  # times the median variance per light of a pair's tiles: something moved between the frames
+_HIDDEN = 0.5  # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288 asks for as much)
+_WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
+SIGMAS = 1.96  # standard errors in half a 95 % interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +36,7 @@ class DarkResult:
     black: (C + 1,), black level.
     black_error: (C + 1,), its standard error.
     read: (C + 1,), read noise as a standard deviation, without the effect of rounding to codes.
+    read_error: (C + 1,), its standard error.
     defects: (row, column) of pixels that are not black.
     """
 
@@ -38,7 +44,29 @@ class DarkResult:
     black: DoubleArray
     black_error: DoubleArray
     read: DoubleArray
+    read_error: DoubleArray
     defects: tuple[tuple[int, int], ...]
+
+    @property
+    def shows_read(self) -> bool:
+        """Whether the codes are fine enough to show the read noise."""
+        return bool((self.read >= _HIDDEN).all())
+
+
+@dataclass(frozen=True, eq=False)
+class FlatResult:
+    """Measurements of pairs of flat frames.
+
+    pairs: their number.
+    black: (C + 1,), the black level that the points refer to, codes.
+    points: mean and variance in parts of full scale, in a few groups of places per pair; rounding to codes is part of the variance.
+    dead: (row, column) of pixels that are dead in the brightest pair.
+    """
+
+    pairs: int
+    black: DoubleArray
+    points: PlaceSamples
+    dead: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +86,11 @@ class NoiseResult:
         """Return the noise model in scene units; full_scale: scene units at the white level."""
         return NoiseModel(*(tuple(full_scale * getattr(line, name) for line in self.lines) for name in ("shot", "read")))
 
+    @property
+    def uncertainty(self) -> float:
+        """Half the 95 % interval of what light adds to the variance at full scale, over that variance: of the plane known worst."""
+        return max(SIGMAS * line.shot_error / max(float(line.variance(np.ones(1))[0]), 1e-30) for line in self.lines)
+
 
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     """Measure black level and read noise per filter colour, and find the pixels that are not black.
@@ -73,7 +106,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     level = float(np.median(mean))
     if level - min(first.calibration.black_level) > _NOT_DARK * full:
         raise InputError(f"is not dark: its median is {level:.0f} of {full} codes; cover the lens")
-    black, error, read = np.zeros(number), np.zeros(number), np.zeros(number)
+    black, error, read, read_error = (np.zeros(number) for _ in range(4))
     defect = np.zeros(first.shape, bool)
     for plane in range(number):
         here = planes == plane
@@ -86,17 +119,18 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         samples = stack[:, here][:, good]
         variance = float(samples.var(axis=0, ddof=1).mean() if len(frames) > 1 else samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - _ROUNDING, 0.0))
-    return DarkResult(len(frames), black, error, read, tuple((row, column) for row, column in np.argwhere(defect).tolist()))
+        independent = good.sum() * max(len(frames) - 1, 1)
+        read_error[plane] = variance / (max(read[plane], _HIDDEN) * np.sqrt(2 * max(independent, 1)))
+    defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
+    return DarkResult(len(frames), black, error, read, read_error, defects)
 
 
-def measure_flats(frames: Sequence[Mosaic], read: DoubleArray | None) -> tuple[NoiseResult, list[tuple[int, int]], list[int]]:
-    """Measure noise from pairs of equal flat frames: half the variance of their difference is noise without fixed pattern.
+def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
+    """Measure pairs of equal flat frames: half the variance of their difference is noise without fixed pattern.
 
     frames: flat frames of one or more exposures, in any order.
-    read: (C + 1,), read noise from dark frames, parts of full scale; None = it is the intercept of the fit.
 
-    Returns the noise, the pixels that are dead in the brightest pair, and the indices of frames without a partner. Raises
-    InputError if there is no pair.
+    Returns the measurements, and the indices of frames without a partner. Raises InputError if there is no pair.
     """
     planes = frames[0].pattern.filter_map(frames[0].shape)
     white = len(frames[0].pattern.planes) - 1
@@ -115,29 +149,81 @@ def measure_flats(frames: Sequence[Mosaic], read: DoubleArray | None) -> tuple[N
             "flat frames: no two unclipped frames have the same exposure; take two of each, at several exposures up to three "
             "quarters of full scale"
         )
-    points = PlaceSamples.joined([_pair_points(levels[first], levels[second], planes, white + 1) for first, second in pairs])
-    result = _fitted(points, frames[0], read, f"{len(pairs)} pairs of flat frames")
+    points = [_grouped(_pair_points(levels[first], levels[second], planes, white + 1)) for first, second in pairs]
     first, second = pairs[-1]
-    return result, _dead(levels[first] + levels[second], planes), unpaired
+    dead = tuple(_dead(levels[first] + levels[second], planes))
+    black = np.array(frames[0].calibration.black_level)
+    return FlatResult(len(pairs), black, PlaceSamples.joined(points), dead), unpaired
 
 
-def noise_of_places(places: PlaceSamples, mosaic: Mosaic, read: DoubleArray | None) -> NoiseResult:
-    """Measure noise from the patches of a chart: an upper bound if they have texture. read: see `measure_flats`."""
-    return _fitted(places.chosen(~places.clipped), mosaic, read, "the chart's patches")
+def noise_of_flats(flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None) -> NoiseResult:
+    """Fit the noise of flat frames.
 
+    calibration: its black and white level are those of the result.
+    dark: measurements of dark frames; None = the read noise is the intercept of the fit.
 
-def _fitted(points: PlaceSamples, mosaic: Mosaic, read: DoubleArray | None, source: str) -> NoiseResult:
-    """Fit a line per plane, after subtracting the variance that rounding to codes adds."""
-    calibration = mosaic.calibration
-    rounding = _ROUNDING / (calibration.white_level - np.array(calibration.black_level)) ** 2
-    points = replace(points, variance=np.maximum(points.variance - rounding, 0))
-    lines = tuple(
-        fit_photon_transfer(
-            points.mean[:, plane], points.variance[:, plane], points.count[:, plane], None if read is None else float(read[plane])
+    Raises InputError if the pairs do not tell how the noise grows with light.
+    """
+    black = np.array(calibration.black_level)
+    points = flats.points.rebased(flats.black, black, calibration.white_level)
+    noise = _fitted(points, calibration, dark, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
+    if fault := _undetermined(noise, calibration):
+        raise InputError(
+            f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, up to three quarters of full "
+            "scale, and dark frames (--dark)"
         )
-        for plane in range(points.mean.shape[1])
-    )
-    return NoiseResult(lines, points, source)
+    return noise
+
+
+def noise_of_places(places: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None) -> NoiseResult:
+    """Measure noise from the patches of a chart: an upper bound if they have texture. Parameters, errors: see `noise_of_flats`."""
+    noise = _fitted(places.chosen(~places.clipped), calibration, dark, "the chart's patches")
+    if fault := _undetermined(noise, calibration):
+        raise InputError(f"noise: {noise.source} {fault}; take pairs of flat frames (--flat)")
+    return noise
+
+
+def _fitted(points: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None, source: str) -> NoiseResult:
+    """Fit a line per plane, after subtracting the variance that rounding to codes adds."""
+    span = calibration.white_level - np.array(calibration.black_level)
+    points = replace(points, variance=np.maximum(points.variance - _ROUNDING / span**2, 0))
+    known = dark if dark is not None and dark.shows_read else None
+    lines = []
+    for plane, (mean, variance, count) in enumerate(zip(points.mean.T, points.variance.T, points.count.T, strict=True)):
+        line = fit_photon_transfer(mean, variance, count, None if known is None else float(known.read[plane] / span[plane]))
+        lines.append(line if known is None else replace(line, read_error=float(known.read_error[plane] / span[plane])))
+    return NoiseResult(tuple(lines), points, source)
+
+
+def _undetermined(noise: NoiseResult, calibration: SensorCalibration) -> str | None:
+    """Return why this noise is no measurement, None if it is one."""
+    span = calibration.white_level - np.array(calibration.black_level)
+    seen = noise.points.variance * span**2
+    if not seen.size or float(seen.max(axis=0).min()) < _HIDDEN**2:
+        return "show less noise than rounding to codes hides"
+    if not noise.uncertainty <= _WORST_NOISE:
+        part = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
+        return f"tell the noise at full scale only to {part}, and {100 * _WORST_NOISE:.0f} % are allowed"
+    return None
+
+
+def _grouped(points: PlaceSamples) -> PlaceSamples:
+    """Return a few groups of places of like brightness, without places that have more than noise (something moved).
+
+    A line fits the groups as well as the places, and camera.json can keep them.
+    """
+    if not points.mean.size:
+        return points
+    per_light = points.variance[:, -1] / np.maximum(points.mean[:, -1], 1e-6)
+    kept = points.chosen(per_light <= _RESTLESS * np.median(per_light))
+    rows = []
+    for group in np.array_split(np.argsort(kept.mean[:, -1]), min(_GROUPS, len(kept.mean))):
+        number = kept.count[group]
+        free = np.maximum(number - 1, 0)
+        mean = (kept.mean[group] * number).sum(axis=0) / number.sum(axis=0)
+        variance = (kept.variance[group] * free).sum(axis=0) / np.maximum(free.sum(axis=0), 1)
+        rows.append((mean, variance, free.sum(axis=0) + 1, False))
+    return PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, number: int) -> PlaceSamples:

@@ -19,7 +19,7 @@ class PhotonTransfer:
 
     shot: variance per level.
     read: standard deviation without light.
-    shot_error, read_error: their standard errors; 0 = given, not fitted.
+    shot_error, read_error: their standard errors; infinite = the places do not tell; 0 = given, not fitted.
     """
 
     shot: float
@@ -60,9 +60,13 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
             kept = np.ones(mean.size, bool)
     weight = np.sqrt((count - 1) / 2) / predicted
     scaled = columns[kept] * weight[kept, None]
-    errors = np.sqrt(np.diag(np.linalg.pinv(scaled.T @ scaled)))
+    information = scaled.T @ scaled
+    # A pseudo-inverse would report an error of nearly 0 for what the places do not tell.
+    told = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
+    errors = np.sqrt(np.diag(np.linalg.inv(information))) if told else np.full(len(information), np.inf)
     shot = float(coefficients[0])
     if read is not None:
         return PhotonTransfer(shot, read, float(errors[0]), 0.0)
     intercept = float(np.sqrt(coefficients[1]))
-    return PhotonTransfer(shot, intercept, float(errors[0]), float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))))
+    unsure = float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))) if told else np.inf
+    return PhotonTransfer(shot, intercept, float(errors[0]), unsure)

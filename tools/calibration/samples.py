@@ -48,6 +48,16 @@ class PlaceSamples:
         """Return the places where `which` (N,) is true."""
         return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which])
 
+    def rebased(self, was: DoubleArray, now: DoubleArray, white: int) -> "PlaceSamples":
+        """Return the same places with another black level.
+
+        was, now: (C + 1,), codes, of the levels here and of the result.
+        white: white level, code.
+        """
+        stretch = (white - was) / (white - now)
+        mean = self.mean * stretch + (was - now) / (white - now)
+        return PlaceSamples(mean, self.variance * stretch**2, self.count, self.clipped)
+
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
         """Return the places of several shots, one after the other."""

@@ -68,6 +68,7 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
         condition=float(np.linalg.cond(instruments / instruments.sum(axis=1, keepdims=True))),
         spread=1.0,
         offset=0.0,
+        moments=np.concatenate([weighted.T @ colours, (weighted.T @ level)[:, None], weighted.sum(axis=0)[:, None]], axis=1),
     )
 
 

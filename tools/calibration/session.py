@@ -12,8 +12,9 @@ from shared.errors import InputError, OutputError, PanchromaError
 from tools.host.console import Console
 from tools.host.jobs import identity
 
-from .measure import ShotMeasurement, measure_chart, measure_scene
-from .noise import DarkResult, NoiseResult, measure_dark, measure_flats
+from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
+from .noise import DarkResult, FlatResult, measure_dark, measure_flats, noise_of_flats
+from .shot import ShotMeasurement, measure_chart, measure_scene
 
 T = TypeVar("T")
 
@@ -68,41 +69,52 @@ class Session:
 
     console: for lines, records and progress.
     sensor: name of the sensor; None = the name in the frames.
+    black: black level per plane, codes, if it is known before; None = that of the frames.
 
     Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame.
     """
 
-    def __init__(self, console: Console, sensor: str | None) -> None:
-        self._console, self._sensor = console, sensor
-        self._black: tuple[float, ...] | None = None
+    def __init__(self, console: Console, sensor: str | None, black: tuple[float, ...] | None = None) -> None:
+        self._console, self._sensor, self._black = console, sensor, black
         self.base: Mosaic | None = None
         self.skipped: list[str] = []
 
     def dark(self, paths: Sequence[str]) -> DarkResult | None:
         """Measure the dark frames; later frames get their black level. Returns None if there are none that can be used."""
-        frames = self._each(paths, "dark", lambda name, mosaic: mosaic)
-        dark = self._together(paths, lambda: measure_dark(frames)) if frames else None
+        frames = self._each(paths, "dark", lambda path, mosaic: (path, mosaic))
+
+        def measure() -> DarkResult:
+            refuse_copies(frames, DARK_ALIKE)
+            return measure_dark([mosaic for _, mosaic in frames])
+
+        dark = self._together(paths, measure) if frames else None
         if dark is not None:
             self._black = tuple(dark.black.tolist())
             black, read, defects = figures(dark.black), figures(dark.read), len(dark.defects)
-            self._console.say(f"black level {black} codes, read noise {read} codes, {defects} defects")
+            shown = f"read noise {read} codes" if dark.shows_read else "read noise too small for these codes"
+            self._console.say(f"black level {black} codes, {shown}, {defects} defects")
         return dark
 
-    def flat(self, paths: Sequence[str], dark: DarkResult | None) -> tuple[NoiseResult | None, list[tuple[int, int]]]:
-        """Measure the flat frames. Returns the noise, None if they cannot be used, and the dead pixels."""
-        frames = self._each(paths, "flat", lambda name, mosaic: mosaic)
-        if not frames:
-            return None, []
-        read = dark.read / (frames[0].calibration.white_level - dark.black) if dark else None
-        noise, dead, unpaired = self._together(paths, lambda: measure_flats(frames, read)) or (None, [], [])
+    def flat(self, paths: Sequence[str], dark: DarkResult | None) -> FlatResult | None:
+        """Measure the flat frames; dark: what is known of dark frames. Returns None if there are none that can be used."""
+        frames = self._each(paths, "flat", lambda path, mosaic: (path, mosaic))
+
+        def measure() -> tuple[FlatResult, list[int]]:
+            refuse_copies(frames, FLAT_ALIKE)
+            flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
+            noise_of_flats(flats, frames[0][1].calibration, dark)  # refused here, where the frames can be named
+            return flats, unpaired
+
+        flats, unpaired = (self._together(paths, measure) if frames else None) or (None, [])
         for index in unpaired:
-            self._console.note(f"flat frame {index + 1} is left out: it is clipped, or no other frame has its exposure")
-        return noise, dead
+            self._console.note(f"{frames[index][0]} is left out: it is clipped, or no other flat frame has its exposure")
+        return flats
 
     def charts(self, paths: Sequence[str], reference: DoubleArray, corners: Matrix | None) -> list[ShotMeasurement]:
         """Measure shots of a chart; parameters: see `measure_chart`."""
 
-        def measure(name: str, mosaic: Mosaic) -> ShotMeasurement:
+        def measure(path: str, mosaic: Mosaic) -> ShotMeasurement:
+            name = Path(path).name
             with self._console.progress(name) as progress:
                 return self._announced(measure_chart(name, mosaic, reference, corners, progress))
 
@@ -110,7 +122,7 @@ class Session:
 
     def scenes(self, paths: Sequence[str]) -> list[ShotMeasurement]:
         """Measure shots of ordinary scenes."""
-        return self._each(paths, "shot", lambda name, mosaic: self._announced(measure_scene(name, mosaic)))
+        return self._each(paths, "shot", lambda path, mosaic: self._announced(measure_scene(Path(path).name, mosaic)))
 
     def _announced(self, shot: ShotMeasurement) -> ShotMeasurement:
         where = f"chart at {shot.chart.place}, " if shot.chart else ""
@@ -118,11 +130,11 @@ class Session:
         return shot
 
     def _each(self, paths: Sequence[str], kind: str, measure: Callable[[str, Mosaic], T]) -> list[T]:
-        """Return the results of `measure(name, mosaic)` for all frames that can be used."""
+        """Return the results of `measure(path, mosaic)` for all frames that can be used."""
         results = []
         for path in paths:
             try:
-                results.append(measure(Path(path).name, self._read(path)))
+                results.append(measure(path, self._read(path)))
             except (PanchromaError, MemoryError) as error:
                 self._skip(path, str(error) or "not enough memory")
             else:

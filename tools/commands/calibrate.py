@@ -6,10 +6,11 @@ skipped, with the reason.
 """
 
 import argparse
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from shared import Camera
+from shared import Camera, Mosaic
 from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.writing import write_durably
@@ -37,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", help="name of the sensor (default: the name in the shots)")
     parser.add_argument("--report", metavar="DIR", help="folder for report.html, and chart.ti3 for Argyll CMS; created if missing")
     parser.add_argument(
-        "--update", action="store_true", help="replace only the measured parts of FILE; FILE.bak keeps the old file"
+        "--update",
+        action="store_true",
+        help="add these frames to FILE: what is better known replaces what is less known; FILE.bak keeps the old file",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace FILE and the report; FILE.bak keeps the old file")
     parser.add_argument("--json", action="store_true", help="print one JSON object per shot, then one for the result")
@@ -45,8 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
-    from tools.calibration.camera_file import updated, write_camera
+    from tools.calibration.camera_file import check_same, difference, merged, read_known, unsupported, write_camera
     from tools.calibration.measure import conclude
+    from tools.calibration.observations import Observations
     from tools.calibration.reference import color_checker_xyz, read_reference, ti3
     from tools.calibration.report.page import report
     from tools.calibration.session import Session, check_output, sort_files
@@ -59,16 +63,27 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html", folder / "chart.ti3"))
     reference = read_reference(Path(arguments.reference)) if arguments.reference else color_checker_xyz()
+    old, known = read_known(output) if arguments.update and output.exists() else (None, Observations())
 
-    session = Session(console, arguments.sensor)
+    session = Session(console, arguments.sensor, old.calibration.black_level if old and "black_level" in old.measured else None)
     dark = session.dark(files.dark)
-    noise, dead = session.flat(files.flat, dark)
+    flats = session.flat(files.flat, dark or known.dark)
     shots = session.scenes(files.shots) if arguments.no_chart else session.charts(files.shots, reference, corners)
-    if session.base is None or not (shots or dark or noise):
+    if session.base is None or not (shots or dark or flats):
         console.error("no frame could be used, and no camera file was written")
         return FAILED
+    base, notes, fixed = session.base, [], []
+    if old is not None:
+        check_same(output, old, base)
+        base = Mosaic(base.codes, base.pattern, replace(old.calibration, sensor=old.calibration.sensor or base.calibration.sensor))
+        if fixed := unsupported(old, known):
+            notes = [f"{output} does not keep what its {', '.join(fixed)} came from: these are not judged anew"]
+    charts = () if arguments.no_chart else tuple(shots)
+    seen, lines = Observations(dark, flats, charts, tuple(shots[len(charts) :])).with_known(known)
+    for line in lines:
+        console.note(line)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
-    outcome = conclude(session.base, shots, reference, dark, noise, provenance, dead)
+    outcome = conclude(base, seen, reference, provenance, notes)
 
     for warning in outcome.warnings:
         console.note(f"warning: {warning}")
@@ -82,10 +97,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(f"{outcome.refusal}; no camera file was written")
         console.record(source=str(output), ok=False, error=outcome.refusal)
         return FAILED
-    camera, changes = updated(output, outcome.camera) if arguments.update and output.exists() else (outcome.camera, [])
-    write_camera(output, camera, overwrite=replace_existing)
-    for line in changes:
+    camera = outcome.camera if old is None else merged(old, outcome.camera, fixed)
+    kept = write_camera(output, camera, overwrite=replace_existing)
+    for line in difference(old, camera) if old is not None else ():
         console.say(f"  {line}")
+    if kept is not None:
+        console.say(f"{kept}: the file as it was before")
     console.say(f"{output}: {_summary(camera)}; {outcome.verdict}")
     warnings, identity = list(outcome.warnings), camera.calibration.id
     console.record(source=str(output), ok=True, verdict=outcome.verdict, warnings=warnings, camera=camera.to_json(), id=identity)

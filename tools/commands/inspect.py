@@ -63,7 +63,7 @@ def _camera(source: str, console: Console) -> dict[str, Any]:
     }
     rows["levels"] += f" ({calibration.bits} bits)"
     for part, how in camera.measured.items():
-        rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items())
+        rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items() if name != "kept")
     console.say(f"{source}\n" + "\n".join(f"  {name:<13}{value}" for name, value in rows.items()))
     return {"camera": camera.to_json(), "calibration_id": calibration.id}
 

@@ -5,7 +5,9 @@ EXR, NPY), an 8-bit picture (sRGB, made linear), builtin:WIDTHxHEIGHT, or chart:
 """
 
 import argparse
+import os
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light.add_argument(
         "--exposure", type=float, default=1.0, metavar="FACTOR", help="amount of light of --protocol sensor, 2 is one stop more"
     )
-    light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
+    light.add_argument(
+        "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its file name"
+    )
     parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
     parser.add_argument("--truth", action="store_true", help="also write the scene as STEM.truth.tif: float32, scene units")
     options.add_max_pixels(parser)
@@ -86,8 +90,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             progress.stage("reading", 1)
             scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels)
             progress.stage("sampling", 1)
-            mosaic = photograph(scene, pattern, camera, arguments)
             shot, *truth = job.outputs
+            mosaic = photograph(scene, pattern, camera, arguments, noise_of(arguments.seed, shot.name))
             progress.stage("writing", 1)
             write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
             for path in truth:
@@ -103,10 +107,19 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return run_jobs(plan(arguments.scenes, names, folder), work, console, overwrite=arguments.overwrite)
 
 
-def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace) -> Mosaic:
+def noise_of(seed: int, name: str) -> np.random.Generator:
+    """The source of noise of one shot: the same for the same seed and file name, another one for any other.
+
+    Do not draw all shots of a run from one generator: the noise of a shot would depend on the shots before it.
+    """
+    return np.random.default_rng([seed, *sha256(os.fsencode(name)).digest()])
+
+
+def photograph(
+    scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace, rng: np.random.Generator
+) -> Mosaic:
     """The scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
     camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz, neutral=camera.neutral or scene.neutral)
-    rng = np.random.default_rng(arguments.seed)
     if arguments.protocol == "sensor":
         return simulate_sensor(scene.rgb, pattern, camera, arguments.exposure, rng, scene.metadata)
     return simulate_additive(scene.rgb, pattern, camera, arguments.sigma, rng, scene.metadata)

@@ -21,6 +21,7 @@ from shared.arrays import FloatArray
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.tools.command import assert_refused, file_limit, names, run, spawn
+from tools.commands.simulate import noise_of
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"
@@ -45,7 +46,7 @@ def simulate(out: Path, *options: str | Path) -> Any:
 
 
 def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
-    expected = simulate_additive(builtin_scene(24, 18).rgb, CfaPattern.bayer(), camera(), 0.02, np.random.default_rng(7))
+    expected = simulate_additive(builtin_scene(24, 18).rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(7, SHOT))
     shot = simulate(out, "--sigma", "0.02", "--seed", "7")
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.pattern == expected.pattern
@@ -55,7 +56,7 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
 
 def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     calibration = camera(white_level=4095)  # the sensor ends where its codes do
-    expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, np.random.default_rng(0))
+    expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, noise_of(0, SHOT))
     shot = simulate(out, "--protocol", "sensor", "--exposure", "4")
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
@@ -94,6 +95,20 @@ def test_the_seed_decides_the_noise(out: Path) -> None:
     one, other, again = (simulate(out, "--sigma", "0.1", "--seed", seed).codes for seed in ("1", "2", "1"))
     assert np.array_equal(one, again)
     assert not np.array_equal(one, other)
+
+
+def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tmp_path: Path) -> None:
+    """Two flat frames with the same noise would measure no noise at all."""
+    sources = [tmp_path / "flat1.npy", tmp_path / "flat2.npy"]
+    for source in sources:
+        np.save(source, np.full((36, 36, 3), 0.5, np.float32))
+    white = CfaPattern.bayer().panchromatic_mask((36, 36))
+    for protocol in (["--sigma", "0.1"], ["--protocol", "sensor"]):
+        assert run("simulate", *sources, "-o", out, "--overwrite", *protocol).code == 0
+        one, other = (read_dng(out / f"{source.stem}.dng").codes.astype(float) for source in sources)
+        assert abs(np.corrcoef(one[white], other[white])[0, 1]) < 0.2
+        assert run("simulate", *reversed(sources), "-o", out, "--overwrite", *protocol).code == 0
+        assert np.array_equal(read_dng(out / "flat1.dng").codes, one)
 
 
 def test_the_truth_is_the_scene_in_float32(out: Path) -> None:

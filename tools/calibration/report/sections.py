@@ -12,9 +12,10 @@ from shared.colorimetry import SRGB_TO_XYZ, encode_srgb, lab_to_xyz
 from shared.colour_difference import delta_e_2000
 from tools.pictures.html import cell, data_address, row, table
 
-from ..advice import SIGMAS
 from ..chart.place import COLUMNS, NAMES, PATCHES
-from ..measure import Outcome, ShotMeasurement
+from ..measure import Outcome
+from ..noise import SIGMAS
+from ..shot import ShotMeasurement
 from .plots import OTHER, luminance_plot, noise_plot, residuals_plot
 
 _WIDEST = 1200  # pixels of a picture
@@ -115,7 +116,7 @@ def noise(outcome: Outcome) -> str:
             letter,
             f"{line.shot:.3g} ± {SIGMAS * line.shot_error:.1g}",
             f"{1 / line.shot if line.shot > 0 else float('inf'):,.0f}",
-            f"{line.read:.3g}" + (f" ± {SIGMAS * line.read_error:.1g}" if line.read_error else " (dark frames)"),
+            f"{line.read:.3g} ± {SIGMAS * line.read_error:.1g}",
             f"{line.read / line.shot:.2f}" if line.shot > 0 else "",
         )
         for letter, line in zip(planes, found.lines, strict=True)

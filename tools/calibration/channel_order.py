@@ -1,0 +1,51 @@
+"""Whether the chart's colours fit the names of the channels: if red and blue are exchanged, every other measurement still fits."""
+
+from itertools import permutations
+
+import numpy as np
+
+from shared import CfaPattern
+from shared.arrays import DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ
+from shared.errors import InputError
+
+from .colour_matrix import GREYS
+
+_DARKEST = 0.02  # of white: colours outside sRGB have no logarithm
+_NAMES = {"R": "red", "G": "green", "B": "blue"}
+
+
+def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: CfaPattern) -> None:
+    """Raise InputError if the channels R, G and B see the chart's colours as if their names were exchanged.
+
+    levels: (24, C), patches under one light, linear.
+    reference: (24, 3), XYZ (D50), white = 1.
+    pattern: of the shot.
+
+    A matrix from camera RGB to XYZ undoes any exchange, so it cannot tell. But a filter called red is, however broad, more like sRGB's
+    red than a filter called blue is: the colours of the patches relative to grey must be most alike in the order of the names.
+    """
+    if sorted(pattern.channels) != sorted(_NAMES):
+        return
+    wanted = _hues(reference @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T)
+    found = _hues(levels[:, [pattern.channels.index(letter) for letter in _NAMES]])
+    likeness = {order: float((wanted * found[:, order]).sum()) for order in permutations(range(3))}
+    best = max(likeness, key=lambda order: likeness[order])
+    if best == (0, 1, 2):
+        return
+    # Channel `order[i]` of the shot sees what the i-th of R, G, B should.
+    true = {letter: right for right, letter in zip("RGB", ("RGB"[index] for index in best), strict=True)}
+    wrong = " and ".join(_NAMES[letter] for letter in "RGB" if true[letter] != letter)
+    block = "/".join("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
+    raise InputError(
+        f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its sensor, whose pattern probably is "
+        f"{block}; capture the shot again with the right --order or --pattern"
+    )
+
+
+def _hues(levels: DoubleArray) -> DoubleArray:
+    """Return the logarithms of the levels relative to grey and to the mean of the patch's channels, (24, C)."""
+    parts = np.maximum(levels / levels[list(GREYS)].mean(axis=0), _DARKEST)
+    logarithms = np.log(parts)
+    hues: DoubleArray = logarithms - logarithms.mean(axis=1, keepdims=True)
+    return hues
