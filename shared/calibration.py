@@ -132,7 +132,8 @@ class SensorCalibration:
             )
         if self.white_level - max(self.black_level) < _LEAST_RANGE:
             raise InputError(
-                f"calibration: black_level {self.black_level} is less than {_LEAST_RANGE} codes below white_level {self.white_level}"
+                f"calibration: black_level {self.black_level} is less than {_LEAST_RANGE} codes below "
+                f"white_level {self.white_level}"
             )
         if self.noise is not None:
             if len(self.noise.shot) != count + 1:

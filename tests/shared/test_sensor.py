@@ -128,7 +128,7 @@ def test_the_generator_alone_decides_the_noise(make: Any) -> None:
 
 @pytest.mark.parametrize("sigma", [1e38, 1e300])
 def test_noise_past_all_numbers_is_refused_as_such(sigma: float) -> None:
-    with pytest.raises(InputError, match="noise.read holds|samples are not finite"):
+    with pytest.raises(InputError, match=r"noise\.read holds|samples are not finite"):
         simulate_additive(flat(1, 1, 1), PATTERN, SensorCalibration(), sigma, rng())
 
 

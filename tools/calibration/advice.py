@@ -56,7 +56,8 @@ def noise_warnings(noise: NoiseResult) -> list[str]:
     warnings = []
     if not noise.uncertainty <= _GOOD_NOISE:
         warnings.append(
-            f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); take more pairs of flat frames (--flat)"
+            f"the noise at full scale is only known to ±{100 * noise.uncertainty:.0f} % (95 %); "
+            "take more pairs of flat frames (--flat)"
         )
     part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
     if part > _GOOD_READ / SIGMAS:

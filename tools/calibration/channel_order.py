@@ -22,8 +22,8 @@ def check_channel_order(levels: DoubleArray, reference: DoubleArray, pattern: Cf
     reference: (24, 3), XYZ (D50), white = 1.
     pattern: of the shot.
 
-    A matrix from camera RGB to XYZ undoes any exchange, so it cannot tell. But a filter called red is, however broad, more like sRGB's
-    red than a filter called blue is: the colours of the patches relative to grey must be most alike in the order of the names.
+    A matrix from camera RGB to XYZ undoes any exchange, so it cannot tell. But a filter called red is, however broad, more like the
+    red of sRGB than a filter called blue is: the patches' colours, relative to grey, must be most alike in the order of the names.
     """
     if sorted(pattern.channels) != sorted(_NAMES):
         return

@@ -14,7 +14,7 @@ from shared.errors import InputError
 DARK_ALIKE, FLAT_ALIKE = 0.67, 0.9
 _SAMPLES = 1 << 20  # of a frame: they decide as well as all of them
 _LEAST = 50  # samples of a plane: with fewer, independent noise may correlate by chance
-_OUTLIER = 6.0  # standard deviations: hot pixels are alike in all frames
+_OUTLIER = 5.0  # standard deviations
 
 
 def refuse_copies(frames: Sequence[tuple[str, Mosaic]], alike: float) -> None:
@@ -23,9 +23,10 @@ def refuse_copies(frames: Sequence[tuple[str, Mosaic]], alike: float) -> None:
     frames: path and frame, of one camera, of equal size.
     alike: correlation above which the noise of two frames cannot be independent.
     """
-    for (_, first), (path, other) in pairwise(frames):
-        if first.shape != other.shape:
-            raise InputError(f"{path}: has {other.shape[1]} x {other.shape[0]} pixels, the frame before it has other sizes")
+    for (before, first), (path, second) in pairwise(frames):
+        if first.shape != second.shape:
+            (high, wide), (rows, columns) = second.shape, first.shape
+            raise InputError(f"{path} has {wide} x {high} pixels, {before} {columns} x {rows}: they are from different cameras")
     noise = [_noise(mosaic) for _, mosaic in frames]
     for one, other in combinations(range(len(frames)), 2):
         same = np.array_equal(frames[one][1].codes, frames[other][1].codes)
@@ -50,21 +51,27 @@ def _noise(mosaic: Mosaic) -> list[DoubleArray]:
     difference = codes[:, period:] - codes[:, :-period]
     if not difference.size:
         return []
+    usual = _usual(difference)
+    for axis in (0, 1):
+        difference -= difference.mean(axis, keepdims=True, where=usual | ~usual.any(axis, keepdims=True))
+    difference[~(usual & _usual(difference))] = np.nan
     planes = mosaic.pattern.filter_map(mosaic.shape)[chosen][:, period:]
-    difference -= difference.mean(axis=0)
-    difference -= difference.mean(axis=1, keepdims=True)
     masks: list[BoolArray] = [planes == plane for plane in range(len(mosaic.pattern.planes))]
     enough = [mask for mask in masks if mask.sum() >= _LEAST]
-    return [_limited(difference[mask]) for mask in enough] or [_limited(difference.ravel())]
+    return [difference[mask] for mask in enough] or [difference.ravel()]
 
 
-def _limited(values: DoubleArray) -> DoubleArray:
-    low, high = np.quantile(values, (0.16, 0.84))
-    spread = max((high - low) / 2, 1.0)
-    limited: DoubleArray = np.clip(values - values.mean(), -_OUTLIER * spread, _OUTLIER * spread)
-    return limited
+def _usual(values: DoubleArray) -> BoolArray:
+    """Return which values are no outliers: hot pixels are alike in all frames, and edited ones hide what is alike."""
+    low, middle, high = np.quantile(values, (0.16, 0.5, 0.84))
+    usual: BoolArray = np.abs(values - middle) <= _OUTLIER * max((high - low) / 2, 1.0)
+    return usual
 
 
 def _correlation(one: DoubleArray, other: DoubleArray) -> float:
+    both = np.isfinite(one) & np.isfinite(other)
+    if not both.any():
+        return 0.0
+    one, other = one[both] - one[both].mean(), other[both] - other[both].mean()
     size = np.sqrt((one**2).sum() * (other**2).sum())
     return float((one * other).sum() / size) if size > 0 else 0.0

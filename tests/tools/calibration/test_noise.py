@@ -1,11 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from shared import Mosaic
+from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
+from shared.sensor import sample, simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
 from tools.calibration.measure import conclude
-from tools.calibration.noise import measure_dark, measure_flats, noise_of_places
+from tools.calibration.noise import measure_dark, measure_flats, noise_of_flats, noise_of_places
+from tools.calibration.observations import Observations
 from tools.calibration.photon_transfer import fit_photon_transfer
 from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
@@ -53,11 +57,11 @@ def test_a_lit_frame_is_no_dark_frame() -> None:
 def test_gain_and_read_noise_of_flats_and_darks() -> None:
     assert TRUTH.noise is not None
     dark = measure_dark(darks(4))
-    noise, dead, alone = measure_flats(flats(0.05, 0.3, 0.8), dark.read / (4095 - dark.black))
-    model = noise.model(FULL)
+    seen, alone = measure_flats(flats(0.05, 0.3, 0.8))
+    model = noise_of_flats(seen, BLIND, dark).model(FULL)
     np.testing.assert_allclose(model.shot, TRUTH.noise.shot, rtol=0.05)
     np.testing.assert_allclose(model.read, TRUTH.noise.read, rtol=0.05)
-    assert dead == []
+    assert seen.dead == ()
     assert alone == []
 
 
@@ -65,15 +69,16 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     """Shot noise hides it: 5 % are out of reach, but the interval is honest and the warning names the remedy."""
     assert TRUTH.noise is not None
     frames = flats(0.02, 0.3, 0.8)
-    noise, _, _ = measure_flats(frames, None)
+    seen, _ = measure_flats(frames)
+    noise = noise_of_flats(seen, BLIND, None)
     off = np.array([line.read for line in noise.lines]) - np.array(TRUTH.noise.read) / FULL
     error = np.array([line.read_error for line in noise.lines])
     assert (np.abs(off) < 4 * error).all()
     assert (error < 0.5 * np.array(TRUTH.noise.read) / FULL)[-1]
-    blamed = [warning for warning in conclude(frames[0], [], color_checker_xyz(), noise=noise).warnings if "--dark" in warning]
+    blamed = [line for line in conclude(frames[0], Observations(flats=seen), color_checker_xyz()).warnings if "--dark" in line]
     assert len(blamed) == 1
-    known, _, _ = measure_flats(frames, np.array(TRUTH.noise.read) / FULL)
-    assert not conclude(frames[0], [], color_checker_xyz(), noise=known).warnings
+    known = Observations(measure_dark(darks(4)), seen)
+    assert not conclude(frames[0], known, color_checker_xyz()).warnings
 
 
 def test_flats_without_partner_and_dead_pixels() -> None:
@@ -83,17 +88,51 @@ def test_flats_without_partner_and_dead_pixels() -> None:
         codes[100, 200] = 260
         pair[number] = Mosaic(codes, dim.pattern, BLIND)
     single, clipped = frame(0.2 * FALLING), frame(3 * FALLING)
-    _, dead, alone = measure_flats([*pair, single, clipped], None)
-    assert dead == [(100, 200)]
+    seen, alone = measure_flats([*pair, single, clipped])
+    assert seen.dead == ((100, 200),)
     assert sorted(alone) == [2, 3]
     with pytest.raises(InputError, match="no two unclipped frames have the same exposure"):
-        measure_flats([single, clipped], None)
+        measure_flats([single, clipped])
+
+
+def test_one_exposure_is_enough_only_with_dark_frames() -> None:
+    """Without them nothing tells shot noise from read noise, and the fit may give either as 0."""
+    assert TRUTH.noise is not None
+    even = [frame(np.full((*SHAPE, 3), 0.5), seed=seed) for seed in range(2)]
+    for pair in (even, flats(0.5)):
+        seen, _ = measure_flats(pair)
+        with pytest.raises(InputError, match=r"1 pair of flat frames tell the noise at full scale only to ±.*several exposures"):
+            noise_of_flats(seen, BLIND, None)
+        shot = noise_of_flats(seen, BLIND, measure_dark(darks(4))).model(FULL).shot
+        np.testing.assert_allclose(shot, TRUTH.noise.shot, rtol=0.1)
+
+
+def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
+    """Rounding hides a read noise of 0.2 codes: what is left after Sheppard's correction would be 0."""
+    blunt = replace(BLIND, noise=NoiseModel((2e-4,) * 4, (0.2 * FULL / 3839,) * 4))
+    frames = [
+        simulate_sensor(np.zeros((*SHAPE, 3), np.float32), CfaPattern.bayer(), blunt, 1.0, np.random.default_rng(seed))
+        for seed in range(2)
+    ]
+    dark = measure_dark(frames)
+    assert not dark.shows_read
+    seen, _ = measure_flats(flats(0.02, 0.3, 0.8))
+    assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0  # from the flat frames
+    assert "use more gain or more bits" in conclude(frames[0], Observations(dark), color_checker_xyz()).warnings[0]
+
+
+def test_a_chart_without_noise_measures_none() -> None:
+    clean = Mosaic(sample(chart().rgb, CfaPattern.bayer(), BLIND), CfaPattern.bayer(), BLIND)
+    places = patch_samples(Mosaic(clean.codes, clean.pattern, BLIND), true_place().regions())
+    flat = replace(places, variance=np.full_like(places.variance, 1 / 12 / 3839**2))
+    with pytest.raises(InputError, match="less noise than rounding to codes hides"):
+        noise_of_places(flat, BLIND, None)
 
 
 def test_gain_from_the_chart() -> None:
     assert TRUTH.noise is not None
     places = patch_samples(frame(chart().rgb), true_place().regions())
-    model = noise_of_places(places, frame(chart().rgb), np.array(TRUTH.noise.read) / FULL).model(FULL)
+    model = noise_of_places(places, BLIND, measure_dark(darks(4))).model(FULL)
     np.testing.assert_allclose(model.shot, TRUTH.noise.shot, rtol=0.15)
     np.testing.assert_allclose(model.shot[3], TRUTH.noise.shot[3], rtol=0.03)
 
