@@ -17,10 +17,12 @@ from tests.data import DATA
 from tests.tools.calibration.known_camera import BLIND, TRUTH
 from tools.calibration.chart.find import find_chart
 from tools.calibration.chart_gamma import fit_chart_gamma
-from tools.calibration.measure import conclude, measure_chart, measure_scene
-from tools.calibration.noise import measure_dark, measure_flats
+from tools.calibration.measure import conclude
+from tools.calibration.noise import measure_dark, measure_flats, noise_of_flats
+from tools.calibration.observations import Observations
 from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
+from tools.calibration.shot import measure_chart, measure_scene
 from tools.scenes.drawn.chart import chart_scene
 from tools.scenes.load import load_scene
 
@@ -60,8 +62,9 @@ def synthetic_noise(period: int) -> None:
     found = {row * shape[1] + column for row, column in dark.defects}
     falling = 1 - 0.3 * np.linspace(0, 1, shape[1])[None, :, None] * np.ones((shape[0], 1, 3))
     flats = [shot(level * falling, pattern, rng) for level in (0.02, 0.1, 0.3, 0.6, 0.9) for _ in range(2)]
-    for read, name in ((dark.read / (4095 - dark.black), "flats and darks"), (None, "flats alone")):
-        noise, _, _ = measure_flats(flats, read)
+    seen, _ = measure_flats(flats)
+    for known, name in ((dark, "flats and darks"), (None, "flats alone")):
+        noise = noise_of_flats(seen, BLIND, known)
         model, true = noise.model(sum(TRUTH.gamma)), TRUTH.noise
         assert true is not None
         gain = 100 * (np.array(model.shot) / true.shot - 1)
@@ -86,7 +89,8 @@ def photograph(path: Path, *, chart: bool = True) -> None:
     except InputError as error:
         print(f"{path.name}: refused: {error}")
         return
-    outcome = conclude(mosaic, [measured], REFERENCE)
+    seen = Observations(charts=(measured,)) if chart else Observations(scenes=(measured,))
+    outcome = conclude(mosaic, seen, REFERENCE)
     assert outcome.gamma is not None
     off = ", ".join(f"{100 * (value - 1):+.2f}" for value in outcome.gamma.gamma)
     line = f"{path.name}{'' if chart else ' without chart'}: gamma off by {off} % (± {100 * outcome.gamma.worst:.1f})"
