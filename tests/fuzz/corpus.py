@@ -15,11 +15,18 @@ from device import Preview
 from device.capture import Sensor
 from device.frames import FrameLayout, RawFrame, read_frames
 from device.preview import find_model
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
+from offline import PAPER, render
+from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.dng import encode_dng, read_preview
 from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
+from tests.tools.calibration.known_camera import chart, frame, true_place
+from tools.calibration.camera_file import read_known
+from tools.calibration.measure import conclude
+from tools.calibration.noise import measure_dark
+from tools.calibration.observations import Observations
 from tools.calibration.reference import color_checker_xyz, read_reference, ti3
+from tools.calibration.shot import measure_chart
 from tools.pictures.writer import PictureKind, encode_picture
 from tools.scenes.load import load_scene
 
@@ -113,15 +120,33 @@ def _raws() -> list[Sample]:
 def _documents() -> list[Sample]:
     full = Camera(calibration(defects=((3, 4), (5, 6))), CfaPattern.bayer(6), {"gamma": {"shots": 3, "sigma": [0.1, 0.2]}})
     plain = SensorCalibration()
-    chart = ti3(color_checker_xyz(), np.full((24, 3), 0.5))
+    colours = ti3(color_checker_xyz(), np.full((24, 3), 0.5))
     return [
-        *(Sample("camera.json", ".json", json.dumps(each.to_json()).encode(), _read_camera) for each in (full, plain)),
-        Sample("CGATS", ".ti3", chart.encode(), lambda path: read_reference(path).tobytes()),
+        *(Sample("camera.json", ".json", json.dumps(each.to_json()).encode(), _read_camera) for each in (full, plain, _measured())),
+        Sample("CGATS", ".ti3", colours.encode(), lambda path: read_reference(path).tobytes()),
     ]
 
 
+def _measured() -> Camera:
+    """A camera file that keeps what it was measured from: dark frames, and a chart."""
+    dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
+    shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
+    camera = conclude(lit, Observations(measure_dark([dark]), charts=(shot,)), color_checker_xyz()).camera
+    assert camera is not None
+    return camera
+
+
 def _read_camera(path: Path) -> bytes:
-    return json.dumps(read_camera(path).to_json()).encode()
+    """The file, and all that is computed from it, where no number may overflow: an update, a preview and a render."""
+    camera, seen = read_known(path)
+    pattern = camera.pattern or CfaPattern.bayer(6)
+    codes = np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30).astype(np.uint16).reshape(24, 30)
+    with np.errstate(all="raise", under="ignore"):
+        shot = Mosaic(codes, pattern, camera.calibration)
+        conclude(shot, seen, color_checker_xyz())
+        assert np.isfinite(render(shot, PAPER).rgb).all()
+        Preview.for_mosaic(shot).run(shot)
+    return json.dumps(camera.to_json()).encode()
 
 
 def _graphs() -> list[Sample]:

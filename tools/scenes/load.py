@@ -14,12 +14,18 @@ from .camera_raw import camera_raw_scene
 from .decoders import Decoded, decode_exr, decode_npy, decode_png, decode_tiff, decode_with_pillow, guarded
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
+from .drawn.even import dark_scene, flat_scene
 from .gehler_shi import gehler_shi_scene
 from .picture import picture_scene
 from .scene import Scene, check_size
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
-_DRAWN: dict[str, Callable[[int, int], Scene]] = {"builtin:": builtin_scene, "chart:": chart_scene}
+_DRAWN: dict[str, Callable[[int, int], Scene]] = {
+    "builtin:": builtin_scene,
+    "chart:": chart_scene,
+    "flat:": flat_scene,
+    "dark:": dark_scene,
+}
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 # Kind, pattern of the first bytes, name endings, decoder.
@@ -42,7 +48,8 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
         the path of a TIFF, PNG, JPEG, WebP, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
-        "chart:WxH" (see `chart_scene`).
+        "chart:WxH" (see `chart_scene`),
+        "flat:WxH", "dark:WxH" (even light, no light: see `drawn.even`).
     linear: take the values of any picture as linear light.
     max_pixels: larger scenes are refused.
 
