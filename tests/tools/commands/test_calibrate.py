@@ -3,7 +3,7 @@
 import json
 import re
 from dataclasses import replace
-from itertools import permutations
+from itertools import permutations, product
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import pytest
 
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
-from shared.sensor import simulate_sensor
+from shared.sensor import simulate_sensor, typical_noise
 from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
 from tests.tools.command import run
 from tools.calibration.camera_file import difference, merged, write_camera
@@ -230,6 +230,38 @@ def test_every_order_of_updates_ends_like_one_command(folder: Path, tmp_path: Pa
     outcome = run("calibrate", "--dark", folder / "dark0.dng", "-o", path, "--update")
     assert "the dark frames before are kept" in outcome.err
     assert read_camera(path).measured["black_level"]["frames"] == 2
+
+
+@pytest.mark.parametrize("camera", [[], ["--period", "4"], ["--bits", "16"]])
+def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: Path) -> None:
+    """As the README tells a newcomer who has no camera; two flat frames of the same seed are refused."""
+    frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
+    for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
+        to = tmp_path / f"{kind}{light}-{seed}"
+        options = ["--protocol", "sensor", "--seed", str(seed), *camera]
+        if light != 1:
+            options += ["--exposure", str(light)]
+        outcome = run("simulate", f"{kind}:900x600", "-o", to, *options)
+        assert outcome.code == 0, outcome.err
+        frames[kind] += to.iterdir()
+    output = tmp_path / "camera.json"
+    outcome = run("calibrate", *frames["chart"], "--dark", *frames["dark"], "--flat", *frames["flat"], "-o", output, "--json")
+    assert (outcome.code, outcome.records[-1]["warnings"]) == (0, [])
+    assert outcome.records[-1]["verdict"] == "use it"
+    known = read_camera(output).calibration
+    np.testing.assert_allclose(known.gamma, (1, 1, 1), rtol=0.01)
+    typical = typical_noise(known)
+    assert known.noise is not None
+    np.testing.assert_allclose(known.noise.shot, typical.shot, rtol=0.05)
+    np.testing.assert_allclose(known.noise.read, typical.read, rtol=0.05)
+    again = tmp_path / "again"
+    assert (
+        run("simulate", "flat:900x600", "-o", again, "--protocol", "sensor", "--exposure", "0.3", "--seed", "1", *camera).code == 0
+    )
+    copies = [tmp_path / "flat0.3-1" / "flat-900x600.dng", again / "flat-900x600.dng"]
+    outcome = run("calibrate", "--flat", *copies, "--dark", *frames["dark"], "-o", tmp_path / "none.json")
+    assert outcome.code == 1
+    assert "have the same noise" in outcome.err
 
 
 def test_the_read_noise_of_dark_frames_reaches_the_noise_of_a_chart(folder: Path, tmp_path: Path) -> None:
