@@ -51,7 +51,7 @@ def gamma_warnings(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[
     return warnings
 
 
-def noise_warnings(noise: NoiseResult) -> list[str]:
+def noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
     """Warn of an uncertain gain, and of an uncertain read noise: in all but the darkest frames shot noise hides it."""
     warnings = []
     if not noise.uncertainty <= _GOOD_NOISE:
@@ -62,7 +62,8 @@ def noise_warnings(noise: NoiseResult) -> list[str]:
     part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
     if part > _GOOD_READ / SIGMAS:
         known = f"only known to ±{100 * SIGMAS * part:.0f} % (95 %)" if SIGMAS * part < 1 else "unknown"
-        warnings.append(f"read noise is {known}, because {noise.source} hardly show it; take dark frames (--dark)")
+        instead = "; take dark frames (--dark)" if dark is None else " either" if not dark.shows_read else ""
+        warnings.append(f"read noise is {known}, because {noise.source} hardly show it{instead}")
     return warnings
 
 

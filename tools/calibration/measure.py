@@ -125,7 +125,7 @@ def conclude(
             "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
-        warnings += noise_warnings(noise)
+        warnings += noise_warnings(noise, dark)
     colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)

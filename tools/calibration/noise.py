@@ -16,6 +16,7 @@ from .samples import CLIPPED, PlaceSamples, levels_of
 _ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
 _CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
 _DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pixels are beyond
+_LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _NOT_DARK = 0.1  # of full scale above black
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
@@ -112,13 +113,15 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         here = planes == plane
         values = mean[here]
         centre, spread = _clipped(values)
-        good = np.abs(values - centre) <= max(_DEFECT * spread, 0.5 / len(frames))
+        good = np.abs(values - centre) <= max(_DEFECT * spread, _LEAST_DEFECT)
         defect[here] = ~good
         black[plane] = values[good].mean()
-        error[plane] = spread / np.sqrt(max(good.sum(), 1))
+        error[plane] = values[good].std() / np.sqrt(max(good.sum(), 1))
         samples = stack[:, here][:, good]
         variance = float(samples.var(axis=0, ddof=1).mean() if len(frames) > 1 else samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - _ROUNDING, 0.0))
+        if read[plane] < _HIDDEN:  # then the mean of the codes is not that of the samples, however many there are
+            error[plane] = np.hypot(error[plane], np.sqrt(_ROUNDING))
         independent = good.sum() * max(len(frames) - 1, 1)
         read_error[plane] = variance / (max(read[plane], _HIDDEN) * np.sqrt(2 * max(independent, 1)))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())

@@ -116,6 +116,8 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     ]
     dark = measure_dark(frames)
     assert not dark.shows_read
+    assert dark.defects == ()  # some pixels read a code more or less
+    assert (dark.black_error > 0.2).all()
     seen, _ = measure_flats(flats(0.02, 0.3, 0.8))
     assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0  # from the flat frames
     assert "use more gain or more bits" in conclude(frames[0], Observations(dark), color_checker_xyz()).warnings[0]

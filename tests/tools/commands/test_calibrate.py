@@ -232,7 +232,7 @@ def test_every_order_of_updates_ends_like_one_command(folder: Path, tmp_path: Pa
     assert read_camera(path).measured["black_level"]["frames"] == 2
 
 
-@pytest.mark.parametrize("camera", [[], ["--period", "4"], ["--bits", "16"]])
+@pytest.mark.parametrize("camera", [[], ["--period", "4", "--bits", "16"]])
 def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera; two flat frames of the same seed are refused."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
@@ -241,7 +241,7 @@ def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: P
         options = ["--protocol", "sensor", "--seed", str(seed), *camera]
         if light != 1:
             options += ["--exposure", str(light)]
-        outcome = run("simulate", f"{kind}:900x600", "-o", to, *options)
+        outcome = run("simulate", f"{kind}:720x480", "-o", to, *options)
         assert outcome.code == 0, outcome.err
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
@@ -256,9 +256,9 @@ def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: P
     np.testing.assert_allclose(known.noise.read, typical.read, rtol=0.05)
     again = tmp_path / "again"
     assert (
-        run("simulate", "flat:900x600", "-o", again, "--protocol", "sensor", "--exposure", "0.3", "--seed", "1", *camera).code == 0
+        run("simulate", "flat:720x480", "-o", again, "--protocol", "sensor", "--exposure", "0.3", "--seed", "1", *camera).code == 0
     )
-    copies = [tmp_path / "flat0.3-1" / "flat-900x600.dng", again / "flat-900x600.dng"]
+    copies = [tmp_path / "flat0.3-1" / "flat-720x480.dng", again / "flat-720x480.dng"]
     outcome = run("calibrate", "--flat", *copies, "--dark", *frames["dark"], "-o", tmp_path / "none.json")
     assert outcome.code == 1
     assert "have the same noise" in outcome.err
