@@ -62,8 +62,11 @@ def noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
     part = max(line.read_error / max(line.read, 1e-12) for line in noise.lines)
     if part > _GOOD_READ / SIGMAS:
         known = f"only known to ±{100 * SIGMAS * part:.0f} % (95 %)" if SIGMAS * part < 1 else "unknown"
-        instead = "; take dark frames (--dark)" if dark is None else " either" if not dark.shows_read else ""
-        warnings.append(f"read noise is {known}, because {noise.source} hardly show it{instead}")
+        if dark is not None and dark.shows_read:
+            warnings.append(f"read noise is {known}; take more dark frames (--dark)")
+        else:
+            instead = "; take dark frames (--dark)" if dark is None else " either"
+            warnings.append(f"read noise is {known}, because {noise.source} hardly show it{instead}")
     return warnings
 
 
