@@ -53,7 +53,7 @@ class GammaFit:
         stretch, shift = (white - was) / (white - now), (was - now) / (white - now)
         products, total = self.moments[:, :-1], self.moments[:, -1:]
         moments = np.concatenate([products * stretch + total * shift, total], axis=1)
-        return replace(self, gamma=np.linalg.solve(moments[:, :count], moments[:, count]), moments=moments)
+        return replace(self, gamma=np.linalg.lstsq(moments[:, :count], moments[:, count], rcond=None)[0], moments=moments)
 
     @property
     def half_width(self) -> DoubleArray:

@@ -155,3 +155,14 @@ def test_fits_add_up_by_their_information() -> None:
     assert quarrel.half_width.max() > 1.0
     with pytest.raises(InputError, match="only known to be"):
         check_determined(quarrel)
+
+
+def test_gamma_of_a_scene_follows_a_new_black_level() -> None:
+    """From the kept moments alone, as if the scene had been measured with it."""
+    scene = builtin_scene(600, 400).rgb
+    wrong = np.array(BLIND.black_level) - 6
+    right = fit_scene_gamma(frame(scene))
+    moved = fit_scene_gamma(frame(scene, says=replace(BLIND, black_level=tuple(wrong.tolist()))))
+    again = moved.rebased(wrong, np.array(BLIND.black_level), BLIND.white_level)
+    assert (np.abs(again.gamma - right.gamma) < 0.5 * right.half_width).all()
+    assert np.linalg.norm(moved.gamma - right.gamma) > 2 * np.linalg.norm(again.gamma - right.gamma)
