@@ -4,11 +4,10 @@ Call them in a `guarded` block: then they raise InputError, whatever the decodin
 the caller does.
 """
 
-import io
 import os
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -20,8 +19,9 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.colorimetry import as_rows, primaries_to_xyz
 from shared.errors import InputError
-from shared.reading import MAX_PIXELS
+from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_check import check_directories
+from tools.host.limited import run_limited
 
 from .exif_reading import from_tags, merged_tags, tiff_tags
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
@@ -163,23 +163,31 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
 
 def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode the channels R, G, B or Y of the first part of an OpenEXR file; its values are linear by definition."""
-    import OpenEXR
+    # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
+    pixels, chromaticities = run_limited(path, ("OpenEXR",), _read_exr, path, max_pixels)
+    if chromaticities is None:
+        return Decoded(pixels, None)
+    red, green, blue, white = chromaticities
+    matrix = as_rows(primaries_to_xyz((tuple(red), tuple(green), tuple(blue)), tuple(white)))
+    return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
 
-    with redirect_stdout(io.StringIO()):  # OpenEXR prints warnings; standard output is for data
+
+def _read_exr(path: Path, max_pixels: int) -> tuple[NDArray[Any], list[list[float]] | None]:
+    """Return the pixels (H, W, C), and x, y of red, green, blue and white if the file has them."""
+    with guarded(path):
+        import OpenEXR
+
         header = OpenEXR.File(str(path), header_only=True).header()
         (left, top), (right, bottom) = (np.asarray(corner).tolist() for corner in header["dataWindow"])
         names = {channel.name for channel in header["channels"]}
         wanted = ("R", "G", "B") if {"R", "G", "B"} <= names else ("Y",)
         if not set(wanted) <= names or "RY" in names:
-            raise InputError(f"the EXR has the channels {', '.join(sorted(names))}; expected R, G, B, or Y alone")
-        check_size(right - left + 1, bottom - top + 1, 4 * len(names), path.stat().st_size, max_pixels)
+            raise InputError(f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected R, G, B, or Y alone")
+        check_size(right - left + 1, bottom - top + 1, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
-    pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
-    if "chromaticities" not in header:
-        return Decoded(pixels, None)
-    red, green, blue, white = np.reshape(header["chromaticities"], (4, 2)).tolist()
-    matrix = as_rows(primaries_to_xyz((tuple(red), tuple(green), tuple(blue)), tuple(white)))
-    return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
+        pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
+        primaries = header.get("chromaticities")
+        return pixels, None if primaries is None else np.reshape(primaries, (4, 2)).tolist()
 
 
 def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:

@@ -71,8 +71,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             with guarded(path):
                 picture = decode_tiff(path, max_pixels)
             return picture_scene(picture, path.stem, linear=linear)
-    with guarded(path):
-        return camera_raw_scene(path, path.stem, max_pixels)
+    return camera_raw_scene(path, path.stem, max_pixels)
 
 
 def is_drawn(source: str) -> bool:
