@@ -18,7 +18,6 @@ from shared.colorimetry import D65_XY, Matrix
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS, data_bytes
-
 from tools.host.limited import run_limited
 
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
