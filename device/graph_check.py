@@ -11,8 +11,30 @@ from math import prod
 from shared.errors import InputError
 
 OPERATORS = frozenset(
-    "Add Cast Clip Concat Conv Div Gather Identity Max Mul QuantizeLinear Relu Reshape ScatterND Shape Slice Split Sqrt Squeeze Sub "
-    "Transpose Unsqueeze".split()
+    [
+        "Add",
+        "Cast",
+        "Clip",
+        "Concat",
+        "Conv",
+        "Div",
+        "Gather",
+        "Identity",
+        "Max",
+        "Mul",
+        "QuantizeLinear",
+        "Relu",
+        "Reshape",
+        "ScatterND",
+        "Shape",
+        "Slice",
+        "Split",
+        "Sqrt",
+        "Squeeze",
+        "Sub",
+        "Transpose",
+        "Unsqueeze",
+    ]
 )
 """The operators of `device.graph`."""
 

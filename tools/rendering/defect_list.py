@@ -49,7 +49,9 @@ def _from_json(path: Path | str, text: str) -> Places:
     if not isinstance(listed, list):
         raise InputError(f"{path}: expected {_EXPECTED}")
     for entry in listed:
-        if not (isinstance(entry, list) and len(entry) == 2 and all(type(value) is int and 0 <= value < _BEYOND for value in entry)):
+        if not (
+            isinstance(entry, list) and len(entry) == 2 and all(type(value) is int and 0 <= value < _BEYOND for value in entry)
+        ):
             raise InputError(f"{path}: {json.dumps(entry)[:40]} is not [row, column], whole numbers from 0")
     return tuple((row, column) for row, column in listed)
 
