@@ -194,8 +194,9 @@ def _exr_tiles() -> bytes:
 def _exr_parts() -> bytes:
     """A small picture whose second part is a large one."""
     pixels = [np.zeros((side, side), np.float32) for side in (_SIDE, 9000)]
-    kind = OpenEXR.scanlineimage
-    return _exr([OpenEXR.Part({"type": kind}, {"Y": each}, f"p{number}") for number, each in enumerate(pixels)])
+    window = np.array([0, 0], np.int32), np.array([8999, 8999], np.int32)  # of display: all parts have the same
+    headers = [{"type": OpenEXR.scanlineimage, "displayWindow": window} for _ in pixels]
+    return _exr([OpenEXR.Part(header, {"Y": each}, f"p{each.shape[0]}") for header, each in zip(headers, pixels, strict=True)])
 
 
 def _npy(shape: tuple[int, ...]) -> bytes:
