@@ -6,7 +6,7 @@ malicious file of some megabytes can thus fill gigabytes of memory or keep them 
 
 import struct
 from collections.abc import Container
-from typing import IO
+from typing import IO, Any
 
 from .errors import InputError
 
@@ -21,7 +21,7 @@ _MOST_NUMBERS = 1 << 16  # per field: offsets of the 64 x 64 tiles of 268 megapi
 _MOST_BYTES = 16 << 20  # per field that is read
 _MOST_OVERLAP = 4  # length of all fields that are read, in lengths of the file: they may share few bytes
 
-PLAIN = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}
+PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}
 """Arguments of `tifffile.TiffFile` that make it leave alone the kinds of files whose every page it would read at once."""
 
 

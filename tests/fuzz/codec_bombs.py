@@ -30,7 +30,7 @@ def codec_bombs() -> dict[str, tuple[bytes, int]]:
     pattern = CfaPattern.bayer(6)
     claimed = {kind: _claim(kind) for kind in _FRAME}
     flat = np.zeros((12000, 12000), np.uint8)
-    strips = {
+    strips: dict[str, tuple[int, bytes]] = {
         "jpeg": (7, claimed["progressive"]),
         "jpeg2000": (34712, imagecodecs.jpeg2k_encode(flat[:5000, :5000])),
         "lerc": (34887, imagecodecs.lerc_encode(flat)),

@@ -200,11 +200,11 @@ def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     if chromaticities is None:
         return Decoded(pixels, None)
     red, green, blue, white = chromaticities
-    matrix = as_rows(primaries_to_xyz((tuple(red), tuple(green), tuple(blue)), tuple(white)))
+    matrix = as_rows(primaries_to_xyz((red, green, blue), white))
     return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
 
 
-def _read_exr(path: Path, max_pixels: int) -> tuple[NDArray[Any], list[list[float]] | None]:
+def _read_exr(path: Path, max_pixels: int) -> tuple[NDArray[Any], list[tuple[float, float]] | None]:
     """Return the pixels (H, W, C), and x, y of red, green, blue and white if the file has them."""
     with guarded(path):
         import OpenEXR
@@ -219,7 +219,7 @@ def _read_exr(path: Path, max_pixels: int) -> tuple[NDArray[Any], list[list[floa
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
         primaries = header.get("chromaticities")
-        return pixels, None if primaries is None else np.reshape(primaries, (4, 2)).tolist()
+        return pixels, None if primaries is None else [(x, y) for x, y in np.reshape(primaries, (4, 2)).tolist()]
 
 
 def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
