@@ -30,7 +30,7 @@ def codec_bombs() -> dict[str, tuple[bytes, int]]:
     pattern = CfaPattern.bayer(6)
     claimed = {kind: _claim(kind) for kind in _FRAME}
     flat = np.zeros((12000, 12000), np.uint8)
-    strips: dict[str, tuple[int, bytes]] = {
+    strips: dict[str, tuple[int, bytes | bytearray]] = {
         "jpeg": (7, claimed["progressive"]),
         "jpeg2000": (34712, imagecodecs.jpeg2k_encode(flat[:5000, :5000])),
         "lerc": (34887, imagecodecs.lerc_encode(flat)),
@@ -105,10 +105,10 @@ def _swapped(shot: bytes, jpeg: bytes) -> bytes:
     return bytes(data) + jpeg
 
 
-def _tiff(compression: int, strip: bytes, tile: int = 0) -> bytes:
+def _tiff(compression: int, strip: bytes | bytearray, tile: int = 0) -> bytes:
     """A TIFF of 64 x 64 grey pixels with this strip, or tile of such a side."""
     fields = {256: _SIDE, 257: _SIDE, 258: 8, 259: compression, 262: 1, 277: 1, 278: _SIDE}
-    whole = encode_tiff(Directory({tag: (FieldType.LONG, [value]) for tag, value in fields.items()}, strips=[strip]))
+    whole = encode_tiff(Directory({tag: (FieldType.LONG, [value]) for tag, value in fields.items()}, strips=[bytes(strip)]))
     return _as_tile(whole, tile) if tile else whole
 
 

@@ -5,6 +5,7 @@ the caller does.
 """
 
 import os
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -75,7 +76,7 @@ def guarded(path: Path) -> Iterator[None]:
         said = error.args[0] if error.args else ""
         lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
         reason = lines[0] if lines else type(error).__name__
-        reason = reason.replace(f"'{path}'", "").strip()  # whoever shows the error names the file
+        reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()  # whoever shows the error names the file
         raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
 
 
