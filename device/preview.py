@@ -22,6 +22,7 @@ from shared.reading import read_whole
 
 from . import contract
 from .border import ExtendedFrame
+from .graph_check import check_graph
 
 _STRIP_PIXELS = 1 << 17
 """Sensor pixels per strip at full resolution; twice as many for smaller pictures. Their planes fit into 2 MB of cache."""
@@ -204,6 +205,7 @@ def _session(model: Path | str | bytes) -> Any:
     name = "the preview graph" if isinstance(model, bytes) else str(model)
     try:
         data = model if isinstance(model, bytes) else read_whole(model, _LARGEST_GRAPH, "a preview graph")
+        check_graph(data)
         return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
     except InputError as error:
         raise InputError(f"{name}: {error}") from None

@@ -1,5 +1,7 @@
 """Opening untrusted files: kind and size are checked before anything is read. Also the size limits."""
 
+import errno
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import SEEK_END
@@ -13,6 +15,8 @@ MAX_PIXELS = 1 << 28
 
 MAX_DOCUMENT = 4 << 20
 """Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand defects has half as many."""
+
+_MOST_PIECES = 4096
 
 
 @contextmanager
@@ -57,3 +61,22 @@ def read_whole(path: Path | str, largest: int, kind: str) -> bytes:
     """All bytes of a file, checked as by `opened_file`; never more than `largest`, even if the file grows meanwhile."""
     with opened_file(path, largest, kind) as file:
         return file.read(largest)
+
+
+def data_bytes(path: Path | str) -> int:
+    """Bytes of a file that are not in holes: a sparse file of a few bytes can seem to be as long as a terabyte.
+
+    On a file system that knows no holes: the length. More holes than any file has by accident count to the end.
+    """
+    with Path(path).open("rb", buffering=0) as file:
+        descriptor, end, found, place = file.fileno(), file.seek(0, SEEK_END), 0, 0
+        if not hasattr(os, "SEEK_DATA"):
+            return end
+        try:
+            for _ in range(_MOST_PIECES):
+                start = os.lseek(descriptor, place, os.SEEK_DATA)
+                place = os.lseek(descriptor, start, os.SEEK_HOLE)
+                found += place - start
+        except OSError as error:
+            return found if error.errno == errno.ENXIO else end  # ENXIO: no data from here on
+        return found

@@ -6,7 +6,7 @@ malicious file of some megabytes can thus fill gigabytes of memory or keep them 
 
 import struct
 from collections.abc import Container
-from typing import IO
+from typing import IO, Any
 
 from .errors import InputError
 
@@ -14,10 +14,15 @@ _SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY = 330, 34665, 34853, 40965
 _TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
 _OFFSETS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # field types that hold offsets of directories: LONG, IFD, LONG8, IFD8
 _BYTES = (1, 2, 6, 7)
+_SIZES = dict(zip(range(1, 19), (1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8), strict=True))  # bytes of a value, by type
 _MOST_DIRECTORIES = 64
 _MOST_FIELDS = 1024  # per directory; the largest in use have a hundred
-_MOST_NUMBERS = 1 << 18  # per field: offsets of the 16 x 16 tiles of 67 megapixels
+_MOST_NUMBERS = 1 << 16  # per field: offsets of the 64 x 64 tiles of 268 megapixels, or of strips of one row
 _MOST_BYTES = 16 << 20  # per field that is read
+_MOST_OVERLAP = 4  # length of all fields that are read, in lengths of the file: they may share few bytes
+
+PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}
+"""Arguments of `tifffile.TiffFile` that make it leave alone the kinds of files whose every page it would read at once."""
 
 
 def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bool:
@@ -33,15 +38,18 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bo
         order = {b"II": "<", b"MM": ">"}[header[:2]]
         big = struct.unpack_from(f"{order}H", header, 2)[0] == 43
         (first,) = struct.unpack_from(f"{order}Q" if big else f"{order}I", header, 8 if big else 4)
-        todo, following = _directory(file, first, end, order, big, read)
-        seen = {first}
+        todo, seen, held, following = [first], set[int](), 0, 0
         while todo:
-            place = todo.pop()
-            if place not in seen:
-                seen.add(place)
-                todo += _directory(file, place, end, order, big, read)[0]
+            if (place := todo.pop()) in seen:
+                continue
+            below, after, fields = _directory(file, place, end, order, big, read)
+            following = following if seen else after
+            seen.add(place)
+            todo, held = todo + below, held + fields
             if len(seen) > _MOST_DIRECTORIES:
                 raise _excessive(f"more than {_MOST_DIRECTORIES} directories")
+            if held > _MOST_OVERLAP * end:
+                raise _excessive(f"fields of {held} bytes in {end} bytes")
         return following != 0
     except (KeyError, EOFError, struct.error):
         raise InputError(f"damaged: the file ends after {end} bytes, before its directory; copy the file again") from None
@@ -49,8 +57,10 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bo
         file.seek(0)
 
 
-def _directory(file: IO[bytes], place: int, end: int, order: str, big: bool, read: Container[int] | None) -> tuple[list[int], int]:
-    """Offsets of the directories below the one at offset `place`, and offset of the next one; 0 = none."""
+def _directory(
+    file: IO[bytes], place: int, end: int, order: str, big: bool, read: Container[int] | None
+) -> tuple[list[int], int, int]:
+    """Offsets of the directories below the one at offset `place`, offset of the next one (0 = none), bytes of the fields."""
     count_letter, number, entry = ("Q", "Q", struct.Struct(f"{order}HHQ8s")) if big else ("H", "I", struct.Struct(f"{order}HHI4s"))
     file.seek(place)
     (count,) = struct.unpack(order + count_letter, file.read(struct.calcsize(order + count_letter)))
@@ -61,9 +71,11 @@ def _directory(file: IO[bytes], place: int, end: int, order: str, big: bool, rea
         raise EOFError
     after = file.read(struct.calcsize(order + number))
     below: list[int] = []
+    held = 0
     for code, kind, length, value in entry.iter_unpack(table):
         if read is None or code in read or code in _TREE:
             _check_field(code, kind, length)
+            held += min(end, length * _SIZES.get(kind, 0))
         if code in _TREE and kind in _OFFSETS:
             size = length * struct.calcsize(order + _OFFSETS[kind])
             if size > len(value):
@@ -71,7 +83,7 @@ def _directory(file: IO[bytes], place: int, end: int, order: str, big: bool, rea
                 value = file.read(size)  # noqa: PLW2901  the offsets themselves instead of their place
             below += struct.unpack_from(f"{order}{length}{_OFFSETS[kind]}", value)
     # An offset beyond the end of the file is harmless: there is nothing to read.
-    return [each for each in below if each < end], struct.unpack(order + number, after)[0] if after else 0
+    return [each for each in below if each < end], struct.unpack(order + number, after)[0] if after else 0, held
 
 
 def _check_field(code: int, kind: int, length: int) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from ..arrays import ByteArray, CodeArray
 from ..calibration import BITS, SensorCalibration
 from ..errors import ForeignFileError, InputError
+from ..jpeg_check import read_header
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
 from ..reading import MAX_PIXELS
@@ -22,6 +23,7 @@ from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photomet
 Layout = Literal["auto", "cfa", "linear"]
 
 _RECTANGULAR = 1
+_SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
 # Adobe's SDK drops a noise profile whose S is zero (dng_noise_function::IsValid).
 _LEAST_SHOT_NOISE = 1e-12
 
@@ -87,13 +89,17 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[in
             _check_digest(dng, samples)
         else:
             samples = _mosaic(dng, max_pixels).codes
-        _check_preview(dng.preview())
+        _check_preview(dng.preview(), samples.shape[0] * samples.shape[1])
         return samples.shape[0], samples.shape[1]
 
 
-def _check_preview(jpeg: bytes) -> None:
+def _check_preview(jpeg: bytes, pixels: int) -> None:
+    """Raise InputError unless the JPEG is whole. pixels: of the shot; a preview has no more."""
     try:
+        read_header(jpeg).check(max(pixels, _SMALL_PREVIEW))
         imagecodecs.jpeg8_decode(jpeg)
+    except InputError as error:
+        raise damaged(f"the preview: {error}") from None
     except Exception:  # the class of the error differs between versions of the library
         raise damaged("the preview is not a whole JPEG") from None
 

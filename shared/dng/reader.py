@@ -4,7 +4,6 @@ tifffile parses the directories. Samples are decoded only after the declared siz
 """
 
 import logging
-import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import SEEK_END, BytesIO
@@ -17,7 +16,8 @@ from tifffile import TiffFile, TiffPage
 
 from ..arrays import CodeArray
 from ..errors import InputError, PanchromaError
-from ..tiff_check import check_directories
+from ..jpeg_check import LOSSLESS, read_header
+from ..tiff_check import PLAIN, check_directories
 from .tags import Compression, Photometric, Tag
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
@@ -25,10 +25,8 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 _TIFF_STARTS = (b"II*\0", b"MM\0*")
 _JPEG_START = b"\xff\xd8\xff"
-_LOSSLESS_FRAME = 0xFFC3  # SOF3, the only JPEG process that DNG allows for raw samples
 _MOST_BYTES, _SMALL = 4, 1 << 20  # bytes per sample (lossless JPEG needs three at worst), and bytes that are always harmless
 _LARGEST_PREVIEW = 256 << 20
-_BEFORE_FRAME = {0xFFC4, 0xFFDB, 0xFFDD, 0xFFFE, *range(0xFFE0, 0xFFF0)}  # tables, restart interval, comment, application data
 
 
 @contextmanager
@@ -44,7 +42,7 @@ def opened(data: bytes | IO[bytes]) -> Iterator["DngReader"]:
         raise InputError("not a DNG: it does not begin like a TIFF file; give a shot of Panchroma")
     check_directories(stream)
     try:
-        with TiffFile(stream) as file:
+        with TiffFile(stream, **PLAIN) as file:
             yield DngReader(stream, file)
     except (PanchromaError, MemoryError):
         raise
@@ -139,8 +137,10 @@ class DngReader:
         samples = np.empty(page.shape, np.uint16)
         corners = product(range(0, rows, tall), range(0, columns, wide))
         for (top, left), segment in zip(corners, self._segments(page), strict=True):
-            if _frame_samples(segment) > 8 * len(segment):
-                raise damaged("a JPEG declares more samples than its bytes can hold")
+            frame = read_header(segment)
+            if frame.kind != LOSSLESS:
+                raise damaged("the raw samples are not a lossless JPEG")
+            frame.check(8 * len(segment) // max(1, frame.components))  # a sample has at least one bit
             room = samples[top : top + tall, left : left + wide]
             # Some writers store the same samples as a JPEG of twice the components and half the width.
             room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
@@ -165,17 +165,3 @@ class DngReader:
     def _bytes(self, offset: int, size: int) -> bytes:
         self._stream.seek(offset)
         return self._stream.read(size)
-
-
-def _frame_samples(jpeg: bytes) -> int:
-    """Number of samples that a lossless JPEG declares (ITU T.81, B.2.2). Raises InputError for another kind of JPEG."""
-    place = 2  # after the start of the image
-    while place + 4 <= len(jpeg):
-        marker, length = struct.unpack_from(">HH", jpeg, place)
-        if marker == _LOSSLESS_FRAME:
-            rows, columns, components = struct.unpack_from(">HHB", jpeg, place + 5)
-            return int(rows * columns * components)
-        if marker not in _BEFORE_FRAME:
-            break  # another kind of frame, or the scan; a frame marker after that means nothing to the decoder
-        place += 2 + length
-    raise damaged("the raw samples are not a lossless JPEG")

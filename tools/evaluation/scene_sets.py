@@ -11,6 +11,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from shared.tiff_check import PLAIN
 from tools.scenes.camera_colour import estimate_neutral
 from tools.scenes.load import is_drawn, load_scene
 from tools.scenes.scene import Scene
@@ -162,7 +163,7 @@ def _is_developed(path: Path) -> bool:
     if path.suffix.lower() in (".tif", ".tiff"):
         import tifffile
 
-        with tifffile.TiffFile(path) as file_:
+        with tifffile.TiffFile(path, **PLAIN) as file_:
             return getattr(file_.pages[0], "bitspersample", 16) <= 8
     if path.suffix.lower() == ".npy":
         return bool(np.load(path, mmap_mode="r", allow_pickle=False).dtype == np.uint8)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from shared import Mosaic
 from shared.errors import InputError
+from shared.reading import MAX_DOCUMENT, read_whole
 
 Places = tuple[tuple[int, int], ...]
+_BEYOND = 10**9  # rows or columns of any sensor
 _EXPECTED = 'lines of "row, column", or JSON: a list of [row, column], or an object with such a list as "defects"'
 
 
@@ -17,9 +19,9 @@ def read_defects(path: Path | str) -> Places:
     Raises InputError that names the file, and the line that is wrong.
     """
     try:
-        text = Path(path).read_text("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        text = read_whole(path, MAX_DOCUMENT, "a list of defects").decode("utf-8-sig")
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not a text; expected {_EXPECTED}") from None
     return _from_json(path, text) if text.lstrip().startswith(("[", "{")) else _from_lines(path, text)
@@ -41,13 +43,15 @@ def with_defects(mosaic: Mosaic, places: Places) -> Mosaic:
 def _from_json(path: Path | str, text: str) -> Places:
     try:
         document = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: no JSON, or a number of thousands of digits
         raise InputError(f"{path}: is not JSON ({error})") from None
     listed = document.get("defects") if isinstance(document, dict) else document
     if not isinstance(listed, list):
         raise InputError(f"{path}: expected {_EXPECTED}")
     for entry in listed:
-        if not (isinstance(entry, list) and len(entry) == 2 and all(type(value) is int and value >= 0 for value in entry)):
+        if not (
+            isinstance(entry, list) and len(entry) == 2 and all(type(value) is int and 0 <= value < _BEYOND for value in entry)
+        ):
             raise InputError(f"{path}: {json.dumps(entry)[:40]} is not [row, column], whole numbers from 0")
     return tuple((row, column) for row, column in listed)
 

@@ -4,6 +4,7 @@ So a file that is not in the journal was not made by a render, even if a run was
 is recognised by the digest.
 """
 
+import errno
 import fcntl
 import hashlib
 import json
@@ -18,6 +19,7 @@ from shared.writing import sync_folder
 
 NAME = ".panchroma-journal.jsonl"
 _FORMAT = 1
+_LONGEST_LINE = 1 << 16  # bytes: two paths, two digests and a name
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ class Journal:
                 if file.seek(0, os.SEEK_END) < self._read:  # it was replaced by another journal
                     self._entries, self._read = {}, 0
                 file.seek(self._read)
-                for line in file:
+                while line := file.readline(_LONGEST_LINE):
+                    if len(line) == _LONGEST_LINE:
+                        raise OSError(errno.EINVAL, f"a line of {self._path.name} has {len(line)} bytes or more: remove the file")
                     if not line.endswith(b"\n"):
                         break  # torn, or still being written
                     self._read += len(line)

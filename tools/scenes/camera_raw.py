@@ -17,9 +17,11 @@ from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY, Matrix
 from shared.dng.tags import Tag
 from shared.errors import InputError
-from shared.reading import MAX_PIXELS
+from shared.reading import MAX_PIXELS, data_bytes
+from tools.host.limited import run_limited
 
 from .camera_colour import camera_to_xyz, estimate_neutral, normalised
+from .decoders import guarded
 from .exif_reading import from_tags, text, tiff_tags, whole
 from .scene import Scene, check_size
 
@@ -51,13 +53,23 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
 
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
+    # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
+    return run_limited(path, ("rawpy", "PIL.Image"), _read, path, name, max_pixels)
+
+
+def _read(path: Path, name: str, max_pixels: int) -> Scene:
+    with guarded(path):
+        return _scene(path, name, max_pixels)
+
+
+def _scene(path: Path, name: str, max_pixels: int) -> Scene:
     import rawpy
 
     try:
         with rawpy.RawPy() as raw:
             raw.open_file(str(path))
             sizes = raw.sizes
-            check_size(sizes.raw_width, sizes.raw_height, 2, path.stat().st_size, max_pixels)
+            check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
             raw.unpack()
             rgb = _quads(raw, rawpy)
             neutral, notes = _neutral(raw, rgb)

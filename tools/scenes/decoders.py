@@ -4,12 +4,14 @@ Call them in a `guarded` block: then they raise InputError, whatever the decodin
 the caller does.
 """
 
-import io
 import os
+import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,16 +22,21 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.colorimetry import as_rows, primaries_to_xyz
 from shared.errors import InputError
-from shared.reading import MAX_PIXELS
-from shared.tiff_check import check_directories
+from shared.jpeg_check import read_header
+from shared.reading import MAX_PIXELS, data_bytes
+from shared.tiff_check import PLAIN, check_directories
+from tools.host.limited import run_limited
 
-from .exif_reading import from_tags, merged_tags, tiff_tags
+from .exif_reading import exif_tags, from_tags, tiff_tags
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
-from .scene import check_size
+from .png_chunks import picture_chunks
+from .scene import SMALL, check_size
 
 _ICC_PROFILE = 34675  # TIFF tag
 _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples; profile, texts and capture data
-_LARGEST_WEBP = 64 << 20  # bytes, read whole; its longest side is 16383 pixels
+_LARGEST_WEBP, _LARGEST_JPEG = 64 << 20, 1 << 30  # bytes, read whole; the longest side of a WebP is 16383 pixels
+# None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own, which decoders believe.
+_COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
 _NPY_HEADER = 1 << 16
 _PNG_HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
@@ -69,7 +76,7 @@ def guarded(path: Path) -> Iterator[None]:
         said = error.args[0] if error.args else ""
         lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
         reason = lines[0] if lines else type(error).__name__
-        reason = reason.replace(f"'{path}'", "").strip()  # whoever shows the error names the file
+        reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()  # whoever shows the error names the file
         raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
 
 
@@ -93,31 +100,51 @@ def _quiet_libraries() -> Iterator[None]:
 def decode_png(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode a PNG of any kind. 16-bit colour goes through libpng, because Pillow would reduce it to 8 bits."""
     with path.open("rb") as file:
-        header = file.read(_PNG_HEADER)
+        header = file.read(_PNG_HEADER).ljust(_PNG_HEADER, b"\0")
     width, height = (int.from_bytes(header[start : start + 4], "big") for start in (16, 20))
-    size = path.stat().st_size
-    check_size(width, height, 0, size, max_pixels)
-    # Unknown chunks are read too, whatever length they declare.
-    if size > _MOST_PER_PIXEL * width * height + _MOST_BESIDE:
-        raise InputError(f"{size} bytes for {width} x {height} pixels: the file is damaged, or made to fill the memory")
-    if len(header) < _PNG_HEADER or header[24] != 16:
-        return decode_with_pillow(path, max_pixels)
-    check_size(width, height, 8, size, max_pixels)
+    wide = header[24] == 16
+    check_size(width, height, 8 if wide else 4, data_bytes(path), max_pixels)
+    png = picture_chunks(path, _MOST_PER_PIXEL * width * height + _MOST_BESIDE)
+    if not wide:
+        return _with_pillow(png, max_pixels)
     import imagecodecs
 
-    pixels, notes = _without_alpha(imagecodecs.png_decode(path.read_bytes()))
-    with _pillow().open(path) as image:
+    pixels, notes = _without_alpha(imagecodecs.png_decode(png))
+    with _pillow().open(BytesIO(png)) as image:
         return _described(image, pixels, 65535, notes)
 
 
-def decode_with_pillow(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """Decode an 8-bit PNG, a JPEG or a WebP."""
-    if path.stat().st_size > _LARGEST_WEBP and path.suffix.lower() == ".webp":
-        raise InputError(f"is larger than {_LARGEST_WEBP} bytes, more than any WebP needs: it is damaged; if not, save it as PNG")
+def decode_jpeg(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
+    """Decode a JPEG."""
+    jpeg = _read(path, _LARGEST_JPEG, "JPEG")
+    header = read_header(jpeg)
+    check_size(header.columns, header.rows, 4, data_bytes(path), max_pixels)
+    header.check(max_pixels)
+    # Pillow would parse every Exif directory when it opens the file.
+    picture = _with_pillow(jpeg.replace(b"Exif\0\0", b"Read\0\0"), max_pixels)
+    return replace(picture, metadata=from_tags(exif_tags(header.exif)))
+
+
+def decode_webp(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
+    """Decode a WebP; of an animation the first picture."""
+    webp = _read(path, _LARGEST_WEBP, "WebP")
+    width, height = _webp_size(webp)
+    check_size(width, height, 4, data_bytes(path), max_pixels)
+    return _with_pillow(webp, max_pixels)
+
+
+def _read(path: Path, largest: int, kind: str) -> bytes:
+    if path.stat().st_size > largest:
+        raise InputError(f"is larger than {largest} bytes, more than any {kind} needs: it is damaged; if not, save it as PNG")
+    return path.read_bytes()
+
+
+def _with_pillow(data: bytes, max_pixels: int) -> Decoded:
+    """Decode an 8-bit PNG, a JPEG or a WebP whose declared size has been checked."""
     # Invalid capture data cause warnings.
-    with warnings.catch_warnings(action="ignore"), _pillow().open(path) as image:
+    with warnings.catch_warnings(action="ignore"), _pillow().open(BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as image:
         width, height = image.size
-        check_size(width, height, 4, path.stat().st_size, max_pixels)
+        check_size(width, height, 4, len(data), max_pixels)
         if image.mode not in _MODES:
             raise InputError(f"the picture is of kind {image.mode} (CMYK, Lab, ...); convert it to RGB or grey")
         transparent = "A" in image.getbands() or "transparency" in image.info
@@ -130,25 +157,31 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode the first page of a grey or RGB TIFF, integer or floating point."""
     import tifffile
 
-    size = path.stat().st_size
+    size, held = path.stat().st_size, data_bytes(path)
     with path.open("rb") as stream:
         several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _ICC_PROFILE})
-    with tifffile.TiffFile(path) as file:
+    with tifffile.TiffFile(path, **PLAIN) as file:
         page: Any = file.pages[0]
-        if page.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB, tifffile.PHOTOMETRIC.YCBCR}:
+        if page.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
             raise InputError(
                 f"the TIFF is of kind {getattr(page.photometric, 'name', page.photometric)}; convert it to RGB or grey"
             )
+        if page.compression not in _COMPRESSIONS:
+            name = getattr(page.compression, "name", page.compression)
+            raise InputError(f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, or with none")
         samples = page.samplesperpixel
-        if samples not in {1, 2, 3, 4} or page.imagedepth != 1:
+        if samples not in {1, 2, 3, 4} or page.imagedepth != 1 or page.tiledepth != 1:
             raise InputError(f"the TIFF has {samples} samples per pixel; expected grey or RGB, with or without transparency")
-        check_size(page.imagewidth, page.imagelength, samples * max(1, page.bitspersample // 8), size, max_pixels)
-        if page.is_tiled:
-            check_size(page.tilewidth, page.tilelength, max_pixels=max_pixels)
+        pixel_bytes = samples * max(1, page.bitspersample // 8)
+        check_size(page.imagewidth, page.imagelength, pixel_bytes, held, max_pixels)
         # tifffile fills missing data with zeros: a black stripe in the scene instead of an error.
         extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
         if not extents or any(count == 0 or offset + count > size for offset, count in extents):
             raise InputError("the TIFF is cut short: it points beyond its end; copy it again")
+        if sum(count for _, count in extents) > size:
+            raise InputError("the strips of the TIFF overlap: the file is damaged, or made to fill the memory")
+        if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
+            check_size(page.tilewidth * len(extents), page.tilelength, pixel_bytes, held, max(max_pixels, SMALL))
         pixels = page.asarray(maxworkers=1)
         if page.axes.startswith("S"):
             pixels = np.moveaxis(pixels, 0, -1)
@@ -163,23 +196,31 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
 
 def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     """Decode the channels R, G, B or Y of the first part of an OpenEXR file; its values are linear by definition."""
-    import OpenEXR
+    # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
+    pixels, chromaticities = run_limited(path, ("OpenEXR",), _read_exr, path, max_pixels)
+    if chromaticities is None:
+        return Decoded(pixels, None)
+    red, green, blue, white = chromaticities
+    matrix = as_rows(primaries_to_xyz((red, green, blue), white))
+    return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
 
-    with redirect_stdout(io.StringIO()):  # OpenEXR prints warnings; standard output is for data
+
+def _read_exr(path: Path, max_pixels: int) -> tuple[NDArray[Any], list[tuple[float, float]] | None]:
+    """Return the pixels (H, W, C), and x, y of red, green, blue and white if the file has them."""
+    with guarded(path):
+        import OpenEXR
+
         header = OpenEXR.File(str(path), header_only=True).header()
         (left, top), (right, bottom) = (np.asarray(corner).tolist() for corner in header["dataWindow"])
         names = {channel.name for channel in header["channels"]}
         wanted = ("R", "G", "B") if {"R", "G", "B"} <= names else ("Y",)
         if not set(wanted) <= names or "RY" in names:
-            raise InputError(f"the EXR has the channels {', '.join(sorted(names))}; expected R, G, B, or Y alone")
-        check_size(right - left + 1, bottom - top + 1, 4 * len(names), path.stat().st_size, max_pixels)
+            raise InputError(f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected R, G, B, or Y alone")
+        check_size(right - left + 1, bottom - top + 1, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
-    pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
-    if "chromaticities" not in header:
-        return Decoded(pixels, None)
-    red, green, blue, white = np.reshape(header["chromaticities"], (4, 2)).tolist()
-    matrix = as_rows(primaries_to_xyz((tuple(red), tuple(green), tuple(blue)), tuple(white)))
-    return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
+        pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
+        primaries = header.get("chromaticities")
+        return pixels, None if primaries is None else [(x, y) for x, y in np.reshape(primaries, (4, 2)).tolist()]
 
 
 def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
@@ -195,9 +236,20 @@ def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
             f"the array is {stored.dtype} of shape {stored.shape}; "
             "expected unsigned integers or floating point, (rows, columns) or (rows, columns, 3)"
         )
-    check_size(stored.shape[1], stored.shape[0], max_pixels=max_pixels)
+    check_size(stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels)
     pixels, notes = _without_alpha(np.array(stored))
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes)
+
+
+def _webp_size(webp: bytes) -> tuple[int, int]:
+    """Return the width and height that a WebP declares, before libwebp makes room for them (RFC 9649, 2.5 to 2.7)."""
+    kind, word = webp[12:16], partial(int.from_bytes, byteorder="little")
+    if kind == b"VP8X":
+        return 1 + word(webp[24:27]), 1 + word(webp[27:30])
+    if kind == b"VP8L":
+        bits = word(webp[21:25])
+        return 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
+    return word(webp[26:28]) & 0x3FFF, word(webp[28:30]) & 0x3FFF
 
 
 def _pillow() -> ModuleType:
@@ -211,7 +263,7 @@ def _pillow() -> ModuleType:
 def _described(image: Any, pixels: NDArray[Any], peak: int, notes: tuple[str, ...]) -> Decoded:
     """Return the pixels with what Pillow's `image` says about them: encoding and capture data."""
     encoding, remarks = _png_encoding(image.info)
-    return Decoded(pixels, peak, encoding, from_tags(merged_tags(image.getexif())), notes + remarks)
+    return Decoded(pixels, peak, encoding, from_tags(exif_tags(image.info.get("exif", b""))), notes + remarks)
 
 
 def _without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

@@ -4,8 +4,9 @@ import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from shared import CaptureMetadata
 from shared.dng.tags import Tag
@@ -29,23 +30,28 @@ def from_tags(tags: Mapping[int, Any]) -> CaptureMetadata:
     )
 
 
-def merged_tags(exif: Any) -> dict[int, Any]:
-    """Return the tags of a Pillow `Exif`, first directory and Exif directory; empty if they are damaged."""
-    # Capture data are optional, so warnings are dropped; hostile directories raise all kinds of exceptions.
-    with suppress(Exception), warnings.catch_warnings(action="ignore"):
-        return {**dict(exif), **exif.get_ifd(Tag.EXIF_IFD)}
-    return {}
+def exif_tags(block: bytes) -> dict[int, Any]:
+    """Return the tags of an Exif block, with or without its prefix; empty if they are damaged."""
+    return _tags(BytesIO(block.removeprefix(b"Exif\0\0")))
 
 
 def tiff_tags(path: Path) -> dict[int, Any]:
     """Return the tags of a file based on TIFF, as most camera RAWs are; empty if it has another or a damaged structure."""
+    with suppress(OSError), path.open("rb") as file:
+        return _tags(file)
+    return {}
+
+
+def _tags(file: IO[bytes]) -> dict[int, Any]:
+    """Return the tags of the first directory and of its Exif directory."""
     from PIL import Image
 
     exif = Image.Exif()
-    with suppress(Exception), warnings.catch_warnings(action="ignore"), path.open("rb") as file:
+    # Capture data are optional, so warnings are dropped; hostile directories raise all kinds of exceptions.
+    with suppress(Exception), warnings.catch_warnings(action="ignore"):
         check_directories(file)
         exif.load_from_fp(file)
-        return merged_tags(exif)
+        return {**dict(exif), **exif.get_ifd(Tag.EXIF_IFD)}
     return {}
 
 

@@ -17,7 +17,9 @@ from shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, decode_srgb
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
 
 _HEADER, _SIGNATURE = 128, slice(36, 40)
+_LONGEST_NAME = 1 << 12  # bytes, with what is before it
 _PARAMETERS = (1, 3, 4, 5, 7)  # number for each type of parametric curve
+_LARGEST, _MOST_KNOTS = 4 << 20, 1 << 16  # bytes of a profile, values of a curve
 _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
 
 
@@ -58,11 +60,12 @@ def read_profile(profile: bytes) -> Encoding | None:
 
 
 def _parse(profile: bytes) -> Encoding:
-    if profile[_SIGNATURE] != b"acsp":
-        raise ValueError("not a profile")
+    if profile[_SIGNATURE] != b"acsp" or len(profile) > _LARGEST:
+        raise ValueError("not a profile of a picture")
     (count,) = struct.unpack_from(">I", profile, _HEADER)
     entries = struct.iter_unpack(">4sII", profile[_HEADER + 4 : _HEADER + 4 + 12 * min(count, 256)])
-    tags = {name: profile[start : start + size] for name, start, size in entries}
+    view = memoryview(profile)  # many tags may share the same bytes
+    tags = {name: view[start : start + size] for name, start, size in entries}
     if profile[16:20] == b"GRAY":
         return Encoding((_curve(tags[b"kTRC"]),) * 3, SRGB_TO_XYZ, _description(tags))
     if profile[16:20] != b"RGB " or profile[20:24] != b"XYZ " or b"A2B0" in tags:
@@ -76,14 +79,16 @@ def _parse(profile: bytes) -> Encoding:
     return Encoding(curves, as_rows((D50 / white)[:, None] * matrix), _description(tags))
 
 
-def _xyz(data: bytes) -> DoubleArray:
+def _xyz(data: memoryview) -> DoubleArray:
     return np.array(struct.unpack_from(">3i", data, 8)) / 65536
 
 
-def _curve(data: bytes) -> Curve:
+def _curve(data: memoryview) -> Curve:
     match data[:4]:
         case b"curv":
             (count,) = struct.unpack_from(">I", data, 8)
+            if count > _MOST_KNOTS:
+                raise ValueError("not the curve of a picture")
             if count == 0:
                 return power_curve(1.0)
             values = np.frombuffer(data, ">u2", count, 12)
@@ -115,9 +120,9 @@ def _plausible(gamma: float) -> float:
     return float(gamma)
 
 
-def _description(tags: dict[bytes, bytes]) -> str:
+def _description(tags: dict[bytes, memoryview]) -> str:
     """Return the profile's readable name: v2 ASCII, or the first of v4's Unicode strings."""
-    data = tags.get(b"desc", b"")
+    data = bytes(tags.get(b"desc", b"")[:_LONGEST_NAME])
     if data[:4] == b"desc":
         (size,) = struct.unpack_from(">I", data, 8)
         return data[12 : 12 + size].split(b"\0")[0].decode("ascii", "replace")

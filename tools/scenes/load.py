@@ -8,10 +8,10 @@ from typing import Any
 from shared.dng.tags import MAKER, Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from shared.tiff_check import check_directories
+from shared.tiff_check import PLAIN, check_directories
 
 from .camera_raw import camera_raw_scene
-from .decoders import Decoded, decode_exr, decode_npy, decode_png, decode_tiff, decode_with_pillow, guarded
+from .decoders import Decoded, decode_exr, decode_jpeg, decode_npy, decode_png, decode_tiff, decode_webp, guarded
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
@@ -31,8 +31,8 @@ _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 # Kind, pattern of the first bytes, name endings, decoder.
 _KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]], ...] = (
     ("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png),
-    ("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_with_pillow),
-    ("WebP", rb"RIFF....WEBP", (".webp",), decode_with_pillow),
+    ("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg),
+    ("WebP", rb"RIFF....WEBP", (".webp",), decode_webp),
     ("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr),
     ("NPY", rb"\x93NUMPY", (".npy",), decode_npy),
 )
@@ -78,8 +78,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             with guarded(path):
                 picture = decode_tiff(path, max_pixels)
             return picture_scene(picture, path.stem, linear=linear)
-    with guarded(path):
-        return camera_raw_scene(path, path.stem, max_pixels)
+    return camera_raw_scene(path, path.stem, max_pixels)
 
 
 def is_drawn(source: str) -> bool:
@@ -125,7 +124,7 @@ def _inspect_tiff(path: Path) -> tuple[bool, bool]:
     try:
         with path.open("rb") as stream:
             check_directories(stream, {*tifffile.TIFF.TAG_LOAD, Tag.DNG_PRIVATE_DATA})
-        with tifffile.TiffFile(path) as file:
+        with tifffile.TiffFile(path, **PLAIN) as file:
             first: Any = file.pages[0]
             directories = [first, *(first.pages or ())]
             private = [directory.tags.get(Tag.DNG_PRIVATE_DATA) for directory in directories]

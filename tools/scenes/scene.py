@@ -9,8 +9,8 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
-MAX_EXPANSION = 300  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
-SMALL = 256 * 2**20  # decoded bytes that are harmless, however well they are compressed
+MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
+SMALL = 1 << 22  # pixels that are harmless, however well they are compressed: 50 MB as a scene
 DARKEST = -1e-3  # of the brightest value: rounding and resampling may go this far below zero
 
 
@@ -74,7 +74,7 @@ def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 
     if width * height > max_pixels:
         raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels raises it")
     decoded = width * height * pixel_bytes
-    if decoded > max(SMALL, MAX_EXPANSION * file_bytes) and file_bytes:
+    if width * height > SMALL and decoded > MAX_EXPANSION * file_bytes and file_bytes:
         raise InputError(
             f"{file_bytes} bytes claim to hold {width} x {height} pixels ({decoded // 2**20} MB): "
             "the file is damaged, or made to fill the memory"

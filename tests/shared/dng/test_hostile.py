@@ -109,7 +109,7 @@ def test_a_jpeg_that_declares_more_than_it_holds_is_refused() -> None:
     frame = jpeg.index(b"\xff\xc3") + 5
     assert struct.unpack_from(">HH", jpeg, frame) == original.shape
     huge = jpeg[:frame] + struct.pack(">HH", 65500, 65500) + jpeg[frame + 4 :]
-    assert_refused_cheaply(tampered({}, [huge]), "a JPEG declares more samples")
+    assert_refused_cheaply(tampered({}, [huge]), "a JPEG declares more pixels")
     assert_refused_cheaply(tampered({}, [jpeg.replace(b"\xff\xc3", b"\xff\xc0", 1)]), "not a lossless JPEG")
     hidden = huge.replace(b"\xff\xc3", b"\xff\xc0", 1)[: frame + 6 + 3] + jpeg[frame - 5 :]  # a good frame behind a bad one
     assert_refused_cheaply(tampered({}, [hidden]), "not a lossless JPEG")

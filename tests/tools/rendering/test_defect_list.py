@@ -1,5 +1,6 @@
 """Lists of defective pixels: what a file may look like, and what a wrong one is told."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ def test_a_wrong_list_is_refused_by_name(tmp_path: Path, text: str | bytes, said
 
 
 def test_a_missing_list_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.txt: cannot be read"):
+    with pytest.raises(InputError, match=r"none\.txt: there is no such file"):
         read_defects(tmp_path / "none.txt")
 
 
@@ -97,3 +98,21 @@ def test_the_command_refuses_a_list_that_cannot_be_meant(tmp_path: Path, out: Pa
     assert paper.code == 2
     assert "--defects needs --preset best" in paper.err
     assert names(out) == set()
+
+
+def test_what_never_ends_or_is_no_list_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with (tmp_path / "long").open("wb") as file:
+        file.truncate(24 << 20)
+    (tmp_path / "digits").write_text("[[" + "9" * 5000 + ", 1]]")
+    (tmp_path / "far").write_text("[[10000000000, 1]]")
+    for name, said in (
+        ("pipe", "pipe or a device"),
+        ("long", "is larger than"),
+        ("digits", "is not JSON"),
+        ("far", "whole numbers"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_defects(tmp_path / name)
+    with pytest.raises(InputError, match="pipe or a device"):
+        read_defects("/dev/zero")

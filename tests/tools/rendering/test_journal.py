@@ -109,3 +109,10 @@ def test_never_two_makers_whoever_removes_the_lock_file(tmp_path: Path) -> None:
         thread.join()
     assert (most, len(turns)) == (1, 400)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_line_that_no_render_has_written_ends_the_reading(tmp_path: Path) -> None:
+    with (tmp_path / NAME).open("wb") as file:
+        file.truncate(3 << 30)
+    with pytest.raises(OSError, match="65536 bytes or more"):
+        Journal(tmp_path).of("a.tif")

@@ -1,0 +1,64 @@
+"""Headers of untrusted JPEGs (ITU T.81, annex B), read before a library decodes them.
+
+A decoder allocates and fills whatever size a JPEG declares, and goes through all of its pixels once for each scan.
+"""
+
+import re
+from dataclasses import dataclass
+
+from .errors import InputError
+
+LOSSLESS = 0xC3
+_PROGRESSIVE = (0xC2, 0xC6, 0xCA, 0xCE)
+_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # without Huffman tables, extensions, arithmetic conditioning
+_SCAN, _END, _APPLICATION = 0xDA, 0xD9, 0xE1
+_EXIF = b"Exif\0\0"
+# Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
+_MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
+_MOST_SCANS = 32  # of a progressive JPEG; encoders make about ten
+
+
+@dataclass(frozen=True)
+class JpegHeader:
+    """The declarations of a JPEG.
+
+    kind: marker of the frame, 0xC0 to 0xCF.
+    rows, columns, components: the size.
+    scans: how many there are.
+    exif: the Exif block from all segments that hold one, without their prefix.
+    """
+
+    kind: int
+    rows: int
+    columns: int
+    components: int
+    scans: int
+    exif: bytes
+
+    def check(self, most_pixels: int) -> None:
+        """Raise InputError for more pixels or scans than a decoder should be given."""
+        if not 0 < self.rows * self.columns <= most_pixels:
+            raise InputError(f"a JPEG declares more pixels than it can have, or none: {self.columns} x {self.rows}; it is damaged")
+        if self.scans > (_MOST_SCANS if self.kind in _PROGRESSIVE else self.components):
+            raise InputError(f"a JPEG has {self.scans} scans, more than any encoder writes: it is damaged or malicious")
+
+
+def read_header(jpeg: bytes) -> JpegHeader:
+    """The header of a JPEG; its markers are found as libjpeg finds them. Raises InputError when it declares no size."""
+    place, frame, scans, exif = 2, None, 0, []
+    while found := _MARKER.search(jpeg, place):
+        marker, place = jpeg[found.end() - 1], found.end()
+        if marker == _END:
+            break
+        length = max(2, int.from_bytes(jpeg[place : place + 2], "big"))
+        if marker in _FRAMES and frame is None:
+            frame = marker, jpeg[place + 2 : place + 8]
+        elif marker == _APPLICATION and jpeg.startswith(_EXIF, place + 2):
+            exif.append(jpeg[place + 2 + len(_EXIF) : place + length])
+        scans += marker == _SCAN
+        place += length
+    if frame is None or len(frame[1]) < 6:
+        raise InputError("a JPEG without a frame: it is cut short or damaged")
+    kind, size = frame
+    rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
+    return JpegHeader(kind, rows, columns, size[5], scans, b"".join(exif))

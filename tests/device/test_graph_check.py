@@ -1,0 +1,69 @@
+"""Preview graphs are checked before onnxruntime runs any part of them."""
+
+import pytest
+from onnx import TensorProto, helper
+
+from device import Preview
+from device.graph import build_preview
+from device.graph_check import OPERATORS, check_graph
+from shared import CfaPattern
+from shared.errors import InputError
+
+OWN = build_preview(CfaPattern.bayer(6), 3)
+
+
+@pytest.mark.parametrize("period", [3, 6, 16])
+def test_our_graphs_pass(period: int) -> None:
+    check_graph(build_preview(CfaPattern.bayer(period), period).SerializeToString())
+
+
+def changed(what: str) -> bytes:
+    model = type(OWN)()
+    model.CopyFrom(OWN)
+    match what:
+        case "operator":
+            model.graph.node[0].op_type = "ConstantOfShape"
+        case "tensor":
+            model.graph.node[0].attribute.append(
+                helper.make_attribute("value", helper.make_tensor("a", TensorProto.FLOAT, [1], [1]))
+            )
+        case "external":
+            model.graph.initializer[0].external_data.add(key="location", value="/dev/zero")
+        case "shape":
+            model.graph.initializer[0].dims.append(7)
+        case "domain":
+            model.opset_import.append(helper.make_opsetid("com.microsoft", 1))
+        case "function":
+            model.functions.add(name="f")
+        case "doubling":
+            model.graph.node.extend(helper.make_node("Concat", [f"d{n}"] * 2, [f"d{n + 1}"], axis=0) for n in range(20))
+        case "nodes":
+            model.graph.node.extend([model.graph.node[0]] * 5000)
+        case "numbers":
+            model.graph.initializer.append(helper.make_tensor("b", TensorProto.FLOAT, [40000], bytes(160000), raw=True))
+    return bytes(model.SerializeToString())
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("operator", "operator 'ConstantOfShape'"),
+        ("tensor", "attribute has the field 5"),
+        ("external", "constant has the field 13"),
+        ("shape", "a constant of the graph has"),
+        ("domain", "a domain of its own"),
+        ("function", "model has the field 25"),
+        ("doubling", "joins a tensor with itself"),
+        ("nodes", "more than 4096 nodes"),
+        ("numbers", "more than 32768 numbers"),
+    ],
+)
+def test_anything_else_is_refused(what: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        Preview(changed(what))
+
+
+def test_every_operator_is_used() -> None:
+    graphs = [build_preview(CfaPattern.bayer(6), scale, linear=linear) for scale in (1, 3) for linear in (False, True)]
+    graphs.append(build_preview(CfaPattern.bayer(3), 1))
+    assert {node.op_type for graph in graphs for node in graph.graph.node} == OPERATORS
