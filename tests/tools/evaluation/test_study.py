@@ -13,7 +13,7 @@ from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
 from tools.evaluation.code_digest import digest
-from tools.evaluation.metrics import QUANTILES, patch_psnr, psnr, quality
+from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
@@ -32,7 +32,7 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
             found = figures.of_scene(f"scene{seed}", 0.03, name)
             assert found is not None
             assert found.quality == quality(picture, truth)
-            assert found.psnr == psnr(picture, truth, 15)
+            assert found.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
     pooled = figures.pooled("linear photographs", 0.03, "paper")
     assert pooled is not None
