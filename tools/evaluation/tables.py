@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from .claims import claims
@@ -34,8 +35,11 @@ def encode_csv(figures: Figures) -> bytes:
     return text.getvalue().encode()
 
 
-def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
-    """JSON file content, one object: protocol, scenes, methods, verdict, figures, failures. No value is NaN or infinite."""
+def encode_json(figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()) -> bytes:
+    """JSON file content, one object: protocol, scenes, methods, verdict, figures, failures. No value is NaN or infinite.
+
+    left_out: remarks on files that were not measured, or once for several.
+    """
     study = figures.study
     document = {
         "program": program,
@@ -59,6 +63,7 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
         "failed": failures,
+        "left_out": left_out,
     }
     return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 

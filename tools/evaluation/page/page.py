@@ -26,7 +26,7 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     figures: all results.
     exhibits: the gallery; empty = no gallery.
     program: name and version.
-    failures: a line for each scene or result that is missing.
+    failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
     """
     sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
     if len(figures.study.periods) > 1 and figures.ours:
