@@ -14,6 +14,7 @@ from shared.pattern import PERIODS
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
+from tools.host.cluster import SchedulerGoneError, connected, everywhere
 from tools.host.console import Console
 from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
@@ -93,7 +94,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return _list(todo, there, failures, console)
     if there:
         console.note(f"{there} results are kept from an earlier run")
-    failures += _measure(arguments, team, todo)
+    try:
+        failures += _measure(arguments, team, todo)
+    except SchedulerGoneError as error:
+        console.error(str(error))
+        return FAILED
     figures = Figures(study, collect(study, folder))
     if not figures.scenes:
         raise InputError("nothing could be measured; the lines above say why")
@@ -136,8 +141,6 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     reading = Reading(arguments.linear, arguments.crop)
     sources, left_out = expand(arguments.scenes, Path(arguments.output))
     if uses_scheduler(arguments):
-        from tools.host.cluster import everywhere
-
         sources = [everywhere(source) for source in sources]
     scenes, failures = team.read(sources, reading)
     scenes, remarks = distinct(scenes)
@@ -152,8 +155,6 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
 def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
     if not (uses_scheduler(arguments) and todo):
         return team.measure(todo)
-    from tools.host.cluster import connected
-
     with connected(arguments.scheduler, arguments.scheduler_file) as client:
         return replace(team, client=client).measure(todo)
 

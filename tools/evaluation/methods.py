@@ -6,11 +6,11 @@ from functools import cache, partial
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from tools.host.code_digest import digest
 from tools.host.versions import package_version
 
 from .camera_preview import render_preview
 from .cameras import CameraPair, Denoise
-from .code_digest import digest
 from .presets import PRESETS, UNLEARNED, render_preset
 from .rivals.bilinear import demosaic_bilinear
 from .rivals.demosaicnet import PACKAGES, demosaic_demosaicnet
