@@ -76,7 +76,7 @@ def test_without_workers_it_says_so_and_can_be_interrupted(tmp_path: Path, out: 
 
 def test_it_says_again_that_workers_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 0.0
-    monkeypatch.setattr(module.time, "monotonic", lambda: now)
+    monkeypatch.setattr("tools.host.cluster.time.monotonic", lambda: now)
     said: list[str] = []
     workers = module._Workers(_Client({}), said.append)
     for now in range(0, 200, 10):  # noqa: B007
