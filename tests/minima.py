@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     found = json.loads(installed)
     for name, declared in minima(arguments.extra):
-        newer = "" if _numbers(found[name]) == _numbers(declared) else "   newer than declared: the next that there is, or another package needs it"
+        newer = "" if _numbers(found[name]) == _numbers(declared) else "   newer than declared"
         print(f"{name} {found[name]}{newer}", flush=True)
     # Numba's cache is one per version: old kernels must not be found beside the sources.
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache / "numba")}
