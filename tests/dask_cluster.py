@@ -13,28 +13,44 @@ from tests.data import ROOT
 
 @contextmanager
 def cluster(folder: Path, count: int) -> "Iterator[tuple[Path, list[subprocess.Popen[bytes]]]]":
-    """The scheduler's file and `count` workers, which end with the block.
-
-    A worker has one process and one thread, and is not started again when it dies: it has none of dask's nanny processes
-    (`--no-nanny`).
-    """
-    file = folder / "scheduler.json"
-    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", folder / "dask")
+    """The scheduler's file and `count` workers, which end with the block."""
     with ExitStack() as stack:
-        stack.enter_context(_process("dask_scheduler", "--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file))
-        deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
-        workers = [_process("dask_worker", "--scheduler-file", file, "--name", str(number), *options) for number in range(count)]
-        yield file, [stack.enter_context(worker) for worker in workers]
+        file, _ = stack.enter_context(scheduler(folder))
+        yield file, [stack.enter_context(worker(file, str(number))) for number in range(count)]
 
 
 @contextmanager
-def _process(program: str, *arguments: str | Path) -> "Iterator[subprocess.Popen[bytes]]":
+def scheduler(folder: Path) -> "Iterator[tuple[Path, subprocess.Popen[bytes]]]":
+    """A scheduler, which ends with the block, and the file that it has written to `folder`."""
+    file = folder / "scheduler.json"
+    file.unlink(missing_ok=True)
+    options = ("--port", "0", "--no-dashboard", "--no-show", "--scheduler-file", file)
+    with _process("dask_scheduler", *options, source=ROOT) as running:
+        deadline = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        yield file, running
+
+
+@contextmanager
+def worker(file: Path, name: str, source: Path = ROOT) -> "Iterator[subprocess.Popen[bytes]]":
+    """A worker of the scheduler that has written `file`; it ends with the block.
+
+    It has one process and one thread, and is not started again when it dies: it has none of dask's nanny processes (`--no-nanny`).
+
+    source: the folder with the packages that it imports.
+    """
+    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", file.with_name("dask"), "--name", name)
+    with _process("dask_worker", "--scheduler-file", file, *options, source=source) as running:
+        yield running
+
+
+@contextmanager
+def _process(program: str, *arguments: str | Path, source: Path) -> "Iterator[subprocess.Popen[bytes]]":
     """A program of dask that sees this source and only this machine."""
     line = [sys.executable, "-m", f"distributed.cli.{program}", *arguments, "--host", "127.0.0.1"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0"}
-    running = subprocess.Popen(line, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    environment = {**os.environ, "PYTHONPATH": str(source), "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0"}
+    running = subprocess.Popen(line, cwd=source, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield running
     finally:

@@ -59,4 +59,4 @@ def probe(folder: Path) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    np.savez(sys.argv[2], allow_pickle=False, **probe(Path(sys.argv[1])))
+    np.savez(sys.argv[2], **probe(Path(sys.argv[1])))  # type: ignore[arg-type]  # NumPy 2.0 would store an "allow_pickle"

@@ -6,6 +6,7 @@ are made: an interrupted run continues where it stopped, and for another method 
 
 import argparse
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shared.errors import InputError
@@ -13,6 +14,7 @@ from shared.pattern import PERIODS
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
+from tools.host.cluster import SchedulerGoneError, connected, everywhere
 from tools.host.console import Console
 from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
@@ -30,7 +32,9 @@ _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma evaluate`."""
-    parser.add_argument("scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder of them")
+    parser.add_argument(
+        "scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder with them in it or below"
+    )
     add_output_folder(parser, "the results")
     light = parser.add_argument_group("light and noise")
     light.add_argument(
@@ -84,21 +88,25 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         refuse_existing(outputs)
     check_at_least_one(arguments, "jobs")
     team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
-    study, failures = _study(arguments, console, team)
+    study, failures, left_out = _study(arguments, console, team)
     todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
     if arguments.dry_run:
         return _list(todo, there, failures, console)
     if there:
         console.note(f"{there} results are kept from an earlier run")
-    failures += _measure(arguments, team, todo)
+    try:
+        failures += _measure(arguments, team, todo)
+    except SchedulerGoneError as error:
+        console.error(str(error))
+        return FAILED
     figures = Figures(study, collect(study, folder))
     if not figures.scenes:
         raise InputError("nothing could be measured; the lines above say why")
     program = f"panchroma {program_version()}"
-    write_durably(folder / _JSON, encode_json(figures, program, failures), overwrite=arguments.overwrite)
+    write_durably(folder / _JSON, encode_json(figures, program, failures, left_out), overwrite=arguments.overwrite)
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.report:
-        page = build_page(figures, render_gallery(figures, team), program, failures)
+        page = build_page(figures, render_gallery(figures, team), program, [*failures, *left_out])
         write_durably(folder / _PAGE, page.encode(), overwrite=arguments.overwrite)
     console.say(plain_text(figures))
     console.say(", ".join(str(path) for path in outputs))
@@ -107,8 +115,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if failures else 0
 
 
-def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str]]:
-    """The requested study, with the scenes that can be read, and a line for each scene that cannot."""
+def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str], list[str]]:
+    """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
     from tools.evaluation.methods import choose, default_names, missing_packages
     from tools.evaluation.protocol import Protocol
     from tools.evaluation.scene_sets import Reading, distinct, expand
@@ -131,25 +139,22 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     if arguments.crop is not None and arguments.crop < 1:
         raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
     reading = Reading(arguments.linear, arguments.crop)
-    sources = expand(arguments.scenes)
+    sources, left_out = expand(arguments.scenes, Path(arguments.output))
     if uses_scheduler(arguments):
-        from tools.host.cluster import everywhere
-
         sources = [everywhere(source) for source in sources]
     scenes, failures = team.read(sources, reading)
     scenes, remarks = distinct(scenes)
-    for remark in remarks:
+    left_out += remarks
+    for remark in left_out:
         console.note(remark)
     if not scenes:
         raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
-    return Study(tuple(scenes), tuple(each.name for each in methods), levels, tuple(periods), protocol, reading), failures
+    return Study(tuple(scenes), tuple(each.name for each in methods), levels, tuple(periods), protocol, reading), failures, left_out
 
 
 def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
     if not (uses_scheduler(arguments) and todo):
         return team.measure(todo)
-    from tools.host.cluster import connected
-
     with connected(arguments.scheduler, arguments.scheduler_file) as client:
         return replace(team, client=client).measure(todo)
 

@@ -68,12 +68,18 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for below in {shot.output.parent for shot in shots} - {order.folder}:
         sweep(below)
     if elsewhere and not order.dry_run:
-        from tools.host.cluster import connected
+        from tools.host.cluster import SchedulerGoneError, connected
         from tools.rendering import remote
 
         with connected(arguments.scheduler, arguments.scheduler_file) as client:
             through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
-            all_made = render_shots(shots, through, console)
+            try:
+                all_made = render_shots(shots, through, console)
+            except SchedulerGoneError as error:
+                console.error(str(error))
+                all_made = False
+        for below in {shot.output.parent for shot in shots}:  # of workers that were killed
+            sweep(below)
     else:
         workers = 1 if order.dry_run else arguments.workers
         resources = Resources.of(order, shots, workers, arguments.threads, arguments.max_memory)

@@ -1,21 +1,17 @@
-"""Figures of an evaluation, per scene and pooled: who wins, by how much, and whether the paper's claims hold."""
+"""Figures of an evaluation, per scene and pooled: who wins, by how much, and where we lose."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
-from .measures import PLANES, TITLES, Histogram, Measures
+from .criteria import CRITERIA, RGB
+from .measures import Histogram, Measures
 from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
 from .study import Cell, Study
-
-RGB, LUMINANCE, CHROMINANCE, TENTH, WHOLE, HUE = range(6)  # places in CRITERIA
-EVEN = 0.05  # dB: smaller differences count as none
 
 
 @dataclass(frozen=True)
@@ -28,7 +24,8 @@ class Figure:
     method: its name.
     period: of the sparse-colour pattern, pixels; 0 for a rival.
     quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
-    psnr, ssim: PSNR (dB) and SSIM of the whole picture; for a set, the mean over its scenes.
+    psnr: of the whole picture in RGB, luminance and chrominance, dB; for a set, the mean over its scenes.
+    ssim: of the whole picture; for a set, the mean over its scenes.
     wrong_hue: share of the pixels that show a wrong hue, 0 to 1; for a set, the mean over its scenes.
     scenes: number of scenes.
     """
@@ -39,61 +36,39 @@ class Figure:
     method: str
     period: int
     quality: Quality
-    psnr: float
+    psnr: tuple[float, float, float]
     ssim: float
     wrong_hue: float
     scenes: int
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The figure by each of CRITERIA: dB, and % of wrong hue."""
-        return (*self.quality.median, self.quality.rgb[0], self.psnr, 100 * self.wrong_hue)
+        """The figure by each of CRITERIA: PSNR in dB, SSIM, and % of wrong hue."""
+        tenths = (plane[0] for plane in self.quality)
+        return (*self.quality.median, *tenths, *self.psnr, self.ssim, 100 * self.wrong_hue)
 
 
-class Criterion(NamedTuple):
-    """One way to compare methods: medians say how most of a picture looks, the others how its worst places do.
+@dataclass(frozen=True)
+class Comparison:
+    """Ours beside one rival by one figure.
 
-    name: in the JSON file.
-    title: for people.
-    explanation: what the figure is, with its unit.
-    sign: 1 where more is better, -1 where less is.
+    scene: its name; None for the whole set.
+    level: noise level, as in `Protocol`.
+    criterion: place in CRITERIA.
+    rival: name of the method.
+    lead: how much better ours is, in the unit of the criterion.
     """
 
-    name: str
-    title: str
-    explanation: str
-    sign: int = 1
-
-
-_WORST_TENTH = "RGB PSNR that nine tenths of the patches reach (10 % quantile), dB; higher is better."
-_WHOLE_IMAGE = "RGB PSNR of whole images, dB, mean over the scenes; higher is better."
-_WRONG_HUE = "Pixels more than 10 CIEDE2000 from the truth, white balanced and at display exposure, %; lower is better."
-_MEDIANS = tuple(zip(PLANES, TITLES, strict=True))
-CRITERIA = (  # in the order of `Figure.values`
-    *(Criterion(*each, f"Median {each[1]} PSNR of all patches, dB; higher is better.") for each in _MEDIANS),
-    Criterion("rgb_q10", "worst tenth", _WORST_TENTH),
-    Criterion("psnr", "whole image", _WHOLE_IMAGE),
-    Criterion("wrong_hue", "wrong hue", _WRONG_HUE, -1),
-)
-
-
-@dataclass(frozen=True)
-class Loss:
-    """A scene and level at which a rival beats us, by `margin` dB of median RGB PSNR (positive)."""
-
-    scene: str
+    scene: str | None
     level: float
+    criterion: int
     rival: str
-    margin: float
+    lead: float
 
-
-@dataclass(frozen=True)
-class Claim:
-    """A claim of the paper, the finding ("shown", "shown in part", "refuted"), and the figures behind it."""
-
-    text: str
-    finding: str
-    why: str
+    @property
+    def lost(self) -> bool:
+        """Whether the rival is better by more than counts as none."""
+        return self.lead <= -CRITERIA[self.criterion].even
 
 
 Find = Callable[[str], Figure | None]  # the figure of a method
@@ -127,8 +102,9 @@ class Figures:
             each = parts[key]
             if len(each) == len(self.scene_names(key[0])):
                 quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
-                psnr, ssim, hue = (float(np.mean([getattr(m, name) for m in each])) for name in ("psnr", "ssim", "wrong_hue"))
-                found[key] = Figure(key[0], None, *key[1:], quality, psnr, ssim, hue, len(each))
+                rgb, luminance, chrominance = np.mean([m.psnr for m in each], axis=0).tolist()
+                ssim, hue = (float(np.mean([getattr(m, name) for m in each])) for name in ("ssim", "wrong_hue"))
+                found[key] = Figure(key[0], None, *key[1:], quality, (rgb, luminance, chrominance), ssim, hue, len(each))
         return found
 
     def pooled(self, group: str, level: float, method: str, period: int | None = None) -> Figure | None:
@@ -172,12 +148,9 @@ class Figures:
         """The best rival on a set at a level, and our lead over it in the unit of the criterion (negative: it leads)."""
         return self._margin(partial(self.pooled, group, level), criterion)
 
-    def _scene_margin(self, scene: str, level: float) -> tuple[str, float] | None:
-        return self._margin(partial(self.of_scene, scene, level))
-
     def _margin(self, find: Find, criterion: int = RGB) -> tuple[str, float] | None:
         rival = _best(self.rivals, find, criterion)
-        if rival is None or self.ours is None or (lead := _lead(find, self.ours, rival)) is None:
+        if rival is None or self.ours is None or (lead := leads(find, self.ours, rival)) is None:
             return None
         return rival, lead[criterion]
 
@@ -189,76 +162,41 @@ class Figures:
         best = max(found, key=lambda figure: figure.quality.median[RGB])
         return best.period, best.quality.median[RGB] - own.quality.median[RGB]
 
-    def wins(self, group: str, level: float) -> tuple[int, int]:
-        """(number of scenes on which we beat every rival in median RGB PSNR, number of scenes compared)."""
-        margins = [margin for name in self.scene_names(group) if (margin := self._scene_margin(name, level)) is not None]
-        return sum(lead > 0 for _, lead in margins), len(margins)
+    def scene_leads(self, group: str, level: float) -> list[float]:
+        """Our lead over the best rival of each scene, dB of median RGB PSNR; scenes without results are left out."""
+        margins = [self._margin(partial(self.of_scene, name, level)) for name in self.scene_names(group)]
+        return [margin[1] for margin in margins if margin is not None]
 
-    def losses(self, group: str) -> list[Loss]:
-        """Scenes and levels at which the best rival beats us, the largest margin first."""
-        found = [
-            Loss(name, level, margin[0], -margin[1])
+    def comparisons(self, group: str) -> list[Comparison]:
+        """Ours beside every rival at every level by every criterion: on each scene, and on all together if there are several."""
+        if self.ours is None:
+            return []
+        names = self.scene_names(group)
+        return [
+            Comparison(scene, level, criterion, rival, lead)
             for level in self.study.levels
-            for name in self.scene_names(group)
-            if (margin := self._scene_margin(name, level)) is not None and margin[1] < -EVEN
+            for scene in ([None, *names] if len(names) > 1 else names)
+            for find in [partial(self.of_scene, scene, level) if scene is not None else partial(self.pooled, group, level)]
+            for rival in self.rivals
+            for criterion, lead in enumerate(leads(find, self.ours, rival) or ())
         ]
-        return sorted(found, key=lambda loss: -loss.margin)
 
-    def claims(self, group: str) -> list[Claim]:
-        """The two claims of section 4, tested with the paper's own method and its own rival where both were measured."""
-        rival = next((name for name in ("dlmmse", "menon", *self.rivals) if name in self.rivals), None)
-        own = "paper" if "paper" in self.study.methods else self.ours
-        if rival is None or own is None:
-            return []
-        compared = [_lead(partial(self.pooled, group, level), own, rival) for level in self.study.levels]
-        leads = [lead for lead in compared if lead is not None]
-        if len(leads) < len(compared):
-            return []
-        claims = []
-        if self.study.protocol.kind == "sensor" or self.study.levels[0] == 0:
-            claims.append(self._noise_free(group, leads[0], own, rival))
-        if len(leads) > 1:
-            claims.append(self._growing(leads, own, rival))
-        return claims
-
-    def _noise_free(self, group: str, lead: list[float], own: str, rival: str) -> Claim:
-        rgb, luminance, chrominance, *_ = lead
-        level, protocol, names = self.study.levels[0], self.study.protocol, self.scene_names(group)
-        by_scene = [_lead(partial(self.of_scene, name, level), own, rival) for name in names]
-        ahead = sum(each is not None and each[RGB] > 0 for each in by_scene)
-        mainly = luminance > max(chrominance, 0)
-        finding = "refuted" if rgb <= EVEN else "shown" if mainly else "shown in part"
-        light = "Noise-free" if protocol.kind == "paper" else f"At {protocol.describe(level)}"
-        return Claim(
-            f"{light}, better than Bayer, mainly in luminance",
-            finding,
-            f"{own} minus {rival}: {rgb:+.1f} dB RGB, {luminance:+.1f} dB luminance, {chrominance:+.1f} dB chrominance; "
-            f"ahead in RGB on {ahead} of {len(names)} scenes",
-        )
-
-    def _growing(self, leads: list[list[float]], own: str, rival: str) -> Claim:
-        by_plane = list(zip(*leads, strict=True))[: len(TITLES)]
-        parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
-        first, last = by_plane[RGB][0], by_plane[RGB][-1]
-        finding = "refuted" if last <= first + EVEN else "shown" if _rising(by_plane[RGB]) else "shown in part"
-        noise = ", ".join(self.study.protocol.describe(level) for level in self.study.levels)
-        return Claim("The more noise, the larger the lead", finding, f"{own} minus {rival}, dB, at {noise}: {'; '.join(parts)}")
+    def missing(self, group: str) -> dict[str, list[float]]:
+        """Methods, with the levels at which a scene has no result of them, so that they are missing from the pooled figures."""
+        levels = self.study.levels
+        found = {name: [level for level in levels if self.pooled(group, level, name) is None] for name in self.study.methods}
+        return {name: without for name, without in found.items() if without}
 
 
-def _best(names: Iterable[str], find: Find, criterion: int = RGB) -> str | None:
-    """The best method by a criterion."""
-    values = {name: CRITERIA[criterion].sign * each.values[criterion] for name in names if (each := find(name)) is not None}
-    return max(values, key=lambda name: values[name], default=None)
-
-
-def _lead(find: Find, own: str, rival: str) -> list[float] | None:
-    """How much better one method is than another, by each of CRITERIA."""
+def leads(find: Find, own: str, rival: str) -> list[float] | None:
+    """How much better one method is than another, by each of CRITERIA; None where one of them has no result."""
     ours, theirs = find(own), find(rival)
     if ours is None or theirs is None:
         return None
     return [each.sign * (a - b) for each, a, b in zip(CRITERIA, ours.values, theirs.values, strict=True)]
 
 
-def _rising(values: Iterable[float]) -> bool:
-    """Whether each value is above the one before, or less than EVEN below."""
-    return all(after > before - EVEN for before, after in pairwise(values))
+def _best(names: Iterable[str], find: Find, criterion: int = RGB) -> str | None:
+    """The best method by a criterion."""
+    values = {name: CRITERIA[criterion].sign * each.values[criterion] for name in names if (each := find(name)) is not None}
+    return max(values, key=lambda name: values[name], default=None)

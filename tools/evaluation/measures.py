@@ -12,7 +12,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 
 from .hue import wrong_hue
-from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, psnr
+from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
 from .ssim import ssim
 
 PLANES = ("rgb", "luminance", "chrominance")
@@ -63,7 +63,8 @@ class Measures:
     """Figures of one rendering.
 
     quality: exact quantiles of its patches.
-    psnr, ssim: of the whole picture without its border; PSNR in dB.
+    psnr: of the whole picture without its border, dB, one for each of PLANES.
+    ssim: of the same.
     wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
@@ -71,7 +72,7 @@ class Measures:
     """
 
     quality: Quality
-    psnr: float
+    psnr: tuple[float, float, float]
     ssim: float
     wrong_hue: float
     patches: tuple[Histogram, ...]
@@ -84,7 +85,7 @@ class Measures:
         maps, wrong = patch_psnr(rendered, truth), wrong_hue(rendered, truth)
         return cls(
             Quality.of(maps),
-            psnr(rendered, truth, BORDER),
+            whole_psnr(rendered, truth, BORDER),
             ssim(rendered, truth, BORDER),
             float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean()),
             tuple(Histogram.of(plane) for plane in maps),
@@ -97,7 +98,7 @@ class Measures:
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
         quality = np.array(self.quality)
-        whole = np.array([self.psnr, self.ssim, self.wrong_hue])
+        whole = np.array([*self.psnr, self.ssim, self.wrong_hue])
         np.savez_compressed(buffer, quality=quality, whole=whole, errors=self.errors, hues=self.hues, **parts)
         return buffer.getvalue()
 
@@ -108,8 +109,8 @@ class Measures:
             with np.load(io.BytesIO(data), allow_pickle=False) as stored:
                 parts = tuple(Histogram(*(stored[f"{name}_{kind}"] for kind in _PARTS)) for name in PLANES)
                 quality: Any = [tuple(row) for row in stored["quality"].tolist()]
-                whole = stored["whole"].tolist()
-                return cls(Quality(*quality), whole[0], whole[1], whole[2], parts, stored["errors"], stored["hues"])
+                *psnr, ssim_, hue = stored["whole"].tolist()
+                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, hue, parts, stored["errors"], stored["hues"])
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

@@ -6,11 +6,11 @@ from functools import cache, partial
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from tools.host.code_digest import digest
 from tools.host.versions import package_version
 
 from .camera_preview import render_preview
 from .cameras import CameraPair, Denoise
-from .code_digest import digest
 from .presets import PRESETS, UNLEARNED, render_preset
 from .rivals.bilinear import demosaic_bilinear
 from .rivals.demosaicnet import PACKAGES, demosaic_demosaicnet
@@ -166,6 +166,12 @@ def missing_packages() -> list[str]:
     return sorted({method.missing for method in methods().values() if method.missing})
 
 
+def remedy(package: str) -> str:
+    """The command that installs a package which a method needs."""
+    extra = {"bm3d": "rivals", **dict.fromkeys(PACKAGES, "learned-rivals")}.get(package, "evaluation")
+    return f"pip install -e '.[{extra}]'"
+
+
 def choose(names: list[str]) -> list[Method]:
     """Methods by name, each once. Raises InputError for an unknown name, or one whose package is not installed."""
     chosen = []
@@ -173,7 +179,6 @@ def choose(names: list[str]) -> list[Method]:
         if name not in methods():
             raise InputError(f"unknown method {name!r}; there are {', '.join(methods())}")
         if missing := methods()[name].missing:
-            extra = {"bm3d": "rivals", **dict.fromkeys(PACKAGES, "learned-rivals")}.get(missing, "evaluation")
-            raise InputError(f"{name} needs the package {missing}: pip install -e '.[{extra}]', or leave it out of --methods")
+            raise InputError(f"{name} needs the package {missing}: {remedy(missing)}, or leave it out of --methods")
         chosen.append(methods()[name])
     return chosen

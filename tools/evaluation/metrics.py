@@ -64,20 +64,33 @@ def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, bord
             f"a picture of {error.shape[1]} x {error.shape[0]} pixels has no {patch} x {patch} patch inside a border of {border}; "
             f"at least {patch + 2 * border} pixels each way are needed"
         )
-    error = error[border : border + rows, border : border + columns]
-    luminance = error.mean(axis=2)
-    chrominance = error - luminance[..., None]
-    squares = ((error**2).mean(axis=2), luminance**2, (chrominance**2).mean(axis=2))
+    squares = _squares(error[border : border + rows, border : border + columns])
     return PatchPsnr(*(_decibels(_box_mean(square, patch)) for square in squares))
 
 
 def psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
-    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP. Arguments and errors as in `patch_psnr`."""
+    """RGB PSNR of the whole picture; see `whole_psnr`."""
+    return whole_psnr(rendered, truth, border)[0]
+
+
+def whole_psnr(rendered: FloatArray, truth: FloatArray, border: int = 0) -> tuple[float, float, float]:
+    """PSNR of the whole picture without `border` pixels at each side, dB, at most CAP: RGB, luminance, chrominance.
+
+    Arguments and errors as in `patch_psnr`.
+    """
     error = _error(rendered, truth)
     inner = error[border : error.shape[0] - border, border : error.shape[1] - border]
     if inner.size == 0:
         raise InputError(f"a picture of {error.shape[1]} x {error.shape[0]} pixels lies wholly within a border of {border}")
-    return float(_decibels(np.square(inner).mean()))
+    rgb, luminance, chrominance = (float(_decibels(square.mean())) for square in _squares(inner))
+    return rgb, luminance, chrominance
+
+
+def _squares(error: DoubleArray) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
+    """Squared errors (H, W) in RGB, luminance and chrominance."""
+    luminance: DoubleArray = error.mean(axis=2)
+    chrominance = error - luminance[..., None]
+    return (error**2).mean(axis=2), luminance**2, (chrominance**2).mean(axis=2)
 
 
 def _error(rendered: FloatArray, truth: FloatArray) -> DoubleArray:

@@ -3,13 +3,17 @@
 import csv
 import io
 import json
+from collections.abc import Sequence
 from typing import Any
 
-from .figures import CRITERIA, Figure, Figures
+from .claims import claims
+from .criteria import CRITERIA, EVEN
+from .figures import Figure, Figures
 from .measures import PLANES
 from .methods import methods
 from .metrics import BORDER, PATCH, QUANTILES
 from .protocol import CROP
+from .verdict import caveats
 
 _COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
@@ -31,8 +35,11 @@ def encode_csv(figures: Figures) -> bytes:
     return text.getvalue().encode()
 
 
-def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
-    """JSON file content, one object: protocol, scenes, methods, verdict, figures, failures. No value is NaN or infinite."""
+def encode_json(figures: Figures, program: str, failures: list[str], left_out: Sequence[str] = ()) -> bytes:
+    """JSON file content, one object: protocol, scenes, methods, verdict, figures, failures. No value is NaN or infinite.
+
+    left_out: remarks on files that were not measured, or once for several.
+    """
     study = figures.study
     document = {
         "program": program,
@@ -56,15 +63,16 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
         "failed": failures,
+        "left_out": left_out,
     }
     return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def _verdict(figures: Figures, group: str) -> dict[str, Any]:
-    levels = []
+    levels, compared = [], figures.comparisons(group)
     for level in figures.study.levels:
         margin = figures.margin(group, level)
-        won, of = figures.wins(group, level)
+        by_scene = figures.scene_leads(group, level)
         best = figures.best_period(group, level)
         levels.append(
             {
@@ -72,18 +80,27 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
                 "winner": {each.name: figures.winner(group, level, index) for index, each in enumerate(CRITERIA)},
                 "best_rival": margin and margin[0],
                 "margin_rgb": margin and round(margin[1], 4),
-                "scenes_won": won,
-                "scenes": of,
+                "scenes_won": sum(lead >= EVEN for lead in by_scene),
+                "scenes": len(by_scene),
                 "best_period": best and best[0],
             }
         )
     return {
         "ours": figures.ours,
         "levels": levels,
-        "claims": [{"claim": c.text, "finding": c.finding, "why": c.why} for c in figures.claims(group)],
+        "caveats": caveats(figures, group),
+        "claims": [{"claim": c.text, "finding": c.finding, "scenes": c.scenes, "why": c.why} for c in claims(figures, group)],
+        "comparisons": len(compared),
         "losses": [
-            {"scene": loss.scene, "level": loss.level, "rival": loss.rival, "margin_rgb": round(loss.margin, 4)}
-            for loss in figures.losses(group)
+            {
+                "scene": each.scene,
+                "level": each.level,
+                "rival": each.rival,
+                "figure": CRITERIA[each.criterion].name,
+                "margin": round(-each.lead, 4),
+            }
+            for each in compared
+            if each.lost
         ],
     }
 
@@ -94,5 +111,6 @@ def _row(figure: Figure) -> dict[str, Any]:
     for plane, quantiles in zip(PLANES, figure.quality, strict=True):
         for quantile, value in zip(QUANTILES, quantiles, strict=True):
             row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)
-    whole = {"psnr": round(figure.psnr, 4), "ssim": round(figure.ssim, 6), "wrong_hue": round(figure.wrong_hue, 6)}
-    return {**row, **whole, "scenes": figure.scenes}
+    for plane, value in zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), figure.psnr, strict=True):
+        row[plane] = round(value, 4)
+    return {**row, "ssim": round(figure.ssim, 6), "wrong_hue": round(figure.wrong_hue, 6), "scenes": figure.scenes}

@@ -113,7 +113,7 @@ class Team:
         if self.client is not None:
             from tools.host import cluster
 
-            return cluster.run(self.client, each, pieces)
+            return cluster.run(self.client, each, pieces, self.console.note)
         silent, count = partial(_without_note, each), self.processes(pixels)
         return worker_pool.run(silent, pieces, count, note=self.console.note, remedy=_REMEDY)
 

@@ -1,9 +1,29 @@
 """The verdict of an evaluation in words."""
 
-from .figures import EVEN, HUE, TENTH, WHOLE, Figures
-from .methods import methods
+from collections import Counter
+from dataclasses import dataclass
 
-_LOSSES = 3  # named at each level
+from .claims import FEW, ahead, claims
+from .criteria import CRITERIA, EVEN, HUE, RGB, TENTH, WHOLE
+from .figures import Comparison, Figures
+from .methods import methods, remedy
+
+# The strongest rivals in our figures, which need extra packages: name, what it is, whether noise is where it is strong.
+_STRONGEST = (("bm3d+dlmmse-wb", "denoises (BM3D does)", True), ("demosaicnet", "is learned (Gharbi 2016 is)", False))
+
+
+@dataclass(frozen=True)
+class Defeat:
+    """Where we lose at one level by one criterion.
+
+    together: the set as a whole beside the best rival, if we lose there.
+    worst: on each scene on which we lose, the rival that is furthest ahead; the largest margin first.
+    """
+
+    level: float
+    criterion: int
+    together: Comparison | None
+    worst: tuple[Comparison, ...]
 
 
 def plain_text(figures: Figures) -> str:
@@ -21,10 +41,12 @@ def plain_text(figures: Figures) -> str:
                 texts = [f"{cell.quality.median[0]:.1f}" if cell else "-" for cell in cells]
                 columns = (f"{text:>{width}}" for text, width in zip(texts, widths, strict=True))
                 lines.append(f"{methods()[name].title:30}" + "  ".join(columns))
-        lines += [headline(figures, group), *comparisons(figures, group), *worst_places(figures, group)]
-        lines += [f"{claim.text}: {claim.finding} ({claim.why})." for claim in figures.claims(group)]
-        if lost := losses(figures, group):
-            lines.append(f"Where we lose: {lost}")
+        lines += [headline(figures, group), *caveats(figures, group)]
+        lines += [*comparisons(figures, group), *worst_places(figures, group)]
+        lines += [f"{claim.text}: {claim.finding}, {claim.scenes} ({claim.why})." for claim in claims(figures, group)]
+        if summary := losses(figures, group):
+            lines.append(f"Where we lose: {summary}")
+        lines += [f"  {defeat_text(figures, group, each)}" for each in defeats(figures, group)]
         if best := periods(figures, group):
             lines.append(best)
         lines.append("")
@@ -38,7 +60,7 @@ def heading(figures: Figures, group: str) -> str:
 
 
 def headline(figures: Figures, group: str) -> str:
-    """The verdict on a set in one sentence: the levels at which we beat every rival."""
+    """The verdict on a set: the levels at which we beat every rival in median RGB PSNR, and by how many other figures we do not."""
     margins = [(level, margin[1]) for level in figures.study.levels if (margin := figures.margin(group, level)) is not None]
     if not margins:
         return "There is nothing to compare: measure a method of ours and a rival."
@@ -50,7 +72,36 @@ def headline(figures: Figures, group: str) -> str:
     parts = [
         f"{text} at {_listed([figures.study.protocol.describe(level) for level in levels])}" for text, levels in kinds if levels
     ]
-    return capital("; ".join(parts)) + " (median RGB PSNR)."
+    text = capital("; ".join(parts)) + " in median RGB PSNR."
+    others = Counter(each.level for each in defeats(figures, group) if each.criterion != RGB and each.together)
+    if others:
+        counts = _listed([f"{count} at {figures.study.protocol.describe(level)}" for level, count in others.items()])
+        text += f" But of the {len(CRITERIA) - 1} other figures some are better for a rival: {counts}."
+    return text
+
+
+def caveats(figures: Figures, group: str) -> list[str]:
+    """Sentences on what the headline does not stand on: too few scenes, rivals that were not measured, missing results."""
+    if not (figures.ours and figures.rivals):
+        return []
+    study, count = figures.study, len(figures.scene_names(group))
+    found = []
+    if count < FEW:
+        found.append(
+            f"Only {count} scene{'s' * (count != 1)}: with fewer than {FEW}, even being ahead on all of them may be chance."
+        )
+    for name, what, noisy in _STRONGEST:
+        same = [each for each in figures.rivals if name == each or (noisy and methods()[each].denoise)]
+        meant = [level for level in study.levels if study.protocol.kind == "sensor" or (level > 0) == noisy]
+        if same or not meant:
+            continue
+        package = methods()[name].missing
+        why = f"{package} is not installed: {remedy(package)}" if package else "--methods left it out"
+        found.append(f"No rival here {what}, which is the strongest kind {'in' if noisy else 'without'} noise; {why}.")
+    for name, levels in figures.missing(group).items():
+        at = _listed([study.protocol.describe(level) for level in levels])
+        found.append(f"Without {methods()[name].title} at {at}: results of it are missing, so that it is not compared there.")
+    return found
 
 
 def comparisons(figures: Figures, group: str) -> list[str]:
@@ -61,13 +112,13 @@ def comparisons(figures: Figures, group: str) -> list[str]:
         if margin is None:
             continue
         rival, lead = methods()[margin[0]].short, margin[1]
-        won, count = figures.wins(group, level)
         text = f"{capital(figures.study.protocol.describe(level))}: "
         if abs(lead) < EVEN:
             text += f"even with {rival}"
         else:
             text += f"{figures.ours} is {abs(lead):.1f} dB {'better' if lead > 0 else 'worse'} than the best rival, {rival}"
-        sentences.append(text + (f"; ahead of every rival on {won} of {count} scenes." if count > 1 else "."))
+        scenes = ahead(figures.scene_leads(group, level)).replace("ahead", "ahead of every rival", 1)
+        sentences.append(f"{text}; {scenes}.")
     return sentences
 
 
@@ -90,17 +141,53 @@ def worst_places(figures: Figures, group: str) -> list[str]:
 
 
 def losses(figures: Figures, group: str) -> str:
-    """Scenes on which the best rival beats us, by level, because losses without noise have other causes than losses in noise."""
-    found = figures.losses(group)
-    if not found:
-        return "On no scene at any level." if figures.ours and figures.rivals else ""
-    parts = []
-    for level in figures.study.levels:
-        here = [loss for loss in found if loss.level == level]
-        worst = ", ".join(f"{loss.scene} -{loss.margin:.1f} dB ({loss.rival})" for loss in here[:_LOSSES])
-        more = f", and {len(here) - _LOSSES} more" if len(here) > _LOSSES else ""
-        parts += [f"{figures.study.protocol.describe(level)}: {worst}{more}"] if here else []
-    return "; ".join(parts) + "."
+    """How many comparisons we lose, of how many, and to whom; "" if there are none."""
+    compared = figures.comparisons(group)
+    if not compared:
+        return ""
+    lost = Counter(methods()[each.rival].short for each in compared if each.lost)
+    what = f"{len(CRITERIA)} figures, each rival, level and scene, and all scenes together"
+    if not lost:
+        return f"nowhere in {len(compared)} comparisons ({what}; less than {EVEN} dB counts as none)."
+    rivals = ", ".join(f"{rival} {count}" for rival, count in lost.most_common())
+    every = f"in {lost.total()} of {len(compared)} comparisons ({what}; less than {EVEN} dB counts as none)"
+    return f"{every}, by rival: {rivals}. evaluation.json lists them all."
+
+
+def defeats(figures: Figures, group: str) -> list[Defeat]:
+    """Where a rival beats us, by level, because losses without noise have other causes than those in noise; then by criterion."""
+    lost = [each for each in figures.comparisons(group) if each.lost]
+    found = []
+    for level, criterion in sorted(
+        {(each.level, each.criterion) for each in lost}, key=lambda key: (figures.study.levels.index(key[0]), key[1])
+    ):
+        furthest: dict[str | None, Comparison] = {}
+        for each in lost:
+            if (each.level, each.criterion) == (level, criterion):
+                furthest[each.scene] = min(each, furthest.get(each.scene, each), key=lambda loss: loss.lead)
+        together = furthest.pop(None, None)
+        found.append(Defeat(level, criterion, together, tuple(sorted(furthest.values(), key=lambda loss: loss.lead))))
+    return found
+
+
+def defeat_text(figures: Figures, group: str, defeat: Defeat) -> str:
+    """Where we lose at a level by a criterion, in one sentence."""
+    described, title = capital(figures.study.protocol.describe(defeat.level)), CRITERIA[defeat.criterion].title
+    return f"{described}, {title}: {'; '.join(defeat_parts(figures, group, defeat))}."
+
+
+def defeat_parts(figures: Figures, group: str, defeat: Defeat) -> list[str]:
+    """The set as a whole, and the scenes, each beside the rival that is furthest ahead."""
+    criterion, count, parts = CRITERIA[defeat.criterion], len(figures.scene_names(group)), []
+    if defeat.together:
+        parts.append(
+            f"all together {criterion.difference(defeat.together.lead)}{criterion.unit} ({methods()[defeat.together.rival].short})"
+        )
+    if defeat.worst:
+        worst, number = defeat.worst[0], len(defeat.worst)
+        scenes = f"{number} of {count} scenes, most on " if count > 1 else ""
+        parts.append(f"{scenes}{worst.scene} {criterion.difference(worst.lead)}{criterion.unit} ({methods()[worst.rival].short})")
+    return parts
 
 
 def periods(figures: Figures, group: str) -> str:

@@ -1,27 +1,63 @@
 """Work on the workers of a dask scheduler, on any number of machines that see the same folders.
 
 When a worker is lost the scheduler gives its pieces to another one. A worker does one piece at a time: start one process per core,
-`dask worker --nthreads 1`.
+`dask worker --nthreads 1`. Only workers that run the source of this program get work.
 """
 
+import logging
+import math
 import os
+import platform
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from itertools import islice
+import time
+from asyncio import CancelledError
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import CancelledError as FutureCancelledError
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from itertools import chain, islice
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
 
-from .worker_pool import result_or_error
+from .code_digest import digest
+from .versions import package_version
+from .worker_pool import Note, result_or_error
 
 P = TypeVar("P")
 R = TypeVar("R")
 
 _SECONDS = 20  # that a scheduler has to answer
 _AHEAD = 1000  # pieces submitted at a time: there may be a million
+_POLL = 1.0  # seconds without a result after which the scheduler is looked at
+_LOOK = 5.0  # seconds between two looks at the workers
+_SAY = 60.0  # seconds between two lines that say that workers are missing
 _ONE_AT_A_TIME = threading.Lock()  # in a worker: a piece uses several threads itself, and the memory is for one
+_SOURCES = ("shared", "device", "offline", *(f"tools/{room}" for room in ("host", "scenes", "pictures", "rendering", "evaluation")))
+_PACKAGES = ("numpy", "numba", "scipy", "onnxruntime")  # another version of them may change a picture's last bits
+_LOST = (OSError, RuntimeError, TimeoutError, CancelledError, FutureCancelledError)  # by which dask says that a scheduler is gone
+
+
+class SchedulerGoneError(PanchromaError):
+    """The scheduler has ended while it had work of ours."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a process runs: a digest of Panchroma's source, and the versions of Python and of the packages that count."""
+
+    source: str
+    versions: tuple[tuple[str, str | None], ...]
+
+
+@cache
+def program() -> Program:
+    """The program of this process."""
+    versions = ((name, package_version(name)) for name in _PACKAGES)
+    return Program(digest(*_SOURCES), (("Python", platform.python_version()), *versions))
 
 
 @contextmanager
@@ -33,54 +69,167 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
         raise InputError("--scheduler needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
     if not (address or Path(file or "").is_file()):  # dask would wait for it
         raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what users should know is said here, in one line
     try:
         client = Client(address, timeout=_SECONDS, scheduler_file=None if address else file)
     except (OSError, ValueError, TimeoutError, ImportError, MemoryError) as error:  # a MemoryError: what answers is not dask
         raise InputError(
             f"{address or file}: no scheduler answers ({error}); start one with `dask scheduler`, and workers with `dask worker`"
         ) from None
-    with client:
+    try:
         yield client
+    finally:
+        with suppress(*_LOST):
+            client.close()
 
 
-def run(client: Any, work: Callable[[P], R], pieces: Sequence[P]) -> Iterator[tuple[P, R | BaseException]]:
+def run(client: Any, work: Callable[[P], R], pieces: Sequence[P], note: Note) -> Iterator[tuple[P, R | BaseException]]:
     """Call `work` for each piece on the workers and yield (piece, result or exception), in the order in which they end.
 
-    The result is an InputError for a piece that killed too many workers (dask's `allowed-failures`), or when the scheduler is gone.
+    The result is an InputError for a piece that killed too many workers (dask's `allowed-failures`).
+
+    note: called with each remark for the user: which workers are refused or have other versions, and that there are none.
+    Raises SchedulerGoneError when the scheduler ends.
     """
-    from distributed import KilledWorker, as_completed
+    from distributed import KilledWorker
 
+    workers = _Workers(client, note)
     waiting = iter(pieces)
-    at_work: dict[Any, P] = {}
+    at_work: dict[Any, tuple[P, list[str] | None]] = {}  # and the workers that may do it, None = all
+    ended: SimpleQueue[Any] = SimpleQueue()
+    unfinished = len(pieces)
 
-    def submit(count: int) -> list[Any]:
-        begun = {client.submit(_locked, work, piece, pure=False): piece for piece in islice(waiting, count)}
-        at_work.update(begun)
-        return list(begun)
+    def submit(again: Iterable[P] = ()) -> None:
+        only = workers.allowed()
+        for piece in islice(chain(again, waiting), _AHEAD - len(at_work)):
+            future = client.submit(_locked, program().source, work, piece, pure=False, workers=only)
+            at_work[future] = piece, only
+            future.add_done_callback(ended.put)
 
-    ended = as_completed(submit(_AHEAD))
     try:
-        for future in ended:
-            piece = at_work.pop(future)
-            for following in submit(1):
-                ended.add(following)
-            if future.status == "finished":
-                yield piece, future.result()
+        if pieces:
+            workers.wait()
+        submit()
+        while at_work:
+            try:
+                future = ended.get(timeout=_POLL)
+            except Empty:
+                workers.look()
+                stuck = [future for future, (_, only) in at_work.items() if only and workers.fit.isdisjoint(only)]
+                if workers.fit and stuck:  # the workers that they were meant for have left
+                    client.cancel(stuck)
+                    submit([at_work.pop(future)[0] for future in stuck])
                 continue
-            error = future.exception() if future.status == "error" else None
-            if error is None:
-                error = InputError("the scheduler is gone; start it and this command again, what is finished is kept")
-            elif isinstance(error, KilledWorker):
-                error = InputError(
+            if future not in at_work:
+                continue
+            piece, _ = at_work.pop(future)
+            if future.status not in ("finished", "error"):
+                raise RuntimeError(future.status)
+            result = future.result() if future.status == "finished" else future.exception()
+            if isinstance(result, _Refused) or (isinstance(result, Exception) and workers.look(again=True)):
+                workers.look(again=isinstance(result, _Refused))
+                submit([piece])
+                continue
+            if isinstance(result, KilledWorker):
+                result = InputError(
                     "its workers were killed, most likely for want of memory; give them more memory, or fewer threads"
                 )
-            yield piece, error
+            submit()
+            unfinished -= 1
+            yield piece, result
+    except _LOST:
+        raise SchedulerGoneError(
+            f"the scheduler {workers.address} is gone, and {unfinished} of {len(pieces)} pieces of work are not finished; what is "
+            "finished stays: start the scheduler, its workers and this command again (a render with --resume)"
+        ) from None
     finally:
         if at_work:
-            client.cancel(list(at_work))
+            with suppress(*_LOST):
+                client.cancel(list(at_work))
 
 
-def _locked(work: Callable[[P], R], piece: P) -> R | PanchromaError | MemoryError:
+class _Workers:
+    """The workers of a scheduler, and which of them are fit: those that run this program's source.
+
+    address: of the scheduler.
+    fit: addresses of the fit workers that were there at the last look.
+    """
+
+    def __init__(self, client: Any, note: Note) -> None:
+        self._client, self._note = client, note
+        self._known: dict[str, bool] = {}  # address -> whether it is fit
+        self._there: set[str] = set()
+        self._looked = self._said = -math.inf
+        self.address: str = client.scheduler.address
+        self.fit: set[str] = set()
+
+    def wait(self) -> None:
+        """Wait until there is a fit worker; the user is told so."""
+        while not self.fit:
+            self._looked = -math.inf
+            self.look()
+            if not self.fit:
+                time.sleep(_POLL)
+
+    def allowed(self) -> list[str] | None:
+        """The workers that may have work: None = all, those that come later too; as long as one is unfit only these."""
+        return sorted(self.fit) if self._there - self.fit else None
+
+    def look(self, *, again: bool = False) -> bool:
+        """Ask workers that have come what they run, every few seconds at most. Returns whether one of them is unfit.
+
+        again: ask all, at once.
+
+        Raises RuntimeError when the scheduler is gone.
+        """
+        if self._client.status != "running":
+            raise RuntimeError(self._client.status)
+        if not again and time.monotonic() - self._looked < _LOOK:
+            return False
+        self._looked = time.monotonic()
+        self._there = set(self._client.nthreads())
+        before, self._known = self._known, {} if again else {each: self._known[each] for each in self._there & self._known.keys()}
+        new = sorted(self._there - self._known.keys())
+        remarks: dict[str, list[str]] = {}
+        for address, answer in self._client.run(program, workers=new, on_error="return").items() if new else ():
+            if isinstance(answer, OSError):  # it has left
+                continue
+            self._known[address], remark = _judged(answer)
+            if remark and before.get(address) != self._known[address]:
+                remarks.setdefault(remark, []).append(address)
+        for remark, (first, *more) in remarks.items():
+            self._note(f"worker {first}{f' and {len(more)} more' if more else ''}: {remark}")
+        self.fit = {address for address in self._there if self._known.get(address)}
+        if not self.fit and time.monotonic() - self._said >= _SAY:
+            self._said = time.monotonic()
+            command = f"dask worker --nthreads 1 --host ADDRESS {self.address}"
+            self._note(f"waiting for workers of {self.address}: start one per core with `{command}` (ADDRESS: the worker's own)")
+        return any(not self._known.get(address, True) for address in new)
+
+
+def _judged(answer: object) -> tuple[bool, str]:
+    """Whether a worker that answers so is fit, and a remark for the user."""
+    if not isinstance(answer, Program):
+        reason = " ".join(f"{type(answer).__name__}: {answer}".split())
+        return False, f"refused, because it has no Panchroma, or another one ({reason}); install this one there, and start it again"
+    if answer.source != program().source:
+        return False, (
+            f"refused, because it runs another source of Panchroma ({answer.source}, here {program().source}); install this one "
+            "there, and start it again"
+        )
+    here = dict(program().versions)
+    other = [f"{name} {there} (here {here[name]})" for name, there in answer.versions if there != here[name]]
+    return True, f"has {', '.join(other)}: its results may differ from those made here in the last bits" if other else ""
+
+
+class _Refused:
+    """In place of the result of a piece that a worker with another source has got."""
+
+
+def _locked(source: str, work: Callable[[P], R], piece: P) -> R | PanchromaError | MemoryError | _Refused:
+    if source != program().source:  # it came after the others had been asked
+        return _Refused()
     with _ONE_AT_A_TIME:
         return result_or_error(work, piece)  # dask would log what is raised
 

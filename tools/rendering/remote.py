@@ -25,25 +25,27 @@ def passes(order: Order, client: Any, threads: int | None, memory: str | None, n
     client: of the dask scheduler.
     threads: number for each worker; None = as many as it was started with.
     memory: limit for each worker, in the form of `--max-memory`; None = most of its free memory.
-    note: called with each different remark of the workers.
+    note: called with each different remark of the workers, and with each remark on them.
+
+    Raises SchedulerGoneError when the scheduler ends.
     """
     order = replace(order, folder=order.folder.absolute())
-    note = cache(note)  # several workers have the same to say: once is enough
-    return [partial(_pass, client, partial(_work, order, threads, memory, last), note) for last in (False, True)]
+    once = cache(note)  # several workers have the same to say: once is enough
+    return [partial(_pass, client, partial(_work, order, threads, memory, last), note, once) for last in (False, True)]
 
 
 def _pass(
-    client: Any, work: Callable[[Shot], tuple[Outcome, list[str]]], note: Note, shots: Sequence[Shot]
+    client: Any, work: Callable[[Shot], tuple[Outcome, list[str]]], note: Note, once: Note, shots: Sequence[Shot]
 ) -> Iterator[tuple[Shot, Outcome]]:
     here = {Shot(everywhere(shot.source), shot.output.absolute(), shot.found): shot for shot in shots}
-    for there, result in run(client, work, list(here)):
+    for there, result in run(client, work, list(here), note):
         shot = here[there]
         if isinstance(result, BaseException):
             yield shot, Outcome("failed", reason(result))
             continue
         outcome, notes = result
         for text in notes:
-            note(text)
+            once(text)
         if outcome.state == "made" and not shot.output.exists():
             outcome = Outcome("failed", f"{shot.output}: was made where this machine does not see it; -o must be a shared folder")
         yield shot, outcome

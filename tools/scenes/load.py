@@ -1,5 +1,6 @@
 """Load a scene: a camera RAW, a picture, or a built-in scene."""
 
+import codecs
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -38,6 +39,13 @@ _KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]]
 )
 _PIECE = 16 << 20
 _TIFF_SUFFIXES = (".tif", ".tiff")
+# What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
+_RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
+_RAW_SUFFIX = re.compile(
+    r"\.(3fr|ari|arw|bay|bmq|cap|cine|cr2|cr3|crw|cs1|dc2|dcr|dng|drf|dsc|erf|fff|gpr|ia|iiq|k25|kc2|kdc|mdc|mef|mos|mrw|nef|nrw|"
+    r"orf|ori|pef|ptx|pxn|qtk|raf|raw|rdc|rw2|rwl|rwz|sr2|srf|srw|sti|x3f)"
+)
+_TEXT_BYTES = 512  # from which a text is known
 
 
 def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS) -> Scene:
@@ -78,7 +86,19 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             with guarded(path):
                 picture = decode_tiff(path, max_pixels)
             return picture_scene(picture, path.stem, linear=linear)
+    if _is_text(path) or not (is_scene_name(path.name) or re.match(_RAW_START, start, re.DOTALL)):
+        what = "a text" if _is_text(path) else "of no known kind by its name and its first bytes"
+        raise InputError(
+            f"neither a picture nor a camera RAW, but {what}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
+        )
     return camera_raw_scene(path, path.stem, max_pixels)
+
+
+def is_scene_name(name: str) -> bool:
+    """Return whether a file may be a scene by the ending of its name: that of a picture we read, or of a camera RAW."""
+    suffix = Path(name).suffix.lower()
+    pictures = {*_TIFF_SUFFIXES, *(each for _, _, suffixes, _ in _KINDS for each in suffixes)}
+    return suffix in pictures or _RAW_SUFFIX.fullmatch(suffix) is not None
 
 
 def is_drawn(source: str) -> bool:
@@ -111,6 +131,16 @@ def _first_bytes(path: Path) -> bytes:
     if not start:
         raise InputError("the file is empty; copy it again")
     return start
+
+
+def _is_text(path: Path) -> bool:
+    """Return whether a file begins as texts do: printable UTF-8, or the mark of UTF-16. No picture and no RAW does."""
+    with path.open("rb") as file:
+        start = file.read(_TEXT_BYTES)
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return True
+    letters = codecs.getincrementaldecoder("utf-8")("replace").decode(start)  # a letter that is cut off at the end is not an error
+    return not re.search("[\x00-\x08\x0e-\x1f\ufffd]", letters)
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:

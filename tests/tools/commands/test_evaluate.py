@@ -33,16 +33,18 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "-j", "1", "--json")
     outcome = run("evaluate", mixed, "builtin:60x60", *options)
     assert outcome.code == 1
-    assert len(outcome.errors) == 4
-    assert all(sum(name in line for line in outcome.errors) == 1 for name in ("notes.txt", "empty.cr2", "cut.png", "tiny.npy"))
+    assert len(outcome.errors) == 3
+    assert all(sum(name in line for line in outcome.errors) == 1 for name in ("empty.cr2", "cut.png", "tiny.npy"))
+    assert "mixed: 1 left out, no scene by name: notes.txt" in outcome.err
     assert [(Path(record["source"]).name, record["group"]) for record in outcome.records if record["ok"]] == [
         ("kodim01.png", "Kodak"),
         ("light.npy", "linear photographs"),
         ("builtin:60x60", "built-in scenes"),
     ]
-    assert sum(not record["ok"] for record in outcome.records) == 4
+    assert sum(not record["ok"] for record in outcome.records) == 3
     document = json.loads((out / "evaluation.json").read_text())
-    assert len(document["failed"]) == 4
+    assert len(document["failed"]) == 3
+    assert [line.rpartition(" ")[2] for line in document["left_out"]] == ["notes.txt"]
     assert set(document["verdict"]) == {"linear photographs", "Kodak", "built-in scenes"}
     assert (out / "evaluation.csv").read_text().startswith("group,scene,level,method,period,rgb_q10")
     page = (out / "evaluation.html").read_text()

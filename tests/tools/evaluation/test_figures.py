@@ -8,11 +8,13 @@ import pytest
 
 from shared.arrays import FloatArray
 from tests.tools.evaluation.examples import measured, study_of
-from tools.evaluation.figures import CHROMINANCE, HUE, LUMINANCE, RGB, TENTH, WHOLE, Figures
+from tools.evaluation.claims import FEW, Claim, ahead, claims
+from tools.evaluation.criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH, WHOLE
+from tools.evaluation.figures import Comparison, Figures
 from tools.evaluation.measures import Measures
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
-from tools.evaluation.verdict import comparisons, headline, losses, plain_text, worst_places
+from tools.evaluation.verdict import caveats, comparisons, headline, losses, plain_text, worst_places
 
 SET = "linear photographs"
 RNG = np.random.default_rng(0)
@@ -50,18 +52,105 @@ def test_winner_margin_and_losses(study: Study) -> None:
     assert figures.winner(SET, 0.0, RGB) == "bilinear"
     assert figures.winner(SET, 0.03, RGB) == "paper"
     double = 20 * np.log10(2)
-    for level, rival, ahead in ((0.0, "bilinear", -double), (0.03, "dlmmse", double)):
+    for level, rival, lead in ((0.0, "bilinear", -double), (0.03, "dlmmse", double)):
         margin = figures.margin(SET, level)
         assert margin is not None
         assert margin[0] == rival
-        assert margin[1] == pytest.approx(ahead, abs=0.01)
-    assert [figures.wins(SET, level) for level in (0.0, 0.03)] == [(0, 2), (2, 2)]
-    found = figures.losses(SET)
-    assert [(loss.scene, loss.rival) for loss in found] == [("scene0", "bilinear"), ("scene1", "bilinear")]
-    assert found[0].margin == pytest.approx(double, abs=0.01)
-    assert "Worse than the best at no noise" in headline(figures, SET).replace("worse", "Worse")
-    assert "6.0 dB worse than the best rival, bilinear; ahead of every rival on 0 of 2 scenes" in comparisons(figures, SET)[0]
-    assert losses(figures, SET) == "no noise: scene0 -6.0 dB (bilinear), scene1 -6.0 dB (bilinear)."
+        assert margin[1] == pytest.approx(lead, abs=0.01)
+    assert [lead > 0 for level in (0.0, 0.03) for lead in figures.scene_leads(SET, level)] == [False, False, True, True]
+    lost = [each for each in figures.comparisons(SET) if each.lost and each.criterion == RGB]
+    assert [(each.scene, each.level, each.rival) for each in lost] == [
+        (name, 0.0, "bilinear") for name in (None, "scene0", "scene1")
+    ]
+    assert lost[1].lead == pytest.approx(-double, abs=0.01)
+    assert "even" not in headline(figures, SET)
+    assert "worse than the best at no noise in median RGB PSNR. But of the 10 other figures some are better" in headline(
+        figures, SET
+    )
+    said = "6.0 dB worse than the best rival, bilinear; ahead of every rival on 0 of 2 scenes, by -6.0 to -6.0 dB."
+    assert said in comparisons(figures, SET)[0]
+    said = "No noise, median RGB: all together -6.0 dB (bilinear); 2 of 2 scenes, most on scene0 -6.0 dB (bilinear)."
+    assert said in plain_text(figures)
+
+
+def test_every_figure_rival_level_and_scene_counts_as_a_loss(study: Study) -> None:
+    """One of 2 x 2 x 3 x 11 comparisons is lost, whichever it is: the verdict says it, and where."""
+    even = {(name, level): 0.02 * NOISE for name in study.methods for level in study.levels}
+    figures = figures_with(study, even)
+    assert losses(figures, SET).startswith("nowhere in 132 comparisons (11 figures, each rival, level and scene, and all scenes")
+    for criterion in CRITERIA:
+        for scene in (None, "scene0", "scene1"):
+            one = Comparison(scene, 0.03, CRITERIA.index(criterion), "dlmmse", -2 * criterion.even)
+            others = [
+                each for each in figures.comparisons(SET) if (each.scene, each.level, each.criterion, each.rival) != one_of(one)
+            ]
+            text = plain_text(_With(figures, [*others, one]))
+            assert "Where we lose: in 1 of 132 comparisons" in text
+            assert (
+                f"Sigma 0.03, {criterion.title}: {'all together' if scene is None else f'1 of 2 scenes, most on {scene}'}" in text
+            )
+
+
+def one_of(comparison: Comparison) -> tuple[str | None, float, int, str]:
+    return comparison.scene, comparison.level, comparison.criterion, comparison.rival
+
+
+class _With(Figures):
+    """Figures with other comparisons."""
+
+    def __init__(self, figures: Figures, instead: list[Comparison]) -> None:
+        super().__init__(figures.study, figures.results)
+        self._instead = instead
+
+    def comparisons(self, group: str) -> list[Comparison]:
+        return self._instead
+
+
+def test_a_loss_in_colour_alone_is_no_win_everywhere(study: Study) -> None:
+    """Ours is better in RGB and luminance; its chrominance is worse, and the verdict counts that in each of its three figures."""
+    errors = {(name, level): 0.08 * GREY + colour(0.01) for name in ("bilinear", "dlmmse") for level in (0.0, 0.03)}
+    figures = figures_with(study, {**errors, **{("paper", level): colour(0.02) for level in (0.0, 0.03)}})
+    assert headline(figures, SET).startswith(
+        "Better than every Bayer rival at no noise and sigma 0.03 in median RGB PSNR. But of the"
+    )
+    lost = {CRITERIA[each.criterion].name for each in figures.comparisons(SET) if each.lost}
+    assert lost >= {"chrominance", "chrominance_q10", "psnr_chrominance"}
+    assert not lost & {"rgb", "luminance", "rgb_q10", "luminance_q10", "psnr", "psnr_luminance"}
+    written = json.loads(encode_json(figures, "p", []))["verdict"][SET]
+    assert {each["figure"] for each in written["losses"]} == lost
+    assert {(each["scene"], each["level"], each["rival"]) for each in written["losses"]} == {
+        (scene, level, rival) for scene in (None, "scene0", "scene1") for level in (0.0, 0.03) for rival in ("bilinear", "dlmmse")
+    }
+
+
+def test_the_headline_says_what_it_does_not_stand_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = study_of(tmp_path)
+    figures = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in study.levels})
+    few, denoising, learned = caveats(figures, SET)
+    assert few == "Only 2 scenes: with fewer than 6, even being ahead on all of them may be chance."
+    assert denoising.startswith("No rival here denoises")
+    assert learned.startswith("No rival here is learned")
+    lines = plain_text(figures).splitlines()
+    place = lines.index(headline(figures, SET))
+    assert lines[place + 1 : place + 4] == [few, denoising, learned]
+    monkeypatch.setattr("tools.evaluation.methods.package_version", lambda name: "1")  # whatever is installed
+    with_both = study_of(tmp_path, methods=("paper", "bm3d+menon", "demosaicnet"), count=FEW)
+    full = figures_with(with_both, {(name, level): 0.05 * NOISE for name in with_both.methods for level in with_both.levels})
+    assert caveats(full, SET) == []
+    quiet = study_of(tmp_path, methods=("paper", "bilinear"), levels=(0.0,))
+    assert len(caveats(figures_with(quiet, {(name, 0.0): 0.05 * NOISE for name in quiet.methods}), SET)) == 2
+
+
+def test_a_missing_result_is_said_beside_the_headline(study: Study) -> None:
+    full = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in study.levels})
+    part = Figures(study, {cell: each for cell, each in full.results.items() if (cell.method, cell.level) != ("dlmmse", 0.03)})
+    assert caveats(part, SET)[-1].startswith("Without Bayer, DLMMSE 2005 at sigma 0.03: results of it are missing")
+
+
+def test_leads_are_counted_with_their_range() -> None:
+    assert ahead([0.3, 2.1, 1.0]) == "ahead on 3 of 3 scenes, by 0.3 to 2.1 dB"
+    assert ahead([0.3, -2.1, 0.01]) == "ahead on 1 of 3 scenes, by -2.1 to +0.3 dB"
+    assert ahead([0.3]) == "ahead on 1 of 1 scene, by +0.3 dB"
 
 
 def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None:
@@ -99,22 +188,53 @@ def test_the_best_period_is_named(tmp_path: Path) -> None:
     assert "Best K" not in plain_text(Figures(study_of(tmp_path), results))
 
 
-def claims(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[str]:
-    """Findings on the two claims; errors: of paper and dlmmse at the two levels."""
+def both_claims(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[Claim]:
+    """The two claims; errors: of paper and dlmmse at the two levels."""
     flat = {(name, level): each for name, pair in errors.items() for level, each in zip(study.levels, pair, strict=True)}
     flat |= {("bilinear", level): 0.2 * NOISE for level in study.levels}
-    return [claim.finding for claim in figures_with(study, flat).claims(SET)]
+    return claims(figures_with(study, flat), SET)
+
+
+def findings(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[str]:
+    return [claim.finding for claim in both_claims(study, **errors)]
 
 
 def test_claims_are_shown_or_refuted_by_the_figures(study: Study) -> None:
     # Rival errs in grey: our gain is in luminance; it grows with noise.
-    assert claims(study, paper=(colour(0.02), colour(0.02)), dlmmse=(colour(0.02) + 0.05 * GREY, 0.2 * NOISE)) == ["shown", "shown"]
+    assert findings(study, paper=(colour(0.02), colour(0.02)), dlmmse=(colour(0.02) + 0.05 * GREY, 0.2 * NOISE)) == [
+        "shown",
+        "shown",
+    ]
     # Our gain is in colour alone; and it shrinks.
-    assert claims(study, paper=(0.02 * GREY, 0.02 * GREY), dlmmse=(colour(0.08) + 0.02 * GREY, colour(0.02) + 0.02 * GREY)) == [
+    assert findings(study, paper=(0.02 * GREY, 0.02 * GREY), dlmmse=(colour(0.08) + 0.02 * GREY, colour(0.02) + 0.02 * GREY)) == [
         "shown in part",
         "refuted",
     ]
-    assert claims(study, paper=(0.05 * NOISE, 0.05 * NOISE), dlmmse=(0.02 * NOISE, 0.1 * NOISE)) == ["refuted", "shown"]
+    assert findings(study, paper=(0.05 * NOISE, 0.05 * NOISE), dlmmse=(0.02 * NOISE, 0.1 * NOISE)) == ["refuted", "shown"]
+
+
+def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path) -> None:
+    """On one of six scenes the rival is better: shown in part, however far ahead we are on the others."""
+    study = study_of(tmp_path, methods=("paper", "dlmmse"), count=FEW)
+    size = {("paper", 0.0): 0.02, ("dlmmse", 0.0): 0.04, ("paper", 0.03): 0.02, ("dlmmse", 0.03): 0.08}
+    errors = {cell: size[cell.method, cell.level] for cell in study.cells()}
+    for spoiled, finding, scenes in (
+        (0.04, "shown", "6 of 6 scenes, by +6.0"),
+        (0.01, "shown in part", "5 of 6 scenes, by -6.0 to +6.0"),
+    ):
+        for cell in errors:
+            if (cell.scene.name, cell.method, cell.level) == ("scene3", "dlmmse", 0.0):
+                errors[cell] = spoiled
+        results = {
+            cell: Measures.of(TRUTH + np.float32(error) * (NOISE if cell.method == "paper" else GREY), TRUTH)
+            for cell, error in errors.items()
+        }
+        claim = claims(Figures(study, results), SET)[0]
+        assert claim.finding == finding
+        assert scenes.partition(",")[0] in claim.scenes
+        assert "chance" not in claim.scenes
+    few = both_claims(study_of(tmp_path), paper=(0.02 * NOISE, 0.02 * NOISE), dlmmse=(0.04 * GREY, 0.08 * GREY))
+    assert [claim.scenes.partition(" (")[2] for claim in few] == ["fewer than 6 scenes: this may be chance)"] * 2
 
 
 @pytest.mark.parametrize(("middle", "finding"), [(0.09, "shown"), (0.0797, "shown"), (0.06, "shown in part")])
@@ -122,15 +242,15 @@ def test_a_growing_lead_may_not_fall_in_between(tmp_path: Path, middle: float, f
     study = study_of(tmp_path, levels=(0.0, 0.01, 0.03), methods=("paper", "dlmmse"))
     errors = {("dlmmse", level): np.float32(size) * NOISE for level, size in zip(study.levels, (0.08, middle, 0.16), strict=True)}
     errors |= {("paper", level): 0.05 * NOISE for level in study.levels}
-    assert figures_with(study, errors).claims(SET)[1].finding == finding
+    assert claims(figures_with(study, errors), SET)[1].finding == finding
 
 
 def test_claims_need_a_noise_free_level_and_the_methods(tmp_path: Path) -> None:
     noisy = study_of(tmp_path, levels=(0.01, 0.03))
     errors = {(name, level): 0.05 * NOISE for name in noisy.methods for level in noisy.levels}
-    assert len(figures_with(noisy, errors).claims(SET)) == 1
+    assert len(claims(figures_with(noisy, errors), SET)) == 1
     rivals = study_of(tmp_path, methods=("bilinear",))
-    assert figures_with(rivals, {("bilinear", level): NOISE for level in rivals.levels}).claims(SET) == []
+    assert claims(figures_with(rivals, {("bilinear", level): NOISE for level in rivals.levels}), SET) == []
 
 
 def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
@@ -164,5 +284,6 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     same = next(row for row in rows if (row["scene"], row["method"], row["level"]) == ("scene0", "paper", "0.03"))
     assert float(same["rgb_q50"]) == own["rgb_q50"]
     verdict = document["verdict"][SET]["levels"][1]
-    assert set(verdict["winner"]) == {"rgb", "luminance", "chrominance", "rgb_q10", "psnr", "wrong_hue"}
+    assert set(verdict["winner"]) == {each.name for each in CRITERIA}
+    assert [own[name] for name in ("psnr", "psnr_luminance", "psnr_chrominance")] == pytest.approx(found.psnr, abs=1e-4)
     assert (LUMINANCE, CHROMINANCE) == (1, 2)

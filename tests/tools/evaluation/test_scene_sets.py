@@ -65,12 +65,23 @@ def test_white_is_estimated_where_a_measurement_does_not_say_it(tmp_path: Path) 
 
 
 def test_folders_stand_for_their_files(tmp_path: Path) -> None:
-    for name in ("b.png", "a.txt", ".hidden"):
+    for folder in ("deep/deeper", "out", ".secret"):
+        (tmp_path / folder).mkdir(parents=True)
+    for name in ("b.png", "a.CR2", "a.txt", ".hidden", "deep/deeper/c.npy", "deep/x.xmp", "out/d.png", ".secret/e.png"):
         (tmp_path / name).write_bytes(b"x")
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "deep")
     single = str(tmp_path / "b.png")
     others = ["builtin:60x60", "chart:240x180", "missing"]
-    assert expand([single, str(tmp_path), *others]) == [single, str(tmp_path / "a.txt"), *others]
+    found, remarks = expand([single, str(tmp_path), *others], tmp_path / "out")
+    assert found == [single, str(tmp_path / "a.CR2"), str(tmp_path / "deep/deeper/c.npy"), *others]
+    assert remarks == [f"{tmp_path}: 3 left out, no scenes by name: link, a.txt, deep/x.xmp"]
+
+
+def test_a_folder_without_scenes_says_what_it_has(tmp_path: Path) -> None:
+    for number in range(7):
+        (tmp_path / f"{number}.xmp").write_bytes(b"x")
+    with pytest.raises(InputError, match=r"no scene is in this folder or below it \(7 left out.*: 0.xmp, .*, 4.xmp and 2 more\)"):
+        expand([str(tmp_path)], tmp_path)
 
 
 @pytest.mark.parametrize(("name", "black", "camera"), [("IMG_0277", 129, "Canon 5D"), ("8D5U5524", 0, "Canon 1D")])

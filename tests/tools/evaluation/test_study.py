@@ -12,12 +12,12 @@ from tests.tools.evaluation.examples import measured, small_scene, study_of
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
-from tools.evaluation.code_digest import digest
-from tools.evaluation.metrics import QUANTILES, patch_psnr, psnr, quality
+from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.study import collect, tasks, work
+from tools.host.code_digest import digest
 
 
 def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
             found = figures.of_scene(f"scene{seed}", 0.03, name)
             assert found is not None
             assert found.quality == quality(picture, truth)
-            assert found.psnr == psnr(picture, truth, 15)
+            assert found.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
     pooled = figures.pooled("linear photographs", 0.03, "paper")
     assert pooled is not None

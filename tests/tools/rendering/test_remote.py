@@ -44,7 +44,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, out: Pat
     assert pictures(out) == pictures(here)
     assert len(pictures(out)) == count
     assert contents(shots) == before
-    assert {path.suffix for path in out.rglob("*") if path.is_file()} <= {".tif", ".jsonl", ".part", ".lock"}
+    assert {path.suffix for path in out.rglob("*") if path.is_file()} == {".tif", ".jsonl"}
 
 
 def test_an_evaluation_is_the_same_by_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

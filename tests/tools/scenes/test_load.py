@@ -95,6 +95,25 @@ def test_something_else_is_refused(tmp_path: Path, name: str) -> None:
     assert name not in str(caught.value)  # whoever prints it puts the name in front
 
 
+@pytest.mark.parametrize(
+    ("name", "data", "what"),
+    [
+        ("a.txt", b"x", "a text"),
+        ("a.xmp", b'<?xpacket begin="\xef\xbb\xbf"?>', "a text"),
+        ("a.nef", "Gr\u00fc\u00dfe".encode()[:-1], "a text"),
+        ("a.raw", "\ufeffnotes".encode("utf-16-le"), "a text"),
+        ("a.dng", b"II is how this text begins", "a text"),
+        ("a.zip", b"PK\3\4\0\0", "of no known kind"),
+        ("a", b"\x80\0\1", "of no known kind"),
+        ("a.mov", b"\0\0\0\x14ftypqt  " + bytes(900), "of no known kind"),
+    ],
+)
+def test_a_stray_file_is_no_raw_cut_short(tmp_path: Path, name: str, data: bytes, what: str) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=f"neither a picture nor a camera RAW, but {what}"):
+        load_scene(str(tmp_path / name))
+
+
 def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "photo.dng"
     Image.new("RGB", (40, 30)).save(path, "JPEG")

@@ -13,7 +13,8 @@ from shared.display import ColourTransform
 from tools.pictures.samples import quantise
 
 from ..cameras import CameraPair
-from ..figures import RGB, Figures
+from ..criteria import RGB
+from ..figures import Figures
 from ..measures import WINDOW, window_origins
 from ..methods import methods
 from ..metrics import BORDER, psnr

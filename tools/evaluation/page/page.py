@@ -7,11 +7,13 @@ from string import Template
 
 from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 
-from ..figures import CRITERIA, Figures
+from ..claims import claims
+from ..criteria import CRITERIA
+from ..figures import Figures
 from ..methods import methods
 from ..metrics import BORDER, PATCH
 from ..protocol import CROP
-from ..verdict import capital, comparisons, heading, headline, losses, worst_places
+from ..verdict import capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
 from .gallery import Exhibit, Picture
 from .sections import noise_section, period_section
 
@@ -24,7 +26,7 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     figures: all results.
     exhibits: the gallery; empty = no gallery.
     program: name and version.
-    failures: a line for each scene or result that is missing.
+    failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
     """
     sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
     if len(figures.study.periods) > 1 and figures.ours:
@@ -75,17 +77,18 @@ def _verdict_section(figures: Figures) -> str:
     for index, group in enumerate(figures.groups):
         parts.append(f"<h2>{escape(heading(figures, group))}</h2>")
         parts.append(f'<p class="headline">{escape(headline(figures, group))}</p>')
+        parts.append(bullets(caveats(figures, group), "caveats"))
         parts.append(
             "".join(f"<p>{escape(sentence)}</p>" for sentence in (*comparisons(figures, group), *worst_places(figures, group)))
         )
         items = [
-            f'<li>“{escape(claim.text)}”: <span class="finding">{escape(claim.finding)}</span>'
+            f'<li>“{escape(claim.text)}”: <span class="finding">{escape(claim.finding)}</span>, {escape(claim.scenes)}'
             f'<span class="soft why">{escape(claim.why)}</span></li>'
-            for claim in figures.claims(group)
+            for claim in claims(figures, group)
         ]
         if lost := losses(figures, group):
-            items.append(f'<li>Where we lose<span class="soft why">{escape(lost)}</span></li>')
-        parts.append(f'<ul class="verdict">{"".join(items)}</ul>')
+            items.append(f"<li>Where we lose: {escape(lost)}</li>")
+        parts.append(f'<ul class="verdict">{"".join(items)}</ul>{_losses_table(figures, group)}')
         tabs = "".join(
             f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(criterion.title)}</button>'
             for plane, criterion in enumerate(CRITERIA)
@@ -100,20 +103,31 @@ def _verdict_section(figures: Figures) -> str:
     return "\n".join(parts)
 
 
+def _losses_table(figures: Figures, group: str) -> str:
+    """Where we lose: a row for each criterion, a column for each level; "" if it is nowhere."""
+    found = {(each.level, each.criterion): each for each in defeats(figures, group)}
+    rows = []
+    for criterion in sorted({criterion for _, criterion in found}):
+        here = [found.get((level, criterion)) for level in figures.study.levels]
+        texts = ["; ".join(defeat_parts(figures, group, each)) if each else "–" for each in here]
+        rows.append(row([row_title(capital(CRITERIA[criterion].title)), *map(cell, texts)], "lost"))
+    return table(["Where we lose", *_levels(figures)], rows) if rows else ""
+
+
 def _pool_table(figures: Figures, group: str, index: int) -> str:
     study = figures.study
     winners = [figures.winner(group, level, index) for level in study.levels]
     rows = []
     for name in study.methods:
         found = [figures.pooled(group, level, name) for level in study.levels]
-        texts = [f"{figure.values[index]:.1f}" if figure else "–" for figure in found]
+        texts = [f"{figure.values[index]:.{CRITERIA[index].digits}f}" if figure else "–" for figure in found]
         cells = [cell(text, best=name == winner, mark="★ ") for text, winner in zip(texts, winners, strict=True)]
         rows.append(_method_row(name, cells))
     margins = [figures.margin(group, level, index) for level in study.levels]
     if any(margins):
-        sign = CRITERIA[index].sign
         cells = [
-            f'<td>{sign * lead[1]:+.1f}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–") for lead in margins
+            f'<td>{CRITERIA[index].difference(lead[1])}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–")
+            for lead in margins
         ]
         rows.append(row([row_title(f"{figures.ours} minus best rival"), *cells], "margin"))
     return table(["Method", *_levels(figures)], rows)

@@ -6,7 +6,8 @@ from html import escape
 from shared import CfaPattern
 from tools.pictures.html import cell, row, row_title, table
 
-from ..figures import RGB, Figure, Figures
+from ..criteria import RGB
+from ..figures import Figure, Figures
 from ..measures import TITLES
 from ..methods import methods
 from ..protocol import ORDER, fraction

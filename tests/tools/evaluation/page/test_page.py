@@ -138,10 +138,10 @@ def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> 
 
 def test_tables_and_lines_are_switched(browser: Browser) -> None:
     shown = "[...document.querySelectorAll('[role=tabpanel]')].map(p => !p.hidden)"
-    assert browser.evaluate(shown) == [True, *[False] * 5]
+    assert browser.evaluate(shown) == [True, *[False] * 10]
     browser.evaluate("document.querySelectorAll('[role=tab]')[0].focus()")
     browser.key("ArrowRight")
-    assert browser.evaluate(shown) == [False, True, *[False] * 4]
+    assert browser.evaluate(shown) == [False, True, *[False] * 9]
     lines = "[...document.querySelectorAll('#noise [data-series=paper]')].map(l => getComputedStyle(l).display !== 'none')"
     assert browser.evaluate(lines) == [True] * 3
     browser.evaluate("document.querySelector('#noise input[value=paper]').click()")

@@ -8,9 +8,9 @@ import pytest
 
 from tests.data import ROOT
 from tests.test_architecture import imported, sources
-from tools.evaluation import code_digest
-from tools.evaluation.code_digest import digest
 from tools.evaluation.methods import MEASURING, methods
+from tools.host import code_digest
+from tools.host.code_digest import digest
 
 TREE = {
     "offline/entry.py": '"""A module."""\n\n\ndef look(scene):\n    """Look."""\n    return scene\n',

@@ -1,0 +1,151 @@
+"""What can go wrong with a scheduler and its workers, and what the user is told: by one line, and without an endless wait."""
+
+import os
+import shutil
+import signal
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from tests.dask_cluster import cluster, scheduler, worker
+from tests.data import ROOT
+from tests.tools.command import run, start
+from tests.tools.rendering.examples import save_shot
+from tools.host import cluster as module
+from tools.host.cluster import Program, program
+
+pytest.importorskip("distributed")
+
+
+def line_with(stream: IO[str] | None, words: str) -> str:
+    """The first line with these words; all lines if there is none."""
+    assert stream is not None
+    seen = []
+    for line in stream:
+        seen.append(line)
+        if words in line:
+            return line
+    return "".join(seen)
+
+
+def other_source(folder: Path, name: str) -> Path:
+    """A copy of the packages in which one module is another one."""
+    for package in ("shared", "device", "offline", "tools"):
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__", "images"))
+    (folder / name).write_text((folder / name).read_text("utf-8") + "\nSOMETHING = 1\n", "utf-8")
+    return folder
+
+
+def test_a_scheduler_that_dies_is_one_line_and_the_next_run_goes_on(tmp_path: Path, out: Path) -> None:
+    shots = [save_shot(tmp_path / f"{seed}.dng", seed, (120, 120)) for seed in range(40)]
+    with ExitStack() as stack:
+        file, running = stack.enter_context(scheduler(tmp_path))
+        stack.enter_context(worker(file, "one"))
+        rendering = start("render", *shots, "-o", out, "--scheduler-file", file)
+        assert "0.tif" in line_with(rendering.stdout, ".tif: ")
+        running.kill()
+        _, said = rendering.communicate(timeout=100)
+    assert rendering.returncode == 1, said
+    (line,) = (line for line in said.splitlines() if line.startswith("panchroma: "))
+    assert "is gone, and" in line
+    assert "of 40 pieces of work are not finished" in line
+    assert "Traceback" not in said
+    assert "ERROR" not in said
+    with cluster(tmp_path, 1) as (file, _):
+        again = run("render", *shots, "-o", out, "--scheduler-file", file, "--resume", "--json")
+    assert again.code == 0, again.err
+    assert any(record.get("current") for record in again.records)
+    assert {path.suffix for path in out.iterdir()} == {".tif", ".jsonl"}
+
+
+def test_without_workers_it_says_so_and_can_be_interrupted(tmp_path: Path, out: Path) -> None:
+    shot = save_shot(tmp_path / "a.dng")
+    with scheduler(tmp_path) as (file, _):
+        rendering = start("render", shot, "-o", out, "--scheduler-file", file)
+        said = line_with(rendering.stderr, "waiting for workers")
+        assert "waiting for workers of tcp://127.0.0.1:" in said
+        assert "dask worker --nthreads 1 --host ADDRESS tcp://127.0.0.1:" in said
+        os.kill(rendering.pid, signal.SIGINT)
+        _, said = rendering.communicate(timeout=30)
+    assert rendering.returncode == 130, said
+    assert "Traceback" not in said
+
+
+def test_it_says_again_that_workers_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+    monkeypatch.setattr("tools.host.cluster.time.monotonic", lambda: now)
+    said: list[str] = []
+    workers = module._Workers(_Client({}), said.append)
+    for now in range(0, 200, 10):  # noqa: B007
+        workers.look()
+    assert len(said) == 4  # at 0, 60, 120 and 180 seconds
+    assert not workers.fit
+
+
+def test_a_worker_with_another_source_gets_nothing(tmp_path: Path, out: Path) -> None:
+    shots = [save_shot(tmp_path / f"{seed}.dng", seed) for seed in range(4)]
+    with ExitStack() as stack:
+        file, _ = stack.enter_context(scheduler(tmp_path))
+        stack.enter_context(worker(file, "changed", other_source(tmp_path / "changed", "offline/settings.py")))
+        rendering = start("render", *shots, "-o", out, "--scheduler-file", file)
+        refused = line_with(rendering.stderr, "refused")
+        assert refused.startswith("worker tcp://127.0.0.1:")
+        assert "another source of Panchroma" in refused
+        time.sleep(1)
+        assert not list(out.glob("*.tif"))
+        stack.enter_context(worker(file, "ours"))
+        _, said = rendering.communicate(timeout=100)
+    assert rendering.returncode == 0, said
+    assert len(list(out.glob("*.tif"))) == 4
+
+
+def test_a_worker_that_comes_late_refuses_the_work_of_another_source() -> None:
+    assert isinstance(module._locked("another", len, "four"), module._Refused)
+    assert module._locked(program().source, len, "four") == 4
+
+
+class _Client:
+    """Stands for dask's: workers by their address, with what each answers."""
+
+    status = "running"
+    scheduler = type("Scheduler", (), {"address": "tcp://here:1"})
+
+    def __init__(self, answers: dict[str, object]) -> None:
+        self.answers = answers
+
+    def nthreads(self) -> dict[str, int]:
+        return dict.fromkeys(self.answers, 1)
+
+    def run(self, function: object, *, workers: list[str], on_error: str) -> dict[str, object]:
+        return {address: self.answers[address] for address in workers}
+
+
+def test_workers_are_judged_by_what_they_run() -> None:
+    ours = program()
+    versions = tuple((name, "0.1" if name == "numba" else version) for name, version in ours.versions)
+    said: list[str] = []
+    client = _Client(
+        {"same": ours, "older": Program(ours.source, versions), "other": Program("x", ours.versions), "left": OSError()}
+    )
+    client.answers |= {"none": ModuleNotFoundError("No module named 'tools'"), "left": OSError()}
+    workers = module._Workers(client, said.append)
+    assert workers.look(again=True)
+    assert workers.fit == {"same", "older"}
+    assert workers.allowed() == ["older", "same"]
+    here = dict(ours.versions)["numba"]
+    assert f"worker older: has numba 0.1 (here {here}): its results may differ from those made here in the last bits" in said
+    assert any(line.startswith("worker other: refused, because it runs another source of Panchroma (x, here") for line in said)
+    assert any(line.startswith("worker none: refused, because it has no Panchroma") for line in said)
+    assert len(said) == 3
+    assert workers.look(again=True)  # it is still there, and is not named again
+    assert len(said) == 3
+    client.answers = {"same": ours}
+    assert not workers.look(again=True)
+    assert workers.allowed() is None
+
+
+def test_the_digest_covers_what_workers_run() -> None:
+    assert {"shared", "offline", "tools/rendering", "tools/evaluation", "tools/host"} <= set(module._SOURCES)
