@@ -15,7 +15,7 @@ from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, fail, output_folder
 from tools.host.memory import allowed_memory
-from tools.pictures.writer import POSSIBLE, PictureKind, check_gain
+from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
 from tools.rendering.defect_list import read_defects
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
@@ -28,8 +28,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
     parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a folder with DNGs in it or below")
     options.add_output_folder(parser, "STEM.EXT (subfolders are kept)")
-    parser.add_argument("-f", "--format", choices=tuple(POSSIBLE), default="tif", help="dng: linear, to finish in a raw developer")
+    parser.add_argument(
+        "-f",
+        "--format",
+        type=lambda name: OTHER_NAMES.get(name, name),
+        choices=tuple(POSSIBLE),
+        default="tif",
+        help="tiff and jpeg are other names of tif and jpg; dng: linear, to finish in a raw developer",
+    )
     parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
+    options.add_quality(parser)
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="brighten the picture by this many stops")
@@ -82,7 +90,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _order(arguments: argparse.Namespace) -> Order:
-    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space)
+    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     check_gain(kind, arguments.exposure)
     if arguments.defects and arguments.preset == "paper":
         raise InputError("--defects needs --preset best: the published method does not know defects")

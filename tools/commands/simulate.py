@@ -51,9 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="paper: additive Gaussian noise, no clipping; sensor: shot and read noise, clipped at full scale",
     )
     light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
-    light.add_argument(
-        "--exposure", type=float, default=1.0, metavar="FACTOR", help="amount of light of --protocol sensor, 2 is one stop more"
-    )
+    options.add_light(light, default=1.0, help="amount of light of --protocol sensor, 2 is one stop more")
     light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
     parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
     parser.add_argument("--truth", action="store_true", help="also write the scene as STEM.truth.tif: float32, scene units")
@@ -66,8 +64,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a shot of each scene; returns the exit code."""
     if arguments.protocol == "sensor" and arguments.sigma:
         raise InputError("--sigma is the noise of --protocol paper; --protocol sensor has the noise of --camera, or a typical one")
-    if arguments.protocol == "paper" and arguments.exposure != 1:
-        raise InputError("--exposure needs --protocol sensor: --protocol paper has no exposure")
+    if arguments.protocol == "paper" and arguments.light != 1:
+        raise InputError("--light needs --protocol sensor: the noise of --protocol paper does not depend on it")
     if arguments.seed < 0:
         raise InputError(f"--seed is {arguments.seed}, expected 0 or more")
     if not 0 <= arguments.sigma < np.inf:
@@ -108,7 +106,7 @@ def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arg
     camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz, neutral=camera.neutral or scene.neutral)
     rng = np.random.default_rng(arguments.seed)
     if arguments.protocol == "sensor":
-        return simulate_sensor(scene.rgb, pattern, camera, arguments.exposure, rng, scene.metadata)
+        return simulate_sensor(scene.rgb, pattern, camera, arguments.light, rng, scene.metadata)
     return simulate_additive(scene.rgb, pattern, camera, arguments.sigma, rng, scene.metadata)
 
 

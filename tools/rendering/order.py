@@ -78,7 +78,11 @@ class Order:
         return key(
             input=source_digest,
             settings=asdict(self.settings),
-            picture=[self.kind.format, self.kind.bits, self.kind.space, self.exposure],
+            # What is not asked for is left out: the keys of pictures made before there was a choice stay the same.
+            picture=[
+                *(self.kind.format, self.kind.bits, self.kind.space, self.exposure),
+                *([] if self.kind.quality is None else [{"quality": self.kind.quality}]),
+            ],
             calibration=self.camera.calibration.id if self.camera else None,  # the shot's own is part of the shot
             defects=self.defects,
             algorithm=ALGORITHM,

@@ -144,6 +144,20 @@ def test_displays_get_the_picture_upright_with_profile_and_capture_data(out: Pat
         assert image.info["icc_profile"]
 
 
+@pytest.mark.parametrize(("name", "ending"), [("tiff", "tif"), ("jpeg", "jpg")])
+def test_formats_have_their_other_names(out: Path, shot: Path, name: str, ending: str) -> None:
+    assert run("render", shot, "-o", out, "-f", name).code == 0
+    assert results(out) == {f"{shot.stem}.{ending}"}
+
+
+def test_quality_is_that_of_the_jpeg(out: Path, shot: Path) -> None:
+    sizes = []
+    for options in (("--quality", "30"), (), ("--quality", "95"), ("--quality", "100")):
+        assert run("render", shot, "-o", out, "-f", "jpg", *options, "--overwrite").code == 0
+        sizes.append((out / f"{shot.stem}.jpg").stat().st_size)
+    assert sizes[0] < sizes[1] == sizes[2] < sizes[3]
+
+
 def test_exposure_is_a_gain(out: Path, shot: Path) -> None:
     means = []
     for stops in ("-1", "0", "1"):
@@ -250,6 +264,9 @@ def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tupl
         (("-f", "dng", "--space", "srgb"), "dng does not hold the space 'srgb'; it holds"),
         (("--exposure", "17"), "exposure is 17.0 stops, expected -16 to 16"),
         (("--exposure", "nan"), "exposure is nan stops"),
+        (("--quality", "90"), "the quality is 90, but tif is not compressed with loss; only jpg has a quality"),
+        (("-f", "jpg", "--quality", "0"), "the quality is 0, expected 1 to 100"),
+        (("-f", "jpeg", "--quality", "101"), "the quality is 101, expected 1 to 100"),
         (("--exposure", "1", "--space", "camera"), "an exposure of 1 stops with --space camera"),
     ],
 )

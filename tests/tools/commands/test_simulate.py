@@ -56,7 +56,7 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
 def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     calibration = camera(white_level=4095)  # the sensor ends where its codes do
     expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, np.random.default_rng(0))
-    shot = simulate(out, "--protocol", "sensor", "--exposure", "4")
+    shot = simulate(out, "--protocol", "sensor", "--light", "4")
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
     assert shot.codes.max() == 4095
@@ -189,7 +189,9 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
         (["--sigma", "nan"], "--sigma is nan"),
         (["--seed", "-1"], "--seed is -1"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the noise of --protocol paper"),
-        (["--exposure", "2"], "--exposure needs --protocol sensor"),
+        (["--light", "2"], "--light needs --protocol sensor"),
+        (["--exposure", "2"], "--exposure is called --light here, a factor"),
+        (["--protocol", "sensor", "--exposure=2"], "--exposure is called --light here, a factor"),
         (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],
 )
