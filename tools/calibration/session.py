@@ -140,7 +140,8 @@ class Session:
     def _read(self, path: str) -> Mosaic:
         """Read a frame. Raises InputError if it is from another camera than the frames before."""
         mosaic = read_dng(path)
-        calibration = replace(mosaic.calibration, sensor=self._sensor or mosaic.calibration.sensor)
+        # What one frame's colours suggest of the light is no part of a camera.
+        calibration = replace(mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor)
         if self.base is not None:
             Camera(self.base.calibration, self.base.pattern).check(mosaic.pattern, calibration)
         calibration = replace(calibration, black_level=self._black or calibration.black_level)

@@ -122,7 +122,8 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
         "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
         "colour": "calibrated" if document["camera_to_xyz"] else "no matrix",
-        "neutral": _row(document["neutral"]) if document["neutral"] else "unknown",
+        "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown")
+        + (", estimated from the picture" if document.get("neutral_estimated") else ""),
     }
 
 

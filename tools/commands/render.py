@@ -20,6 +20,7 @@ from tools.rendering.defect_list import read_defects
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.shots import Shard, expand
+from tools.rendering.white_balance import WhiteBalance
 
 _PRESETS = ("best", "paper")
 
@@ -41,6 +42,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="brighten the picture by this many stops")
+    parser.add_argument(
+        "--wb",
+        type=WhiteBalance.parse,
+        default="camera",
+        metavar="BALANCE",
+        help="white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6",
+    )
     options.add_calibration(parser)
     parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
@@ -92,6 +100,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 def _order(arguments: argparse.Namespace) -> Order:
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     check_gain(kind, arguments.exposure)
+    arguments.wb.check(kind)
     if arguments.defects and arguments.preset == "paper":
         raise InputError("--defects needs --preset best: the published method does not know defects")
     return Order(
@@ -99,6 +108,7 @@ def _order(arguments: argparse.Namespace) -> Order:
         preset=arguments.preset,
         learned=not arguments.no_learned,
         exposure=arguments.exposure,
+        white=arguments.wb,
         camera=read_camera(arguments.camera) if arguments.camera else None,
         defects=read_defects(arguments.defects) if arguments.defects else (),
         folder=output_folder(arguments.output, dry_run=arguments.dry_run),

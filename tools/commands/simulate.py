@@ -103,7 +103,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace) -> Mosaic:
     """The scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
-    camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz, neutral=camera.neutral or scene.neutral)
+    if camera.neutral is None:
+        camera = replace(camera, neutral=scene.neutral, neutral_estimated=scene.neutral_estimated)
+    camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz)
     rng = np.random.default_rng(arguments.seed)
     if arguments.protocol == "sensor":
         return simulate_sensor(scene.rgb, pattern, camera, arguments.light, rng, scene.metadata)

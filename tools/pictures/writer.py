@@ -90,6 +90,11 @@ class PictureKind:
         return cls(format, bits or 0, space)  # raises InputError with the reason
 
     @property
+    def has_white_balance(self) -> bool:
+        """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
+        return self.space != CAMERA or self.format == "dng"
+
+    @property
     def suffix(self) -> str:
         """The file name's ending, with the dot."""
         return f".{self.format}"

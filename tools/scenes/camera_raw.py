@@ -18,8 +18,9 @@ from shared.colorimetry import D65_XY, Matrix
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
+from shared.white_balance import normalised
 
-from .camera_colour import camera_to_xyz, estimate_neutral, normalised
+from .camera_colour import as_shot_or_estimated, camera_to_xyz
 from .exif_reading import from_tags, text, tiff_tags, whole
 from .scene import Scene, check_size
 
@@ -60,7 +61,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             check_size(sizes.raw_width, sizes.raw_height, 2, path.stat().st_size, max_pixels)
             raw.unpack()
             rgb = _quads(raw, rawpy)
-            neutral, notes = _neutral(raw, rgb)
+            neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
             tags = tiff_tags(path)
             matrix = _matrix(raw, tags, neutral)
             metadata = _metadata(raw, tags)
@@ -73,7 +74,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
         raise InputError("the RAW is cut short or cannot be read; copy it again") from None
     if matrix is None:
         notes += ("the camera's colour matrix is unknown: colours can be balanced, but not matched",)
-    return Scene(rgb, name, matrix, neutral, metadata, notes)
+    return Scene(rgb, name, matrix, neutral, metadata, notes, estimated)
 
 
 def _quads(raw: Any, rawpy: Any) -> FloatArray:
@@ -119,17 +120,12 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     return cast(NDArray[np.uint8], pattern)
 
 
-def _neutral(raw: Any, rgb: FloatArray) -> tuple[tuple[float, ...] | None, tuple[str, ...]]:
-    """Return the neutral, from the camera's white balance or else estimated from the scene, and notes for the user."""
+def _neutral(raw: Any) -> tuple[float, ...] | None:
+    """Return the neutral of the camera's white balance; None if the file states none."""
     balance = np.array(raw.camera_whitebalance[:3], np.float64)
     # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself), or a photographer's "UniWB".
-    if np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0:
-        return normalised(1 / balance), ()
-    estimate = estimate_neutral(rgb)
-    if estimate is None:
-        return None, ("the file has no white balance, and the scene is too dark or too bright to estimate one",)
-    figures = ", ".join(f"{value:.3f}" for value in estimate)
-    return estimate, (f"the file has no white balance: neutral {figures} is estimated from the scene",)
+    stated = np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0
+    return normalised(1 / balance) if stated else None
 
 
 def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None) -> Matrix | None:
