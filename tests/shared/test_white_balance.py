@@ -64,7 +64,7 @@ def test_a_balanced_calibration_shows_its_neutral_as_grey(matrix: tuple[tuple[fl
 
 def test_the_own_neutral_changes_nothing() -> None:
     known = SensorCalibration.of_bits(12, camera_to_xyz=SRGB_TO_XYZ, neutral=LIGHT)
-    assert np.allclose(balanced(known, 3 * np.array(LIGHT)).camera_to_xyz, np.array(known.camera_to_xyz))
+    assert np.allclose(np.array(balanced(known, 3 * np.array(LIGHT)).camera_to_xyz), np.array(known.camera_to_xyz))
 
 
 def test_an_estimate_is_marked_and_older_calibrations_keep_their_ids() -> None:

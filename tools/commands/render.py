@@ -13,13 +13,14 @@ from shared.errors import InputError
 from shared.writing import sweep
 from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import FAILED, fail, output_folder
+from tools.host.folders import DNGS, search
+from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory
 from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
 from tools.rendering.defect_list import read_defects
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
-from tools.rendering.shots import Shard, expand
+from tools.rendering.shots import Shard, shots_of
 from tools.rendering.white_balance import WhiteBalance
 
 _PRESETS = ("best", "paper")
@@ -77,10 +78,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError("--workers cannot be used with a scheduler, which has its own workers")
     shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
     order = _order(arguments)
-    found, failures = expand(arguments.shots, order.folder, order.kind.suffix)
-    for source, what in failures:
-        fail(source, (), what, console)
-    shots, all_possible = possible_shots(found, shard, order, console)
+    found = search(arguments.shots, DNGS, output=order.folder)
+    searched = found.report(console)
+    shots, all_possible = possible_shots(shots_of(found.sources, order.folder, order.kind.suffix), shard, order, console)
     for below in {shot.output.parent for shot in shots} - {order.folder}:
         sweep(below)
     if elsewhere and not order.dry_run:
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         workers = 1 if order.dry_run else arguments.workers
         resources = Resources.of(order, shots, workers, arguments.threads, arguments.max_memory)
         all_made = render_shots(shots, passes(order, resources, console, len(shots)), console)
-    return 0 if all_made and all_possible and not failures else FAILED
+    return 0 if all_made and all_possible and searched else FAILED
 
 
 def _order(arguments: argparse.Namespace) -> Order:

@@ -17,10 +17,11 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import Job, output_folder, plan, run_jobs
+from tools.host.folders import plan, search
+from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
-from tools.scenes.load import is_drawn, load_scene
+from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
 _DEFAULT_BITS = 12
@@ -30,9 +31,12 @@ _TRUTH = PictureKind("tif", 32, "camera")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma simulate`."""
     parser.add_argument(
-        "scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT or chart:WIDTHxHEIGHT"
+        "scenes",
+        nargs="+",
+        metavar="SCENE",
+        help="camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below",
     )
-    options.add_output_folder(parser, "STEM.dng")
+    options.add_output_folder(parser, "STEM.dng (subfolders are kept)")
     sensor = options.add_camera(parser)
     sensor.add_argument(
         "--bits", type=int, metavar="N", help=f"bits a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)"
@@ -86,6 +90,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             progress.stage("sampling", 1)
             mosaic = photograph(scene, pattern, camera, arguments)
             shot, *truth = job.outputs
+            job.make_folders()
             progress.stage("writing", 1)
             write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
             for path in truth:
@@ -98,7 +103,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
         return {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
 
-    return run_jobs(plan(arguments.scenes, names, folder), work, console, overwrite=arguments.overwrite)
+    found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
+    searched = found.report(console)
+    code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite)
+    return code if searched else FAILED
 
 
 def photograph(scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace) -> Mosaic:

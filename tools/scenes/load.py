@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.dng.tags import MAKER, Tag
-from shared.errors import InputError
+from shared.errors import ForeignFileError, InputError
 from shared.reading import MAX_PIXELS
 from shared.tiff_check import check_directories
 
@@ -32,6 +32,12 @@ _KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]]
 )
 _PIECE = 16 << 20
 _TIFF_SUFFIXES = (".tif", ".tiff")
+# Of camera RAWs, as far as they can have a 2 x 2 Bayer pattern, and of DNGs.
+_RAWS = (
+    "3fr arw bay cap cr2 cr3 crw dcr dcs dng drf erf fff iiq k25 kdc mdc mef mos mrw nef nrw orf pef raf raw rw2 rwl sr2 srf srw"
+)
+ENDINGS = (*(suffix for *_, suffixes, _ in _KINDS for suffix in suffixes), *_TIFF_SUFFIXES, *(f".{name}" for name in _RAWS.split()))
+"""Endings of the names of files that may be scenes: what is looked for in folders."""
 
 
 def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS) -> Scene:
@@ -66,7 +72,9 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     if start.startswith(_TIFF_STARTS):
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
-            raise InputError("this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render")
+            raise ForeignFileError(
+                "this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render"
+            )
         if suffix in _TIFF_SUFFIXES and not is_dng:
             with guarded(path):
                 picture = decode_tiff(path, max_pixels)

@@ -306,7 +306,7 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_pat
 
 def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
     assert_refused(run("simulate", tmp_path / "x.dng", "-o", out), "there is no such file", name=str(tmp_path / "x.dng"))
-    assert_refused(run("simulate", tmp_path, "-o", out), "is a folder; name the files in it", name=str(tmp_path))
+    assert_refused(run("simulate", tmp_path, "-o", out), "no fitting file is in this folder or below it", name=str(tmp_path))
     assert_refused(run("simulate", "x" * 300, "-o", out), "cannot be read", name="x" * 300)
     os.mkfifo(tmp_path / "pipe.dng")
     assert_refused(run("simulate", tmp_path / "pipe.dng", "-o", out), "is a pipe or a device", name=str(tmp_path / "pipe.dng"))
