@@ -1,7 +1,8 @@
 """Photograph scenes with a simulated sparse-colour camera: each becomes a shot, a DNG; --truth saves the scene beside it.
 
-A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a 16- or 32-bit linear picture (TIFF, PNG,
-EXR, NPY), an 8-bit picture (sRGB, made linear), builtin:WIDTHxHEIGHT, or chart:WIDTHxHEIGHT, a ColorChecker to calibrate with.
+A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
+render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear),
+builtin:WIDTHxHEIGHT, or chart:WIDTHxHEIGHT, a ColorChecker to calibrate with.
 """
 
 import argparse

@@ -35,6 +35,7 @@ _ILLUMINANTS = {
     1: (0.3324, 0.3474),
     22: (0.2990, 0.3149),
 }
+UNKNOWN_MATRIX = "the camera's colour matrix is unknown: colours can be balanced, but not matched"
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
@@ -63,7 +64,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             rgb = _quads(raw, rawpy)
             neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
             tags = tiff_tags(path)
-            matrix = _matrix(raw, tags, neutral)
+            matrix = colour_matrix(tags, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
             metadata = _metadata(raw, tags)
     except rawpy.LibRawFileUnsupportedError:
         raise InputError(
@@ -73,7 +74,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
     except rawpy.LibRawIOError:
         raise InputError("the RAW is cut short or cannot be read; copy it again") from None
     if matrix is None:
-        notes += ("the camera's colour matrix is unknown: colours can be balanced, but not matched",)
+        notes += (UNKNOWN_MATRIX,)
     return Scene(rgb, name, matrix, neutral, metadata, notes, estimated)
 
 
@@ -103,7 +104,7 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     """Return the colour indices (2, 2) of the first visible quad. Raises InputError that says what the sensor has instead."""
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
-        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW, linear DNG), not a mosaic: {no_quads}")
+        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {no_quads}")
     try:
         pattern = raw.raw_pattern
     except NotImplementedError:
@@ -128,11 +129,11 @@ def _neutral(raw: Any) -> tuple[float, ...] | None:
     return normalised(1 / balance) if stated else None
 
 
-def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None) -> Matrix | None:
-    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else from LibRaw's table of cameras (for D65)."""
+def colour_matrix(tags: Mapping[int, Any], neutral: tuple[float, ...] | None, known: Any = None) -> Matrix | None:
+    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3), for D65; None without one."""
     candidates = [(tags.get(tag), _ILLUMINANTS.get(whole(tags.get(light)) or 0, D65_XY)) for tag, light in _COLOR_MATRICES]
     candidates.sort(key=lambda candidate: abs(candidate[1][0] - D65_XY[0]))
-    for values, illuminant in (*candidates, (raw.rgb_xyz_matrix[:3], D65_XY)):
+    for values, illuminant in (*candidates, (known, D65_XY)):
         try:
             matrix = np.array(values, np.float64).reshape(3, 3)
         except (TypeError, ValueError, ArithmeticError):

@@ -15,6 +15,7 @@ from .decoders import Decoded, decode_exr, decode_npy, decode_png, decode_tiff, 
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .gehler_shi import gehler_shi_scene
+from .linear_dng import linear_dng_scene
 from .picture import picture_scene
 from .scene import Scene, check_size
 
@@ -44,7 +45,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     """Return the scene in a file, or a built-in scene.
 
     source: one of
-        the path of a Bayer camera RAW (see `camera_raw_scene`),
+        the path of a Bayer camera RAW (see `camera_raw_scene`), or of a linear DNG (see `linear_dng_scene`),
         the path of a TIFF, PNG, JPEG, WebP, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
@@ -69,6 +70,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             if kind == "PNG" and (scene := gehler_shi_scene(picture, path.stem)):
                 return scene
             return picture_scene(picture, path.stem, linear=linear)
+    is_dng = False
     if start.startswith(_TIFF_STARTS):
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
@@ -80,6 +82,8 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
                 picture = decode_tiff(path, max_pixels)
             return picture_scene(picture, path.stem, linear=linear)
     with guarded(path):
+        if is_dng and (linear_scene := linear_dng_scene(path, path.stem, max_pixels)):
+            return linear_scene
         return camera_raw_scene(path, path.stem, max_pixels)
 
 
