@@ -257,6 +257,8 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
         "output": str(out / f"{STEM}.tif"),
         "width": 48,
         "height": 36,
+        "neutral": [1.0, 1.0, 1.0],
+        "neutral_estimated": False,
         "learned": "rggb-k6",
     }
     assert f"{STEM}.tif: 48 x 36" in outcome.err
