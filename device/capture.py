@@ -13,6 +13,7 @@ from shared.errors import InputError
 
 from .frames import FrameLayout, RawFrame
 from .shots import ShotFolder
+from .white_balance import SteadyWhite
 
 PreviewMaker = Callable[[Mosaic], ByteArray]
 """A function that returns the preview of a mosaic: uint8 sRGB (h, w, 3)."""
@@ -77,7 +78,8 @@ class Refused:
 def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, shots: ShotFolder) -> Iterator[Saved | Refused]:
     """Save each frame with its preview, and yield the outcome of each.
 
-    A frame that does not fit the sensor is refused, and the loop continues.
+    A frame that does not fit the sensor is refused, and the loop continues. If the sensor's colours are unknown, its white is
+    estimated from the frames, see `SteadyWhite`.
 
     frames: raw frames, for example a `FrameQueue`.
     sensor: the sensor they come from.
@@ -85,10 +87,11 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
     shots: the folder to save in.
     Raises OutputError when a file cannot be written, because the next one could not be written either.
     """
+    balance = SteadyWhite()
     for frame in frames:
         started = perf_counter()
         try:
-            mosaic = sensor.mosaic(frame)
+            mosaic = balance(sensor.mosaic(frame))
             picture = preview(mosaic)
         except InputError as error:
             yield Refused(f"{frame.source}: {error}" if frame.source else str(error))

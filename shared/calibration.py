@@ -9,7 +9,7 @@ import json
 import math
 import operator
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -83,6 +83,7 @@ class SensorCalibration:
     white_level: the code that reads `full_scale` scene units. By default that of `of_bits(16)`.
     camera_to_xyz: 3 x C, scene units -> CIE XYZ (D50 white), under the light in which `neutral` was seen; None = uncalibrated.
     neutral: reading of a white surface in each channel under the light of the shot, up to scale; None = unknown.
+    neutral_estimated: the neutral is an estimate from the picture, not a measurement or the setting of a camera.
     defects: sensor (row, column) of the pixels that do not measure light, in reading order.
     sensor: a name for people.
     camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
@@ -104,6 +105,7 @@ class SensorCalibration:
     white_level: int = 61439  # for 16 bits, with headroom
     camera_to_xyz: tuple[tuple[float, ...], ...] | None = None
     neutral: tuple[float, ...] | None = None
+    neutral_estimated: bool = False
     defects: tuple[tuple[int, int], ...] = ()
     sensor: str = ""
     camera: str = ""
@@ -145,6 +147,8 @@ class SensorCalibration:
             if min(self.neutral) <= 0:
                 raise InputError(f"calibration: neutral is {self.neutral}, expected positive readings")
             _check_range("neutral", self.neutral, _NEUTRAL)
+        if self.neutral_estimated and self.neutral is None:
+            raise InputError("calibration: neutral_estimated is true, but there is no neutral")
         if self.camera_to_xyz is not None:
             try:
                 rows = tuple(_numbers("camera_to_xyz", row, count) for row in self.camera_to_xyz)
@@ -202,6 +206,10 @@ class SensorCalibration:
         del content["camera"]
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
+    def without_estimates(self) -> "SensorCalibration":
+        """What was measured or set: without a neutral that is only an estimate from one picture."""
+        return replace(self, neutral=None, neutral_estimated=False) if self.neutral_estimated else self
+
     def scale(self) -> DoubleArray:
         """Scene units per sensor code of each plane; float64 (C + 1,)."""
         return self.full_scale / (self.white_level - np.array(self.black_level))
@@ -215,7 +223,10 @@ class SensorCalibration:
 
     def to_json(self) -> dict[str, Any]:
         """The calibration as a JSON object; `from_json` turns it back."""
-        return {"schema": SCHEMA, **asdict(self)}
+        document = {"schema": SCHEMA, **asdict(self)}
+        if not self.neutral_estimated:  # so that ids and files from before there were estimates stay the same
+            del document["neutral_estimated"]
+        return document
 
     @classmethod
     def from_json(cls, document: Any) -> "SensorCalibration":
@@ -227,8 +238,8 @@ class SensorCalibration:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
         if unknown := sorted(set(given) - {field.name for field in fields(cls)}):
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
-        for name, kind in (("channels", str), ("sensor", str), ("camera", str), ("white_level", int)):
-            if name in given and (not isinstance(given[name], kind) or isinstance(given[name], bool)):
+        for name, kind in (("channels", str), ("sensor", str), ("camera", str), ("white_level", int), ("neutral_estimated", bool)):
+            if name in given and (not isinstance(given[name], kind) or isinstance(given[name], bool) != (kind is bool)):
                 raise InputError(f"calibration: {name} is {given[name]!r}, expected {kind.__name__}")
         noise = given.get("noise")
         if noise is not None:

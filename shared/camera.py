@@ -67,6 +67,7 @@ class Camera:
             sensor=known.sensor or own.sensor,
             camera_to_xyz=colours.camera_to_xyz,
             neutral=colours.neutral,
+            neutral_estimated=colours.neutral_estimated,
         )
         return Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
 

@@ -1,7 +1,7 @@
 """The exceptions of Panchroma, and when to raise which.
 
 ``InputError``        an input cannot be used: a file, an array, a setting. Say what came, what was expected, and the remedy.
-                      (``ForeignFileError``: an intact file that Panchroma did not write.)
+                      (``ForeignFileError``: an intact file of another kind.)
 ``OutputError``       an output cannot be written: it exists, the folder is missing, the disk is full.
 ``ConvergenceError``  an iterative solver did not reach its tolerance: the result would be wrong, so there is none.
 
@@ -18,7 +18,7 @@ class InputError(PanchromaError):
 
 
 class ForeignFileError(InputError):
-    """An intact file that Panchroma did not write; commands that search folders skip it."""
+    """An intact file of another kind than the one that is wanted; commands that search folders leave it out."""
 
 
 class OutputError(PanchromaError):

@@ -18,7 +18,7 @@ class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
     samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted; noise may make it negative, and 1.0 is
-        the scene's white). Kept read-only: as a copy, unless the array is read-only float32 and owns its memory.
+        the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns its memory.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
     the calibration's bits, or when pattern and calibration name different channels.
 
@@ -41,12 +41,12 @@ class Mosaic:
             raise InputError(f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}")
         self.calibration.check_pattern(self.pattern)
         self.pattern.grid((samples.shape[0], samples.shape[1]))
+        owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
         if samples.dtype == np.uint16:
-            kept = np.array(samples, order="C")
+            kept = samples if owned else np.array(samples, order="C")
             if int(kept.max()) >> self.calibration.bits:
                 raise InputError(f"a sample is {kept.max()}, more than the calibration's {self.calibration.bits} bits hold")
         elif np.issubdtype(samples.dtype, np.floating):
-            owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
             kept = samples if owned and samples.dtype == np.float32 else np.array(samples, np.float32, order="C")
             if not np.isfinite(kept).all():
                 bad = int((~np.isfinite(kept)).sum())

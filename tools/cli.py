@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
             try:
                 parsed = _parser(arguments).parse_args(arguments)
-                console = Console(json=getattr(parsed, "json", False))
+                console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet)
                 _set_threads(parsed)
                 code: int = _module(parsed.verb).run(parsed, console)
             finally:
@@ -111,6 +111,7 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             module = _module(verb)
             child.description = module.__doc__
             module.add_arguments(child)
+            child.add_argument("--quiet", action="store_true", help="show neither progress nor notes; errors and results remain")
     return parser
 
 

@@ -18,6 +18,7 @@ _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 _SOURCES = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
 
 prange: type[range] = numba.prange
+_called: list[Any] = []  # the kernels that stages call; the others are parts of these
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -34,7 +35,9 @@ def kernel(function: F) -> F:
 
 def parallel_kernel(function: F) -> F:
     """Compile a function when it is first called, once per machine, and share its `prange` loops among the threads."""
-    return _compiled(function, parallel=True)
+    compiled = _compiled(function, parallel=True)
+    _called.append(compiled)
+    return compiled
 
 
 def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
@@ -94,14 +97,17 @@ def kernel_cache() -> Path:
 
 
 @contextmanager
-def compilation(begins: Callable[[str], None]) -> Iterator[None]:
-    """Call `begins` with the name of every kernel that is compiled inside the `with` block, because it is new to this machine.
+def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
+    """Call `begins(number, most)` before a kernel is compiled inside the `with` block, because it is new to this machine.
+
+    number: this is the `number`-th kernel that is ready or in work; those that a stage calls count, not their parts.
+    most: how many there are in all. Not every render needs all of them.
 
     >>> import numpy as np
     >>> from offline import PAPER, compilation, render
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
     >>> mosaic = Mosaic(np.ones((24, 24), np.float32), CfaPattern.bayer(6), SensorCalibration())
-    >>> with compilation(lambda kernel: print("compiling", kernel)):  # prints nothing when all kernels are in the cache
+    >>> with compilation(lambda number, most: print("compiling", number, "of", most)):  # nothing if all are in the cache
     ...     rendering = render(mosaic, PAPER)
     """
     with event.install_listener("numba:compile", _Listener(begins)):
@@ -109,11 +115,15 @@ def compilation(begins: Callable[[str], None]) -> Iterator[None]:
 
 
 class _Listener(event.Listener):  # type: ignore[misc]
-    def __init__(self, begins: Callable[[str], None]) -> None:
+    def __init__(self, begins: Callable[[int, int], None]) -> None:
         self._begins = begins
+        self._depth = 0  # Numba compiles one kernel at a time, and its parts, of which many are its own, within it
 
     def on_start(self, event: Any) -> None:
-        self._begins(event.data["dispatcher"].py_func.__name__)
+        self._depth += 1
+        if self._depth == 1:
+            ready = sum(bool(kernel.signatures) for kernel in _called if kernel is not event.data["dispatcher"])
+            self._begins(ready + 1, max(len(_called), ready + 1))
 
     def on_end(self, event: Any) -> None:
-        pass
+        self._depth -= 1

@@ -289,6 +289,31 @@ def test_people_read_stderr_when_machines_read_stdout(capsys: pytest.CaptureFixt
         )
 
 
+def test_a_quiet_console_says_what_failed_and_shows_results(capsys: pytest.CaptureFixture[str]) -> None:
+    for json in (False, True):
+        out = Console(json=json, quiet=True)
+        out.say("a result")
+        out.note("a note")
+        out.record(source="x", ok=True)
+        with out.progress("x") as progress:
+            progress.stage("luminance", 1)
+        out.error("a fault")
+        shown = '{"source": "x", "ok": true}' if json else "a result"
+        assert capsys.readouterr() == (f"{shown}\n", "panchroma: a fault\n")
+
+
+@pytest.mark.parametrize("verb", cli.VERBS)
+def test_every_verb_can_be_quiet(verb: str) -> None:
+    assert "--quiet" in run(verb, "--help").out
+
+
+def test_quiet_commands_write_results_alone(shots: Path, tmp_path: Path) -> None:
+    for verb in ("preview", "render"):
+        outcome = run(verb, shots / SHOT, "missing.dng", "-o", tmp_path, "--quiet")
+        assert len(outcome.out.splitlines()) == 1
+        assert outcome.err.splitlines() == outcome.errors != []
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

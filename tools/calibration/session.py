@@ -10,6 +10,7 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError, OutputError, PanchromaError
 from tools.host.console import Console
+from tools.host.folders import DNGS, search
 from tools.host.jobs import identity
 
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
@@ -28,25 +29,24 @@ class CalibrationFiles:
     flat: tuple[str, ...]
 
 
-def sort_files(sources: Sequence[str], dark: Sequence[str], flat: Sequence[str]) -> CalibrationFiles:
-    """Sort the given files by kind.
+def sort_files(sources: Sequence[str], dark: Sequence[str], flat: Sequence[str], console: Console) -> CalibrationFiles:
+    """Sort the given files by kind, and say what was left out of folders.
 
-    sources: shots, and folders of DNGs; those named dark* and flat* are dark and flat frames, the others shots.
-    dark, flat: further dark and flat frames.
+    sources: shots, and folders with DNGs in them or below. Of these, what is named dark* or flat*, or lies in a subfolder of such a
+        name, is a dark or a flat frame; the others are shots.
+    dark, flat: further dark and flat frames, and folders of them.
 
-    Raises InputError if there is nothing to calibrate from.
+    Raises InputError if there is nothing to calibrate from, and for a folder that cannot be read or has no DNG.
     """
-    files: dict[str, list[str]] = {"": [], "dark": list(dark), "flat": list(flat)}
-    for source in sources:
-        if not Path(source).is_dir():
-            files[""].append(source)
-            continue
-        inside = sorted(path for path in Path(source).iterdir() if path.suffix.lower() == ".dng")
-        if not inside:
-            raise InputError(f"{source}: the folder has no DNG in it")
-        for path in inside:
-            kind = path.name.lower()[:4]
-            files[kind if kind in files else ""].append(str(path))
+    files: dict[str, list[str]] = {"": [], "dark": [], "flat": []}
+    for given, known in ((sources, ""), (dark, "dark"), (flat, "flat")):
+        found = search(given, DNGS)
+        for folder, what in found.failures:
+            raise InputError(f"{folder}: {what}")
+        found.report(console)
+        for source in found.sources:
+            kinds = [part.lower()[:4] for part in reversed(source.below.parts)] if source.below and not known else []
+            files[next((kind for kind in kinds if kind in files), known)].append(source.name)
     if not any(files.values()):
         raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
     return CalibrationFiles(*map(tuple, files.values()))
@@ -152,7 +152,8 @@ class Session:
     def _read(self, path: str) -> Mosaic:
         """Read a frame. Raises InputError if it is from another camera than the frames before."""
         mosaic = read_dng(path)
-        calibration = replace(mosaic.calibration, sensor=self._sensor or mosaic.calibration.sensor)
+        # What one frame's colours suggest of the light is no part of a camera.
+        calibration = replace(mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor)
         if self.base is not None:
             Camera(self.base.calibration, self.base.pattern).check(mosaic.pattern, calibration)
         calibration = replace(calibration, black_level=self._black or calibration.black_level)

@@ -1,8 +1,8 @@
 """Calibrate a camera from a few shots: gamma, noise, black level, defects and colour, in one camera.json.
 
 A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
-be a folder of DNGs: those named dark* and flat* are dark and flat frames, the others are shots. A shot that cannot be used is
-skipped, with the reason.
+be a folder with DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat
+frame, the others are shots. A shot that cannot be used is skipped, with the reason.
 """
 
 import argparse
@@ -21,10 +21,16 @@ from tools.host.versions import program_version
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma calibrate`."""
-    parser.add_argument("shots", nargs="*", metavar="SHOT", help="DNG of Panchroma with a ColorChecker, or a folder of DNGs")
+    parser.add_argument(
+        "shots", nargs="*", metavar="SHOT", help="DNG of Panchroma with a ColorChecker, or a folder with DNGs in it or below"
+    )
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="camera.json to write")
-    parser.add_argument("--dark", nargs="+", metavar="F", help="frames with the lens covered: black level, read noise, defects")
-    parser.add_argument("--flat", nargs="+", metavar="F", help="evenly lit frames, two of each exposure: gain, read noise")
+    parser.add_argument(
+        "--dark", nargs="+", metavar="F", help="frames (or folders of them) with the lens covered: black level, read noise, defects"
+    )
+    parser.add_argument(
+        "--flat", nargs="+", metavar="F", help="evenly lit frames (or folders of them), two of each exposure: gain, read noise"
+    )
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
         "--corners",
@@ -56,7 +62,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.calibration.session import Session, check_output, sort_files
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
-    files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or ())
+    files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), console)
     corners = _corners(arguments, len(files.shots))
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)

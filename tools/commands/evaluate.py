@@ -19,7 +19,15 @@ from tools.host.console import Console
 from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
-from tools.host.options import add_json, add_max_memory, add_output_folder, add_scheduler, check_at_least_one, uses_scheduler
+from tools.host.options import (
+    add_json,
+    add_light,
+    add_max_memory,
+    add_output_folder,
+    add_scheduler,
+    check_at_least_one,
+    uses_scheduler,
+)
 from tools.host.processors import processors
 from tools.host.versions import program_version
 
@@ -46,9 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light.add_argument(
         "--sigma", type=float, nargs="+", metavar="S", help="noise of --protocol paper, scene units (default: 0 0.01 0.02 0.03)"
     )
-    light.add_argument(
-        "--exposure", type=float, nargs="+", metavar="FACTOR", help="amounts of light of --protocol sensor (default: 1, 1/4, 1/16)"
-    )
+    add_light(light, nargs="+", help="amounts of light of --protocol sensor (default: 1, 1/4, 1/16)")
     light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
     light.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
     what = parser.add_argument_group("what is compared")
@@ -123,11 +129,13 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     from tools.evaluation.study import Study
 
     protocol = Protocol(arguments.protocol, arguments.seed)
-    wanted, other = arguments.sigma, arguments.exposure
+    wanted, other = arguments.sigma, arguments.light
     if protocol.kind == "sensor":
         wanted, other = other, wanted
     if other is not None:
-        raise InputError("--sigma is the noise of --protocol paper, --exposure the light of --protocol sensor; use the other one")
+        raise InputError(
+            "--sigma is the noise of --protocol paper, --light the amount of light of --protocol sensor; use the other one"
+        )
     levels = protocol.levels(wanted)
     methods = choose(arguments.methods or default_names())
     if not arguments.methods and (missing := missing_packages()):

@@ -15,6 +15,7 @@ from shared.dng import read_preview
 from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console, one_line
+from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, run_jobs
 from tools.host.processors import processors
 
@@ -24,7 +25,7 @@ _COLUMN = 14  # characters for the name of a row
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma inspect`."""
     parser.add_argument(
-        "shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a camera.json; with --verify also a folder of DNGs"
+        "shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, a camera.json, or a folder with DNGs in it or below"
     )
     parser.add_argument("--verify", action="store_true", help="only count the undamaged files and name the damaged ones")
     parser.add_argument("-j", "--jobs", type=int, metavar="N", help="--verify: files checked at a time (default: one per core)")
@@ -35,9 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
     options.check_at_least_one(arguments, "jobs")
+    found = search(arguments.shots, DNGS)
+    searched = found.report(console)
+    files = [source.name for source in found.sources]
     if arguments.verify:
-        jobs = arguments.jobs or processors()
-        return FAILED if verify(arguments.shots, console, jobs=jobs, max_pixels=arguments.max_pixels) else 0
+        damaged = verify(files, console, jobs=arguments.jobs or processors(), max_pixels=arguments.max_pixels)
+        return 0 if searched and not damaged else FAILED
 
     def work(job: Job) -> dict[str, Any]:
         if Path(job.source).suffix.lower() == ".json":
@@ -47,7 +51,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.say(_page(job.source, facts))
         return facts
 
-    return run_jobs([Job(shot, ()) for shot in arguments.shots], work, console)
+    code = run_jobs([Job(source.name, found=source.found) for source in found.sources], work, console)
+    return code if searched else FAILED
 
 
 def _camera(source: str, console: Console) -> dict[str, Any]:
@@ -122,7 +127,8 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
         "gamma": f"{_row(document['gamma'])}  ({document['channels']})",
         "noise": _noise(document["noise"]),
         "colour": "calibrated" if document["camera_to_xyz"] else "no matrix",
-        "neutral": _row(document["neutral"]) if document["neutral"] else "unknown",
+        "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown")
+        + (", estimated from the picture" if document.get("neutral_estimated") else ""),
     }
 
 

@@ -13,17 +13,19 @@ from shared.tiff import encode_tiff
 from shared.writing import write_durably
 from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import Job, output_folder, plan, run_jobs
-from tools.pictures.encoders import encode_jpeg
+from tools.host.folders import DNGS, plan, search
+from tools.host.jobs import FAILED, Job, output_folder, run_jobs
+from tools.pictures.encoders import check_quality, encode_jpeg
 from tools.pictures.exif_writing import jpeg_directory
 from tools.pictures.previews import Previews
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma preview`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma")
-    options.add_output_folder(parser, "STEM.jpg")
+    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a folder with DNGs in it or below")
+    options.add_output_folder(parser, "STEM.jpg (subfolders are kept)")
     options.add_scale(parser)
+    options.add_quality(parser)
     options.add_graph(parser)
     options.add_calibration(parser)
     options.add_max_pixels(parser)
@@ -33,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a preview of each shot; returns the exit code."""
+    check_quality(arguments.quality)
     previews = Previews(arguments.scale, arguments.graph)
     camera = read_camera(arguments.camera) if arguments.camera else None
     folder = output_folder(arguments.output)
@@ -46,10 +49,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         picture = previews(mosaic)
         milliseconds = (time.monotonic() - start) * 1e3
         exif = encode_tiff(jpeg_directory(mosaic.metadata, picture.shape, srgb=True))
-        write_durably(output, encode_jpeg(picture, icc=b"", exif=exif), overwrite=arguments.overwrite)
+        job.make_folders()
+        write_durably(output, encode_jpeg(picture, icc=b"", exif=exif, quality=arguments.quality), overwrite=arguments.overwrite)
         rows, columns = picture.shape[:2]
         console.say(f"{output}: {columns} x {rows}, {milliseconds:.0f} ms")
         return {"output": str(output), "width": columns, "height": rows, "preview_ms": round(milliseconds, 1)}
 
-    jobs = plan(arguments.shots, lambda source: [f"{Path(source).stem}.jpg"], folder)
-    return run_jobs(jobs, work, console, overwrite=arguments.overwrite)
+    found = search(arguments.shots, DNGS, output=folder)
+    searched = found.report(console)
+    jobs = plan(found.sources, lambda source: [f"{Path(source).stem}.jpg"], folder)
+    code = run_jobs(jobs, work, console, overwrite=arguments.overwrite)
+    return code if searched else FAILED

@@ -13,13 +13,15 @@ from shared.errors import InputError
 from shared.writing import sweep
 from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import FAILED, fail, output_folder
+from tools.host.folders import DNGS, search
+from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory
-from tools.pictures.writer import POSSIBLE, PictureKind, check_gain
+from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
 from tools.rendering.defect_list import read_defects
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
-from tools.rendering.shots import Shard, expand
+from tools.rendering.shots import Shard, shots_of
+from tools.rendering.white_balance import WhiteBalance
 
 _PRESETS = ("best", "paper")
 
@@ -28,11 +30,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
     parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a folder with DNGs in it or below")
     options.add_output_folder(parser, "STEM.EXT (subfolders are kept)")
-    parser.add_argument("-f", "--format", choices=tuple(POSSIBLE), default="tif", help="dng: linear, to finish in a raw developer")
+    parser.add_argument(
+        "-f",
+        "--format",
+        type=lambda name: OTHER_NAMES.get(name, name),
+        choices=tuple(POSSIBLE),
+        default="tif",
+        help="tiff and jpeg are other names of tif and jpg; dng: linear, to finish in a raw developer",
+    )
     parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
+    options.add_quality(parser)
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="brighten the picture by this many stops")
+    parser.add_argument(
+        "--wb",
+        type=WhiteBalance.parse,
+        default="camera",
+        metavar="BALANCE",
+        help="white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6",
+    )
     options.add_calibration(parser)
     parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
@@ -61,10 +78,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError("--workers cannot be used with a scheduler, which has its own workers")
     shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
     order = _order(arguments)
-    found, failures = expand(arguments.shots, order.folder, order.kind.suffix)
-    for source, what in failures:
-        fail(source, (), what, console)
-    shots, all_possible = possible_shots(found, shard, order, console)
+    found = search(arguments.shots, DNGS, output=order.folder)
+    searched = found.report(console)
+    shots, all_possible = possible_shots(shots_of(found.sources, order.folder, order.kind.suffix), shard, order, console)
     for below in {shot.output.parent for shot in shots} - {order.folder}:
         sweep(below)
     if elsewhere and not order.dry_run:
@@ -84,12 +100,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         workers = 1 if order.dry_run else arguments.workers
         resources = Resources.of(order, shots, workers, arguments.threads, arguments.max_memory)
         all_made = render_shots(shots, passes(order, resources, console, len(shots)), console)
-    return 0 if all_made and all_possible and not failures else FAILED
+    return 0 if all_made and all_possible and searched else FAILED
 
 
 def _order(arguments: argparse.Namespace) -> Order:
-    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space)
+    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     check_gain(kind, arguments.exposure)
+    arguments.wb.check(kind)
     if arguments.defects and arguments.preset == "paper":
         raise InputError("--defects needs --preset best: the published method does not know defects")
     return Order(
@@ -97,6 +114,7 @@ def _order(arguments: argparse.Namespace) -> Order:
         preset=arguments.preset,
         learned=not arguments.no_learned,
         exposure=arguments.exposure,
+        white=arguments.wb,
         camera=read_camera(arguments.camera) if arguments.camera else None,
         defects=read_defects(arguments.defects) if arguments.defects else (),
         folder=output_folder(arguments.output, dry_run=arguments.dry_run),

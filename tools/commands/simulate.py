@@ -1,8 +1,8 @@
 """Photograph scenes with a simulated sparse-colour camera: each becomes a shot, a DNG; --truth saves the scene beside it.
 
-A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a 16- or 32-bit linear picture (TIFF, PNG,
-EXR, NPY), an 8-bit picture (sRGB, made linear), builtin:WIDTHxHEIGHT, or chart:WIDTHxHEIGHT, a ColorChecker to calibrate with, as
-are flat:WIDTHxHEIGHT (even light) and dark:WIDTHxHEIGHT (none).
+A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
+render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or a drawing:
+builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
 """
 
 import argparse
@@ -20,10 +20,11 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.host import options
 from tools.host.console import Console
-from tools.host.jobs import Job, output_folder, plan, run_jobs
+from tools.host.folders import plan, search
+from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
-from tools.scenes.load import is_drawn, load_scene
+from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
 _DEFAULT_BITS = 12
@@ -33,9 +34,12 @@ _TRUTH = PictureKind("tif", 32, "camera")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma simulate`."""
     parser.add_argument(
-        "scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT or chart:WIDTHxHEIGHT"
+        "scenes",
+        nargs="+",
+        metavar="SCENE",
+        help="camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below",
     )
-    options.add_output_folder(parser, "STEM.dng")
+    options.add_output_folder(parser, "STEM.dng (subfolders are kept)")
     sensor = options.add_camera(parser)
     sensor.add_argument(
         "--bits", type=int, metavar="N", help=f"bits a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)"
@@ -54,9 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="paper: additive Gaussian noise, no clipping; sensor: shot and read noise, clipped at full scale",
     )
     light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
-    light.add_argument(
-        "--exposure", type=float, default=1.0, metavar="FACTOR", help="amount of light of --protocol sensor, 2 is one stop more"
-    )
+    options.add_light(light, default=1.0, help="amount of light of --protocol sensor, 2 is one stop more")
     light.add_argument(
         "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its file name"
     )
@@ -71,8 +73,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a shot of each scene; returns the exit code."""
     if arguments.protocol == "sensor" and arguments.sigma:
         raise InputError("--sigma is the noise of --protocol paper; --protocol sensor has the noise of --camera, or a typical one")
-    if arguments.protocol == "paper" and arguments.exposure != 1:
-        raise InputError("--exposure needs --protocol sensor: --protocol paper has no exposure")
+    if arguments.protocol == "paper" and arguments.light != 1:
+        raise InputError("--light needs --protocol sensor: the noise of --protocol paper does not depend on it")
     if arguments.seed < 0:
         raise InputError(f"--seed is {arguments.seed}, expected 0 or more")
     if not 0 <= arguments.sigma < np.inf:
@@ -105,7 +107,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
         return {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
 
-    return run_jobs(plan(arguments.scenes, names, folder), work, console, overwrite=arguments.overwrite)
+    found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
+    searched = found.report(console)
+    code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite)
+    return code if searched else FAILED
 
 
 def noise_of(seed: int, name: str) -> np.random.Generator:
@@ -120,9 +125,11 @@ def photograph(
     scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace, rng: np.random.Generator
 ) -> Mosaic:
     """The scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
-    camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz, neutral=camera.neutral or scene.neutral)
+    if camera.neutral is None:
+        camera = replace(camera, neutral=scene.neutral, neutral_estimated=scene.neutral_estimated)
+    camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz)
     if arguments.protocol == "sensor":
-        return simulate_sensor(scene.rgb, pattern, camera, arguments.exposure, rng, scene.metadata)
+        return simulate_sensor(scene.rgb, pattern, camera, arguments.light, rng, scene.metadata)
     return simulate_additive(scene.rgb, pattern, camera, arguments.sigma, rng, scene.metadata)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from device.frame_queue import FrameQueue
 from device.geometry import Geometry
 from device.shots import ShotFolder
+from device.white_balance import SteadyWhite
 from shared import CfaPattern
 from shared.errors import InputError
 from tools.host import options
@@ -57,7 +58,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     preview = preview_maker(sensor, graph=arguments.graph, scale=scale, threads=arguments.jobs)
     for note in source.notes:
         console.note(note)
-    failed = False
+    balance, failed = SteadyWhite(), False
 
     def refused(error: InputError) -> None:
         nonlocal failed
@@ -73,7 +74,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             try:
                 for frame in queue:
                     try:
-                        finder.show(frame, sensor.mosaic(frame))
+                        finder.show(frame, balance(sensor.mosaic(frame)))
                     except InputError as error:
                         refused(error)
             except InputError as error:  # the stream broke off

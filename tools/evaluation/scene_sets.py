@@ -1,7 +1,6 @@
 """The scenes of an evaluation: which files they are, and which of them may be pooled."""
 
 import hashlib
-import os
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,9 +12,9 @@ import numpy as np
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.tiff_check import PLAIN
-from tools.host.jobs import identity
+from tools.host.folders import search
 from tools.scenes.camera_colour import estimate_neutral
-from tools.scenes.load import is_drawn, is_scene_name, load_scene
+from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
 from .metrics import BORDER, PATCH
@@ -29,7 +28,6 @@ BUILTIN = "built-in scenes"
 _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
-_NAMED = 5  # files that are left out, in a remark
 _LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
 
 
@@ -108,49 +106,15 @@ def digest(rgb: FloatArray) -> str:
 
 
 def expand(sources: list[str], output: Path) -> tuple[list[str], list[str]]:
-    """The sources, with each folder replaced by the files in it and below; and a remark on each folder of which a part is left out.
+    """The sources, each folder replaced by the scenes in and below it; and a remark on each folder of which a part is left out.
 
     output: a folder that is not searched.
-
-    Left out are files that are no scenes by their names, and links to folders; hidden files and folders without a remark. Raises
-    InputError for a folder that cannot be read or has no scene.
+    Raises InputError for a folder that cannot be read or has no scene.
     """
-    found: list[str] = []
-    remarks = []
-    for source in sources:
-        if is_drawn(source) or not Path(source).is_dir():
-            found.append(source)
-            continue
-        files, others = _below(source, output)
-        left_out = (
-            f"{len(others)} left out, no scene{'s' * (len(others) != 1)} by name: {', '.join(others[:_NAMED])}" if others else ""
-        )
-        left_out += f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-        if not files:
-            raise InputError(f"{source}: no scene is in this folder or below it" + (f" ({left_out})" if others else ""))
-        found += files
-        remarks += [f"{source}: {left_out}"] if others else []
-    return list(dict.fromkeys(found)), remarks
-
-
-def _below(top: str, output: Path) -> tuple[list[str], list[str]]:
-    """The scenes in a folder and below it, in order; and all else, by the names below the folder."""
-
-    def stop(error: OSError) -> None:
-        raise InputError(f"{error.filename}: cannot be read ({error.strerror})")
-
-    files, others = [], []
-    for place, folders, names in os.walk(top, onerror=stop):
-        folders[:] = sorted(
-            name for name in folders if not name.startswith(".") and identity(Path(place, name)) not in (None, identity(output))
-        )
-        others += [Path(place, name).relative_to(top).as_posix() for name in folders if Path(place, name).is_symlink()]
-        for path in (Path(place, name) for name in sorted(names) if not name.startswith(".")):
-            if is_scene_name(path.name):
-                files.append(str(path))
-            else:
-                others.append(path.relative_to(top).as_posix())
-    return files, others
+    found = search(sources, ENDINGS, output=output, is_file=is_drawn)
+    for folder, what in found.failures:
+        raise InputError(f"{folder}: {what}")
+    return list(dict.fromkeys(each.name for each in found.sources)), found.left_out
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:

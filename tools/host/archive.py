@@ -1,31 +1,26 @@
-"""Verify that shots, rendered DNGs and camera files are undamaged: single files and whole folders, several files at a time."""
+"""Verify that shots, rendered DNGs and camera files are undamaged, several files at a time."""
 
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from shared import read_camera
 from shared.dng import verify_dng
-from shared.errors import InputError
 
 from .console import Console
 from .jobs import fail, reason
-
-_SUFFIX = ".dng"
 
 
 def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: int) -> int:
     """Check each file against its own digest and report the damaged ones. Returns their number.
 
-    sources: files, and folders with all DNGs in them and below.
+    sources: files; one that is named twice is checked once.
     console: for lines, records and progress.
     jobs: number of files checked at the same time.
     max_pixels: larger files count as damaged.
     """
-    files = list(dict.fromkeys(file for source in sources for file in _files(source)))
+    files = list(dict.fromkeys(sources))
     damaged: list[str] = []
     with ThreadPoolExecutor(jobs) as pool, console.progress("verifying") as progress:
         try:
@@ -42,26 +37,6 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
             pool.shutdown(cancel_futures=True)  # whoever interrupts does not wait for a whole archive
     console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged))
     return len(damaged)
-
-
-def _files(source: str) -> Iterator[str]:
-    """The file itself, or the DNGs in a folder and below, in order. A folder that cannot be read is an error, not left out."""
-    if not Path(source).is_dir():
-        yield source
-        return
-
-    def stop(error: OSError) -> None:
-        raise InputError(f"{error.filename}: cannot be read ({error.strerror})")
-
-    found = False
-    for folder, below, names in os.walk(source, onerror=stop):
-        below.sort()
-        for name in sorted(names):
-            if name.lower().endswith(_SUFFIX) and not name.startswith("."):
-                found = True
-                yield os.path.join(folder, name)  # noqa: PTH118  keeps the folder as the user wrote it: pathlib drops "./"
-    if not found:
-        raise InputError(f"{source}: no DNG in this folder or below")
 
 
 def _checked(file: str, max_pixels: int) -> tuple[dict[str, Any], str]:

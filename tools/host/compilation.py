@@ -1,22 +1,35 @@
-"""Tell the user that the renderer is being compiled, which takes most of the time of the first run on a machine."""
+"""Tell the user that the renderer is being compiled, which takes most of the time of a first run, and how far it is."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 
 from .progress import StageProgress
 
+_BETWEEN_NOTES = 10.0  # seconds
+
 
 @contextmanager
 def announced_compilation(note: Callable[[str], None], progress: StageProgress) -> Iterator[None]:
-    """In the `with` block, say once that the renderer is being compiled, and show which kernel, if it has to be."""
+    """In the `with` block, say once that the renderer is being compiled, if it has to be, and then how far that is.
+
+    note: called with remarks.
+    progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, `note` is called for that.
+    """
     from offline import compilation
 
-    note_once = cache(note)
+    note_once, said = cache(note), time.monotonic()
 
-    def begins(kernel: str) -> None:
-        note_once("compiling the renderer for this processor; it takes about a minute, once")
-        progress.remark(f"compiling {kernel}")
+    def begins(number: int, most: int) -> None:
+        nonlocal said
+        note_once("compiling the renderer for this processor; it takes a minute or two, once")
+        how_far = f"compiling kernel {number} of at most {most}"
+        if progress.shows:
+            progress.remark(how_far)
+        elif time.monotonic() - said >= _BETWEEN_NOTES:
+            said = time.monotonic()
+            note(f"{how_far}: {progress.current}")
 
     with compilation(begins):
         yield

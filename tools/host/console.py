@@ -29,22 +29,28 @@ class WorkerFault(Exception):  # noqa: N818  (a PanchromaError is one that was f
 
 
 class Console:
-    """Lines for people, with `json` also one object per line for machines, and a progress bar where a terminal can show one."""
+    """Lines for people, with `json` also one object per line for machines, and a progress bar where a terminal can show one.
 
-    def __init__(self, *, json: bool = False) -> None:
+    json: standard output is for machines; what people read goes to standard error.
+    quiet: standard error is for errors alone.
+    """
+
+    def __init__(self, *, json: bool = False, quiet: bool = False) -> None:
         self._json = json
+        self._quiet = quiet
         self._display: RichProgress | None = None
 
     def say(self, text: str) -> None:
         """Print a result, to stdout unless that is for machines. Raises StandardOutputError."""
-        if self._json:
-            to_stderr(text)
-        else:
+        if not self._json:
             _to_stdout(text)
+        elif not self._quiet:
+            to_stderr(text)
 
     def note(self, text: str) -> None:
         """Print a remark to stderr."""
-        to_stderr(one_line(text))
+        if not self._quiet:
+            to_stderr(one_line(text))
 
     def error(self, text: str) -> None:
         """Print one line that says what failed to stderr; line breaks in `text` are removed."""
@@ -58,8 +64,10 @@ class Console:
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
         # Imported here, because it loads NumPy, which `panchroma --help` does not need.
-        from .progress import BarProgress, LineProgress, rich_display
+        from .progress import BarProgress, LineProgress, StageProgress, rich_display
 
+        if self._quiet:
+            return StageProgress()
         title = one_line(title)
         if not sys.stderr.isatty():
             return LineProgress(title)

@@ -2,13 +2,13 @@
 
 import os
 import shlex
-from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
+from collections.abc import Callable, Container, Iterable, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shared.errors import InputError, OutputError, PanchromaError
+from shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
 from shared.writing import sweep
 
 from .console import Console, StandardOutputError, fault
@@ -19,10 +19,22 @@ FAILED = 1
 
 @dataclass(frozen=True)
 class Job:
-    """One source and the files to be made from it."""
+    """One source and the files to be made from it.
+
+    found: it was found in a folder: if it turns out to be a file of another kind, it is left out, and nothing has failed.
+    """
 
     source: str
-    outputs: tuple[Path, ...]
+    outputs: tuple[Path, ...] = ()
+    found: bool = False
+
+    def make_folders(self) -> None:
+        """Create the subfolders for the outputs. Call it when all else has gone well. Raises OutputError."""
+        for folder in {output.parent for output in self.outputs}:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
 
 
 _created: list[Path] = []  # output folders of this command
@@ -66,11 +78,6 @@ def remove_unused_folders() -> None:
             _created.pop().rmdir()
 
 
-def plan(sources: Sequence[str], names: Callable[[str], Sequence[str]], folder: Path) -> list[Job]:
-    """One job per source, with outputs in `folder` under the names that `names(source)` returns."""
-    return [Job(source, tuple(folder / name for name in names(source))) for source in sources]
-
-
 def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console: Console, *, overwrite: bool = False) -> int:
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and the others go on.
 
@@ -91,6 +98,14 @@ def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console
             facts = work(job)
         except StandardOutputError:
             raise
+        except ForeignFileError as error:
+            if not job.found:
+                failed = True
+                fail(job.source, job.outputs, str(error), console)
+                continue
+            message = str(error)
+            console.note(message if message.startswith(f"{job.source}:") else f"{job.source}: {message}")
+            console.record(source=job.source, ok=True, foreign=True)
         except Exception as error:  # one odd file must not end a night's batch
             failed = True
             fail(job.source, job.outputs, reason(error), console)

@@ -1,6 +1,7 @@
 """Options that several commands have, and the checks that belong to them."""
 
 import argparse
+from typing import Any
 
 from shared import Camera, CfaPattern, read_camera
 from shared.errors import InputError
@@ -74,6 +75,12 @@ def add_scale(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale", type=int, default=1, metavar="N", help=text)
 
 
+def add_quality(parser: argparse.ArgumentParser) -> None:
+    """Add --quality, for commands that write JPEG; `tools.pictures.encoders.check_quality` checks it."""
+    text = "quality of a JPEG, 1 (small) to 100 (default: 95)"
+    parser.add_argument("--quality", type=int, metavar="N", help=text)
+
+
 def add_max_pixels(parser: argparse.ArgumentParser) -> None:
     """Add --max-pixels, for commands that read untrusted files."""
     parser.add_argument("--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="refuse a file with more pixels than this")
@@ -82,6 +89,17 @@ def add_max_pixels(parser: argparse.ArgumentParser) -> None:
 def add_overwrite(group: argparse._ActionsContainer) -> None:
     """Add --overwrite."""
     group.add_argument("--overwrite", action="store_true", help="replace results that exist already")
+
+
+class _CalledLight(argparse.Action):
+    def __call__(self, *_: object) -> None:
+        raise InputError("--exposure is called --light here, a factor (2 is one stop more); --exposure, in stops, is for render")
+
+
+def add_light(group: argparse._ActionsContainer, **described: Any) -> None:
+    """Add --light, amounts of light of --protocol sensor; --exposure, its former name, raises InputError that says so."""
+    group.add_argument("--light", type=float, metavar="FACTOR", **described)
+    group.add_argument("--exposure", nargs="?", action=_CalledLight, help=argparse.SUPPRESS)
 
 
 def add_json(group: argparse._ActionsContainer, each: str) -> None:

@@ -17,12 +17,26 @@ _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 
 
 class StageProgress(Progress):
-    """A listener that shows nothing. Leaving its `with` block ends the display."""
+    """A listener that shows nothing, but knows the current stage. Leaving its `with` block ends the display."""
 
-    _title = _name = ""  # of the work, and of its current stage
+    _title = _name = _part = ""  # of the work, of its current stage, and of the part that this is in
+    shows = False  # whether anybody sees its remarks
+
+    @property
+    def current(self) -> str:
+        """Name of the current stage, and of the part that it is in; "" before the first one."""
+        return f"{self._name} ({self._part})" if self._part else self._name
 
     def _label(self) -> str:
-        return f"{self._title}: {self._name}" if self._name else self._title
+        return f"{self._title}: {self.current}" if self._name else self._title
+
+    def stage(self, name: str, steps: int) -> None:
+        """Remember its name."""
+        self._name, self._part = name, ""
+
+    def part(self, name: str) -> None:
+        """Remember its name."""
+        self._part = name
 
     def begin(self, steps: int) -> None:
         """Begin work of `steps` steps that has no stages."""
@@ -40,6 +54,8 @@ class StageProgress(Progress):
 class LineProgress(StageProgress):
     """One plain line per finished stage with the seconds it took, for logs and pipes."""
 
+    shows = True
+
     def __init__(self, title: str) -> None:
         self._title = title
         self._since = 0.0
@@ -54,7 +70,8 @@ class LineProgress(StageProgress):
     def stage(self, name: str, steps: int) -> None:
         """Print the time that the stage before took."""
         self._end()
-        self._name, self._since = name, time.monotonic()
+        super().stage(name, steps)
+        self._since = time.monotonic()
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if kind is None:
@@ -68,6 +85,8 @@ class LineProgress(StageProgress):
 class BarProgress(StageProgress):
     """A bar per file that shows the current stage."""
 
+    shows = True
+
     def __init__(self, title: str, display: "RichProgress") -> None:
         self._title = title
         self._display = display
@@ -79,7 +98,7 @@ class BarProgress(StageProgress):
 
     def stage(self, name: str, steps: int) -> None:
         """Restart the bar under this name."""
-        self._name = name
+        super().stage(name, steps)
         self._display.reset(self._task, total=steps, description=f"{self._title}: {name}")
 
     def begin(self, steps: int) -> None:

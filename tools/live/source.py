@@ -116,7 +116,7 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False)
     black, white = calibration.black_level[0], calibration.white_level
-    note = f"no --camera: black is taken to be {black:.0f}, white {white}, and the colours stay unknown"
+    note = f"no --camera: black is taken to be {black:.0f}, white {white}, and white is estimated from the frames"
     return Sensor(layout, pattern, calibration), (note,)
 
 

@@ -23,7 +23,7 @@ from shared.errors import InputError, OutputError
 from shared.tiff import Directory, Fields, FieldType, write_tiff
 
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a JPEG segment
-_JPEG_QUALITY = 95
+_QUALITIES, _QUALITY = range(1, 101), 95  # of a JPEG, and the one if none is asked for
 _STRIP_ROWS = 64
 _PNG_START = 8 + 25  # signature and IHDR
 
@@ -119,17 +119,28 @@ def _chunk(name: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
 
-def encode_jpeg(codes: NDArray[Any], *, icc: bytes, exif: bytes) -> bytes:
+def check_quality(quality: int | None) -> None:
+    """Raise InputError unless this is a quality of a JPEG, 1 to 100, or None for the usual one."""
+    if quality is not None and quality not in _QUALITIES:
+        raise InputError(f"the quality is {quality}, expected {_QUALITIES[0]} to {_QUALITIES[-1]}")
+
+
+def encode_jpeg(codes: NDArray[Any], *, icc: bytes, exif: bytes, quality: int | None = None) -> bytes:
     """Return a JPEG of uint8 RGB (H, W, 3) with full-resolution colour, Exif block and profile (b"" = none: sRGB).
 
-    Raises InputError if a side exceeds 65500 pixels, or the Exif block 64 KiB.
+    quality: 1 to 100; None = 95.
+
+    Raises InputError for another quality, and if a side exceeds 65500 pixels, or the Exif block 64 KiB.
     """
+    check_quality(quality)
     height, width = codes.shape[:2]
     if max(height, width) > LONGEST_SIDE:
         raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
     if len(exif) > _LONGEST_EXIF:
         raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
-    jpeg = bytes(imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=_JPEG_QUALITY, subsampling="444"))
+    jpeg = bytes(
+        imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=_QUALITY if quality is None else quality, subsampling="444")
+    )
     segments = _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
     start = 4 + int.from_bytes(jpeg[4:6], "big")  # after SOI and JFIF's APP0, which must be first
     return jpeg[:start] + segments + jpeg[start:]

@@ -23,7 +23,7 @@ from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import OnComplete, write_durably
 
-from .encoders import encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
+from .encoders import check_quality, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
 from .exif_writing import jpeg_directory, picture_directory, software
 from .icc_writing import icc_profile
 from .samples import quantise, upright
@@ -40,6 +40,8 @@ POSSIBLE: dict[str, dict[str, tuple[int, ...]]] = {
     "exr": {"linear-srgb": (16, 32), CAMERA: (32, 16)},
     "npy": {CAMERA: (32,), "srgb": (32,), "display-p3": (32,), "linear-srgb": (32,)},
 }
+OTHER_NAMES = {"tiff": "tif", "jpeg": "jpg"}
+"""What else the formats are called: name -> key of `POSSIBLE`, which is also the ending of the file's name."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class PictureKind:
     format: a key of `POSSIBLE`.
     bits: 8 or 16 = integers (in "exr" half floats), 32 = floating point.
     space: a key of `SPACES`, or "camera".
+    quality: of a JPEG, 1 to 100; None = the usual one.
 
     Raises InputError for any other kind, and names the possible ones.
     """
@@ -56,8 +59,14 @@ class PictureKind:
     format: str
     bits: int
     space: str
+    quality: int | None = None
 
     def __post_init__(self) -> None:
+        check_quality(self.quality)
+        if self.quality is not None and self.format != "jpg":
+            raise InputError(
+                f"the quality is {self.quality}, but {self.format} is not compressed with loss; only jpg has a quality"
+            )
         spaces = _spaces(self.format)
         if self.space not in spaces:
             raise InputError(f"{self.format} does not hold the space {self.space!r}; it holds {_listed(self.format)}")
@@ -65,14 +74,25 @@ class PictureKind:
             raise InputError(f"{self.format} does not hold {self.space} with {self.bits} bits; it holds {_listed(self.format)}")
 
     @classmethod
-    def of(cls, format: str = "tif", bits: int | None = None, space: str | None = None) -> "PictureKind":  # noqa: A002
+    def of(
+        cls,
+        format: str = "tif",  # noqa: A002
+        bits: int | None = None,
+        space: str | None = None,
+        quality: int | None = None,
+    ) -> "PictureKind":
         """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
         for candidate, possible in _spaces(format).items():
             if space in (None, candidate) and bits in (None, *possible):
-                return cls(format, bits or possible[0], candidate)
+                return cls(format, bits or possible[0], candidate, quality)
         if space is None:
             raise InputError(f"{format} does not hold {bits} bits; it holds {_listed(format)}")
         return cls(format, bits or 0, space)  # raises InputError with the reason
+
+    @property
+    def has_white_balance(self) -> bool:
+        """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
+        return self.space != CAMERA or self.format == "dng"
 
     @property
     def suffix(self) -> str:
@@ -146,7 +166,9 @@ def encode_picture(
             exif = encode_tiff(picture_directory(metadata, srgb=srgb))
             return encode_png(samples, title=SPACES[kind.space].title, icc=icc, exif=exif)
         case "jpg":
-            return encode_jpeg(samples, icc=icc, exif=encode_tiff(jpeg_directory(metadata, samples.shape, srgb=srgb)))
+            return encode_jpeg(
+                samples, icc=icc, exif=encode_tiff(jpeg_directory(metadata, samples.shape, srgb=srgb)), quality=kind.quality
+            )
         case "exr":
             return encode_exr(samples, channels, kind.bits, _exr_attributes(metadata, kind.space))
     return encode_npy(samples)

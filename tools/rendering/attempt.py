@@ -116,6 +116,9 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         if mosaic.calibration.noise is None:
             taken = "estimated from the shot" if settings.noise.estimate else "taken as zero"
             note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
+        calibration = mosaic.calibration
+        if calibration.neutral is None and calibration.camera_to_xyz is None and order.kind.has_white_balance:
+            note(f"{source}: the white balance is unknown and taken as even; --wb auto estimates it, --wb R,G,B sets it")
         if existing.changed:
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 
@@ -132,6 +135,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
     solvers = {name: asdict(each) for name, each in solved.items()}
     facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3), "solvers": solvers}
+    facts["neutral"], facts["neutral_estimated"] = mosaic.calibration.neutral, mosaic.calibration.neutral_estimated
     facts["learned"] = network_name(mosaic.pattern) if settings.learned.used else None
     return Outcome("made", line, facts)
 

@@ -12,6 +12,7 @@ from tools.pictures.writer import PictureKind, check_output
 from .defect_list import Places, with_defects
 from .journal import key
 from .picture_file import check_light
+from .white_balance import AS_SHOT, WhiteBalance
 
 Note = Callable[[str], None]
 
@@ -27,6 +28,7 @@ class Order:
     exposure: gain of a display picture, stops.
     camera: replaces the calibration in the shots.
     run: name of this run in the journal.
+    white: white balance of the pictures.
     defects: sensor (row, column) of defective pixels, in addition to the calibration's.
     max_pixels: largest shot that is read.
     resume: keep pictures that are up to date, replace those of an earlier render that are not.
@@ -41,6 +43,7 @@ class Order:
     camera: Camera | None
     run: str
     defects: Places = ()
+    white: WhiteBalance = AS_SHOT
     max_pixels: int = MAX_PIXELS
     learned: bool = True
     resume: bool = False
@@ -63,6 +66,7 @@ class Order:
             mosaic = self.camera.calibrated(mosaic)
         if self.defects:
             mosaic = with_defects(mosaic, self.defects)
+        mosaic = self.white.of(mosaic)
         check_output(self.kind, mosaic.calibration, mosaic.shape)
         check_light(mosaic, self.settings)
         return mosaic
@@ -78,7 +82,12 @@ class Order:
         return key(
             input=source_digest,
             settings=asdict(self.settings),
-            picture=[self.kind.format, self.kind.bits, self.kind.space, self.exposure],
+            # What is not asked for is left out: the keys of pictures made before there was a choice stay the same.
+            picture=[
+                *(self.kind.format, self.kind.bits, self.kind.space, self.exposure),
+                *([] if self.kind.quality is None else [{"quality": self.kind.quality}]),
+                *([{"white": asdict(self.white)}] if self.white.changes else []),
+            ],
             calibration=self.camera.calibration.id if self.camera else None,  # the shot's own is part of the shot
             defects=self.defects,
             algorithm=ALGORITHM,

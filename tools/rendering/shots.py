@@ -1,15 +1,13 @@
-"""Which shots to render, and where each picture goes: files that are named, and all DNGs in and below folders."""
+"""Which shots to render, where each picture goes, and which of them belong to a part of the work."""
 
 import hashlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from shared.errors import InputError
-from tools.host.jobs import identity
-
-_SUFFIX = ".dng"
+from tools.host.folders import Source
 
 
 @dataclass(frozen=True)
@@ -26,37 +24,13 @@ class Shot:
     found: bool = False
 
 
-def expand(given: Sequence[str], folder: Path, suffix: str) -> tuple[list[Shot], list[tuple[str, str]]]:
-    """The shots of files and folders, and (source, what is wrong) for each source that has none.
+def shots_of(sources: Sequence[Source], folder: Path, suffix: str) -> list[Shot]:
+    """The shots of the files that were named or found in folders.
 
-    given: files and folders; shots come in this order, those of a folder ordered by name.
-    folder: the output folder. A named shot's picture goes there; subfolders of a given folder are mirrored.
+    folder: the output folder, see `Source.output`.
     suffix: of a picture's file name.
-
-    Hidden files and folders are left out. Links to folders are not followed, and `folder` itself is not searched.
     """
-    shots: list[Shot] = []
-    failures = []
-    for source in given:
-        if not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
-            shots.append(Shot(source, folder / (Path(source).stem + suffix)))
-            continue
-        errors: list[OSError] = []
-        below = list(_below(Path(source), folder, errors))
-        failures += [(str(error.filename), f"cannot be read ({error.strerror or error})") for error in errors]
-        if not below and not errors:
-            failures.append((source, f"no {_SUFFIX} file is in this folder or below it"))
-        shots += [Shot(str(path), folder / path.relative_to(source).with_suffix(suffix), found=True) for path in below]
-    return shots, failures
-
-
-def _below(top: Path, output: Path, errors: list[OSError]) -> Iterator[Path]:
-    left_out = {identity(output)} - {None}
-    for place, folders, files in os.walk(top, onerror=errors.append):
-        folders[:] = sorted(name for name in folders if not (name.startswith(".") or identity(Path(place, name)) in left_out))
-        for name in sorted(files):
-            if name.lower().endswith(_SUFFIX) and not name.startswith("."):
-                yield Path(place, name)
+    return [Shot(each.name, each.output(folder, Path(each.name).stem + suffix), each.found) for each in sources]
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import D65_XY, Matrix, adaptation, as_rows, xyz
-
-MINKOWSKI = 6  # Finlayson and Trezzi, "Shades of Gray and Colour Constancy", CIC 2004
-DARK, BRIGHT = 0.02, 0.95  # scene units: pixels between these are above the noise and below clipping
-ENOUGH = 100  # well exposed pixels that an estimate needs
+from shared.white_balance import shades_of_grey
 
 
 def camera_to_xyz(xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illuminant: tuple[float, float] = D65_XY) -> Matrix:
@@ -27,21 +24,19 @@ def camera_to_xyz(xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illumi
     return as_rows(forward / np.array(neutral))
 
 
-def normalised(neutral: DoubleArray) -> tuple[float, ...]:
-    """Return the neutral scaled so that its largest channel is 1: the brightest white that no channel clips."""
-    return tuple((neutral / neutral.max()).tolist())
-
-
 def estimate_neutral(rgb: FloatArray) -> tuple[float, ...] | None:
-    """Estimate what white reads in a picture, by the shades-of-grey method; None if too few pixels are well exposed.
+    """Estimate what white reads in a picture (H, W, 3), scene units, see `shades_of_grey`."""
+    return shades_of_grey(rgb)
 
-    rgb: (H, W, 3), scene units.
 
-    The sixth power favours bright surfaces, which show the light's colour best. On four photographs of known neutral the error
-    is 2 to 6 degrees; for the plain mean (grey world) it is 4 to 8.
-    """
-    usable = rgb[(rgb.max(axis=2) < BRIGHT) & (rgb.mean(axis=2) > DARK)].astype(np.float64)
-    if len(usable) < ENOUGH:
-        return None
-    shade = np.mean(usable**MINKOWSKI, axis=0) ** (1 / MINKOWSKI)
-    return normalised(shade) if shade.min() > 0 else None
+def as_shot_or_estimated(
+    as_shot: tuple[float, ...] | None, rgb: FloatArray
+) -> tuple[tuple[float, ...] | None, bool, tuple[str, ...]]:
+    """Return the neutral of a file that may state none, whether it is estimated from the scene `rgb`, and notes for the user."""
+    if as_shot is not None:
+        return as_shot, False, ()
+    estimate = estimate_neutral(rgb)
+    if estimate is None:
+        return None, False, ("the file has no white balance, and the scene is too dark or too bright to estimate one",)
+    figures = ", ".join(f"{value:.3f}" for value in estimate)
+    return estimate, True, (f"the file has no white balance: neutral {figures} is estimated from the scene",)

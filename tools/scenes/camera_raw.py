@@ -18,9 +18,10 @@ from shared.colorimetry import D65_XY, Matrix
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS, data_bytes
+from shared.white_balance import normalised
 from tools.host.limited import run_limited
 
-from .camera_colour import camera_to_xyz, estimate_neutral, normalised
+from .camera_colour import as_shot_or_estimated, camera_to_xyz
 from .decoders import guarded
 from .exif_reading import from_tags, text, tiff_tags, whole
 from .scene import Scene, check_size
@@ -36,6 +37,7 @@ _ILLUMINANTS = {
     1: (0.3324, 0.3474),
     22: (0.2990, 0.3149),
 }
+UNKNOWN_MATRIX = "the camera's colour matrix is unknown: colours can be balanced, but not matched"
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
 
@@ -72,9 +74,9 @@ def _scene(path: Path, name: str, max_pixels: int) -> Scene:
             check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
             raw.unpack()
             rgb = _quads(raw, rawpy)
-            neutral, notes = _neutral(raw, rgb)
+            neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
             tags = tiff_tags(path)
-            matrix = _matrix(raw, tags, neutral)
+            matrix = colour_matrix(tags, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
             metadata = _metadata(raw, tags)
     except rawpy.LibRawFileUnsupportedError:
         raise InputError(
@@ -84,8 +86,8 @@ def _scene(path: Path, name: str, max_pixels: int) -> Scene:
     except rawpy.LibRawIOError:
         raise InputError("the RAW is cut short or cannot be read; copy it again") from None
     if matrix is None:
-        notes += ("the camera's colour matrix is unknown: colours can be balanced, but not matched",)
-    return Scene(rgb, name, matrix, neutral, metadata, notes)
+        notes += (UNKNOWN_MATRIX,)
+    return Scene(rgb, name, matrix, neutral, metadata, notes, estimated)
 
 
 def _quads(raw: Any, rawpy: Any) -> FloatArray:
@@ -114,7 +116,7 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     """Return the colour indices (2, 2) of the first visible quad. Raises InputError that says what the sensor has instead."""
     no_quads = "a scene needs 2 x 2 Bayer quads; take another file"
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image is None:
-        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW, linear DNG), not a mosaic: {no_quads}")
+        raise InputError(f"the RAW holds several samples per pixel (Foveon, sRAW), not a mosaic: {no_quads}")
     try:
         pattern = raw.raw_pattern
     except NotImplementedError:
@@ -131,24 +133,19 @@ def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:
     return cast(NDArray[np.uint8], pattern)
 
 
-def _neutral(raw: Any, rgb: FloatArray) -> tuple[tuple[float, ...] | None, tuple[str, ...]]:
-    """Return the neutral, from the camera's white balance or else estimated from the scene, and notes for the user."""
+def _neutral(raw: Any) -> tuple[float, ...] | None:
+    """Return the neutral of the camera's white balance; None if the file states none."""
     balance = np.array(raw.camera_whitebalance[:3], np.float64)
     # Equal factors mean that the file has no white balance (no sensor is white-balanced by itself), or a photographer's "UniWB".
-    if np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0:
-        return normalised(1 / balance), ()
-    estimate = estimate_neutral(rgb)
-    if estimate is None:
-        return None, ("the file has no white balance, and the scene is too dark or too bright to estimate one",)
-    figures = ", ".join(f"{value:.3f}" for value in estimate)
-    return estimate, (f"the file has no white balance: neutral {figures} is estimated from the scene",)
+    stated = np.isfinite(balance).all() and balance.min() > 0 and np.ptp(balance) > 0
+    return normalised(1 / balance) if stated else None
 
 
-def _matrix(raw: Any, tags: Mapping[int, Any], neutral: tuple[float, ...] | None) -> Matrix | None:
-    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else from LibRaw's table of cameras (for D65)."""
+def colour_matrix(tags: Mapping[int, Any], neutral: tuple[float, ...] | None, known: Any = None) -> Matrix | None:
+    """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3), for D65; None without one."""
     candidates = [(tags.get(tag), _ILLUMINANTS.get(whole(tags.get(light)) or 0, D65_XY)) for tag, light in _COLOR_MATRICES]
     candidates.sort(key=lambda candidate: abs(candidate[1][0] - D65_XY[0]))
-    for values, illuminant in (*candidates, (raw.rgb_xyz_matrix[:3], D65_XY)):
+    for values, illuminant in (*candidates, (known, D65_XY)):
         try:
             matrix = np.array(values, np.float64).reshape(3, 3)
         except (TypeError, ValueError, ArithmeticError):

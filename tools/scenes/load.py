@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.dng.tags import MAKER, Tag
-from shared.errors import InputError
+from shared.errors import ForeignFileError, InputError
 from shared.reading import MAX_PIXELS
 from shared.tiff_check import PLAIN, check_directories
 
@@ -17,6 +17,7 @@ from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
 from .gehler_shi import gehler_shi_scene
+from .linear_dng import linear_dng_scene
 from .picture import picture_scene
 from .scene import Scene, check_size
 
@@ -41,10 +42,12 @@ _PIECE = 16 << 20
 _TIFF_SUFFIXES = (".tif", ".tiff")
 # What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
-_RAW_SUFFIX = re.compile(
-    r"\.(3fr|ari|arw|bay|bmq|cap|cine|cr2|cr3|crw|cs1|dc2|dcr|dng|drf|dsc|erf|fff|gpr|ia|iiq|k25|kc2|kdc|mdc|mef|mos|mrw|nef|nrw|"
-    r"orf|ori|pef|ptx|pxn|qtk|raf|raw|rdc|rw2|rwl|rwz|sr2|srf|srw|sti|x3f)"
+_RAWS = (
+    "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 kc2 kdc mdc mef mos mrw nef nrw "
+    "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
 )
+ENDINGS = (*(suffix for *_, suffixes, _ in _KINDS for suffix in suffixes), *_TIFF_SUFFIXES, *(f".{name}" for name in _RAWS.split()))
+"""Endings of the names of files that may be scenes: what is looked for in folders."""
 _TEXT_BYTES = 512  # from which a text is known
 
 
@@ -52,7 +55,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     """Return the scene in a file, or a built-in scene.
 
     source: one of
-        the path of a Bayer camera RAW (see `camera_raw_scene`),
+        the path of a Bayer camera RAW (see `camera_raw_scene`), or of a linear DNG (see `linear_dng_scene`),
         the path of a TIFF, PNG, JPEG, WebP, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
@@ -78,27 +81,25 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             if kind == "PNG" and (scene := gehler_shi_scene(picture, path.stem)):
                 return scene
             return picture_scene(picture, path.stem, linear=linear)
+    is_dng = False
     if start.startswith(_TIFF_STARTS):
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
-            raise InputError("this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render")
+            raise ForeignFileError(
+                "this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render"
+            )
         if suffix in _TIFF_SUFFIXES and not is_dng:
             with guarded(path):
                 picture = decode_tiff(path, max_pixels)
             return picture_scene(picture, path.stem, linear=linear)
-    if _is_text(path) or not (is_scene_name(path.name) or re.match(_RAW_START, start, re.DOTALL)):
+    if _is_text(path) or not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         what = "a text" if _is_text(path) else "of no known kind by its name and its first bytes"
         raise InputError(
             f"neither a picture nor a camera RAW, but {what}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
         )
-    return camera_raw_scene(path, path.stem, max_pixels)
-
-
-def is_scene_name(name: str) -> bool:
-    """Return whether a file may be a scene by the ending of its name: that of a picture we read, or of a camera RAW."""
-    suffix = Path(name).suffix.lower()
-    pictures = {*_TIFF_SUFFIXES, *(each for _, _, suffixes, _ in _KINDS for each in suffixes)}
-    return suffix in pictures or _RAW_SUFFIX.fullmatch(suffix) is not None
+    with guarded(path):
+        linear_scene = linear_dng_scene(path, path.stem, max_pixels) if is_dng else None
+    return linear_scene or camera_raw_scene(path, path.stem, max_pixels)
 
 
 def is_drawn(source: str) -> bool:

@@ -25,6 +25,7 @@ class Scene:
     neutral: (3,), what a white surface reads under the light of the shot, at most 1; None = unknown.
     metadata: capture data.
     notes: remarks for the user on how the file was interpreted.
+    neutral_estimated: the neutral is an estimate from the scene, because the file states none.
 
     Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
     """
@@ -35,6 +36,7 @@ class Scene:
     neutral: tuple[float, ...] | None = None
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
     notes: tuple[str, ...] = ()
+    neutral_estimated: bool = False
 
     def __post_init__(self) -> None:
         rgb = np.ascontiguousarray(self.rgb, np.float32)

@@ -17,6 +17,8 @@ from shared.arrays import ByteArray
 from shared.dng import read_preview
 from tests.data import ROOT
 from tests.device.packer import pack, random_codes
+from tests.shared.test_white_balance import LIGHT
+from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import PROGRAM, file_limit, spawn
 from tests.tools.command import run as command
 from tools.cli import main
@@ -67,7 +69,7 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
         assert mosaic.calibration == SensorCalibration.of_bits(12, headroom=False)
     assert (tmp_path / "latest").resolve() == shots(out)[-1]
     lines = done.stderr.decode().splitlines()
-    assert "no --camera: black is taken to be 256, white 4095, and the colours stay unknown" in lines
+    assert "no --camera: black is taken to be 256, white 4095, and white is estimated from the frames" in lines
     assert lines[-1] == "3 saved, 0 dropped"
 
 
@@ -292,3 +294,15 @@ def test_every_option_of_the_layout_matters(out: Path) -> None:
         assert done.returncode == 0, done.stderr
         seen.add(read_dng(shots(out)[-1]).codes.tobytes())
     assert len(seen) == 5
+
+
+def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -> None:
+    data = b"".join(coloured_light(light).codes.astype("<u2").tobytes() for light in (LIGHT, (1.0, 0.7, 0.3), LIGHT))
+    done = piped(data, "-o", str(out), "--width", "200", "--height", "150", "--format", "u16", "--bits", "12", "--wait")
+    assert done.returncode == 0, done.stderr
+    neutrals = [read_dng(path).calibration.neutral for path in shots(out)]
+    assert np.allclose(np.array(neutrals), LIGHT, atol=0.09)
+    first = shots(out)[0]
+    assert "estimated from the picture" in command("inspect", first).out
+    preview = imagecodecs.jpeg8_decode(read_preview(first)).mean(axis=(0, 1))
+    assert np.ptp(preview) < 0.05 * preview.mean()

@@ -81,9 +81,10 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> No
         (("--methods", "magic"), "unknown method 'magic'; there are paper"),
         (("--period", "2"), "--period is 2, expected 3 to"),
         (("--sigma", "-1"), "sigma is -1"),
-        (("--exposure", "0.5"), "--exposure the light of --protocol sensor"),
+        (("--light", "0.5"), "--light the amount of light of --protocol sensor"),
+        (("--protocol", "sensor", "--exposure", "0.5"), "--exposure is called --light here, a factor"),
         (("--protocol", "sensor", "--sigma", "0.1"), "--sigma is the noise of --protocol paper"),
-        (("--protocol", "sensor", "--exposure", "0"), "exposure is 0"),
+        (("--protocol", "sensor", "--light", "0"), "exposure is 0"),
         (("--seed", "-1"), "seed is -1"),
         (("-j", "0"), "-j is 0"),
         (("--max-memory", "lots"), "--max-memory is 'lots'"),
@@ -99,7 +100,7 @@ def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said:
 
 
 def test_equal_exposure_times(tmp_path: Path) -> None:
-    options = ("--protocol", "sensor", "--exposure", "1", "0.25", "--methods", "preview", "bilinear", "-j", "1", "--no-report")
+    options = ("--protocol", "sensor", "--light", "1", "0.25", "--methods", "preview", "bilinear", "-j", "1", "--no-report")
     assert run("evaluate", "builtin:60x60", "-o", tmp_path, *options).code == 0
     document = json.loads((tmp_path / "evaluation.json").read_text())
     assert document["protocol"]["kind"] == "sensor"

@@ -13,7 +13,7 @@ from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibr
 from shared.arrays import CodeArray
 from shared.dng import encode_picture_dng, read_preview
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
-from tests.tools.command import run
+from tests.tools.command import assert_refused, run
 
 PLAIN = SensorCalibration.of_bits(12)
 BLACK, WHITE = int(PLAIN.black_level[0]), PLAIN.white_level
@@ -171,7 +171,7 @@ def archive(folder: Path) -> list[Path]:
 def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: int) -> None:
     paths = archive(tmp_path)
     outcome = run("inspect", "--verify", tmp_path, "-j", str(jobs))
-    assert (outcome.code, outcome.out, outcome.err) == (0, "4 whole, 0 damaged\n", "")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "4 whole, 0 damaged\n", f"{tmp_path}: left out note.txt\n")
     damaged = sorted([paths[1], paths[3]])
     for path in damaged:
         data = bytearray(path.read_bytes())
@@ -209,7 +209,8 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
     (tmp_path / "empty").mkdir()
-    assert run("inspect", "--verify", tmp_path / "empty").errors == [f"panchroma: {tmp_path}/empty: no DNG in this folder or below"]
+    outcome = run("inspect", "--verify", tmp_path / "empty")
+    assert_refused(outcome, "no .dng file is in this folder or below it", name=str(tmp_path / "empty"))
 
 
 def test_a_pattern_without_a_network_says_so(tmp_path: Path) -> None:

@@ -89,6 +89,17 @@ def test_many_shots_of_several_patterns_and_one_that_is_none(tmp_path: Path) -> 
     assert distance(decoded(tmp_path / "b.jpg"), picture(sources[2])) < JPEG_LOSS
 
 
+def test_quality_is_that_of_the_jpeg(tmp_path: Path) -> None:
+    sizes = []
+    for quality in ("20", "100"):
+        assert run("preview", shot(tmp_path), "-o", tmp_path, "--quality", quality, "--overwrite").code == 0
+        sizes.append((tmp_path / "shot.jpg").stat().st_size)
+        (tmp_path / "shot.dng").unlink()
+    assert sizes[0] < sizes[1]
+    outcome = run("preview", shot(tmp_path), "-o", tmp_path, "--quality", "0")
+    assert (outcome.code, "the quality is 0, expected 1 to 100" in outcome.err) == (2, True)
+
+
 def test_results_are_not_replaced_unasked(tmp_path: Path) -> None:
     source = shot(tmp_path)
     (tmp_path / "shot.jpg").write_text("mine")

@@ -18,6 +18,8 @@ from offline.settings import RenderSettings
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray, FloatArray
 from shared.sensor import simulate_additive
+from tests.shared.test_white_balance import LIGHT
+from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, file_limit, names, results, run, spawn
 from tools.evaluation.metrics import psnr
 from tools.pictures.writer import POSSIBLE
@@ -144,6 +146,63 @@ def test_displays_get_the_picture_upright_with_profile_and_capture_data(out: Pat
         assert image.info["icc_profile"]
 
 
+@pytest.mark.parametrize(("name", "ending"), [("tiff", "tif"), ("jpeg", "jpg")])
+def test_formats_have_their_other_names(out: Path, shot: Path, name: str, ending: str) -> None:
+    assert run("render", shot, "-o", out, "-f", name).code == 0
+    assert results(out) == {f"{shot.stem}.{ending}"}
+
+
+def test_quality_is_that_of_the_jpeg(out: Path, shot: Path) -> None:
+    sizes = []
+    for options in (("--quality", "30"), (), ("--quality", "95"), ("--quality", "100")):
+        assert run("render", shot, "-o", out, "-f", "jpg", *options, "--overwrite").code == 0
+        sizes.append((out / f"{shot.stem}.jpg").stat().st_size)
+    assert sizes[0] < sizes[1] == sizes[2] < sizes[3]
+
+
+def uncalibrated(path: Path, level: float = 0.8) -> Path:
+    """A shot of a grey scene under coloured light by a sensor that nobody has calibrated."""
+    mosaic = Mosaic(coloured_light(level=level).codes, CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+    write_dng(path, mosaic, np.zeros((8, 8, 3), np.uint8))
+    return path
+
+
+def cast(path: Path) -> float:
+    """How far the picture's mean colour is from grey."""
+    mean = np.asarray(tifffile.imread(path) if path.suffix == ".tif" else Image.open(path)).mean(axis=(0, 1))
+    return float(np.ptp(mean) / mean.mean())
+
+
+def test_white_balance_as_shot_estimated_and_given(out: Path, tmp_path: Path) -> None:
+    shot = uncalibrated(tmp_path / "a.dng")
+    multipliers = ",".join(str(1 / each) for each in LIGHT)
+    for options, balanced_ in (((), False), (("--wb", "auto"), True), (("--wb", multipliers), True), (("--wb", "camera"), False)):
+        for kind in ("tif", "png", "jpg"):
+            outcome = run("render", shot, "-o", out, "-f", kind, "--preset", "paper", "--overwrite", *options, "--json")
+            assert outcome.code == 0, outcome.err
+            assert (cast(out / f"a.{kind}") < 0.03) == balanced_, (kind, options)
+            assert ("white balance is unknown" in outcome.err) == (not balanced_)
+            assert outcome.records[0]["neutral_estimated"] == (options == ("--wb", "auto"))
+        assert run("render", shot, "-o", out, "-f", "dng", "--preset", "paper", "--overwrite", *options).code == 0
+        with tifffile.TiffFile(out / "a.dng") as file:
+            stated = np.array(file.pages.first.tags.valueof(50728)).reshape(3, 2)
+        assert np.allclose(stated[:, 0] / stated[:, 1], LIGHT if balanced_ else 1, atol=0.05)
+
+
+def test_an_estimate_sees_the_whole_picture_whatever_the_threads(out: Path, tmp_path: Path) -> None:
+    shot, pictures = uncalibrated(tmp_path / "a.dng"), []
+    for options in (("-j", "1"), ("-j", "2")):
+        assert run("render", shot, "-o", out, "--wb", "auto", "--overwrite", *options).code == 0
+        pictures.append((out / "a.tif").read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -> None:
+    dim = uncalibrated(tmp_path / "dim.dng", level=0.004)
+    assert_refused(run("render", dim, "-o", out, "--wb", "auto"), "too dark, too bright or too small", name=str(dim))
+    assert_refused(run("render", dim, "-o", out, "--wb", "2,1"), "--wb has 2 multipliers", "R, G, B", name=str(dim))
+
+
 def test_exposure_is_a_gain(out: Path, shot: Path) -> None:
     means = []
     for stops in ("-1", "0", "1"):
@@ -198,6 +257,8 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
         "output": str(out / f"{STEM}.tif"),
         "width": 48,
         "height": 36,
+        "neutral": [1.0, 1.0, 1.0],
+        "neutral_estimated": False,
         "learned": "rggb-k6",
     }
     assert f"{STEM}.tif: 48 x 36" in outcome.err
@@ -250,6 +311,20 @@ def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tupl
         (("-f", "dng", "--space", "srgb"), "dng does not hold the space 'srgb'; it holds"),
         (("--exposure", "17"), "exposure is 17.0 stops, expected -16 to 16"),
         (("--exposure", "nan"), "exposure is nan stops"),
+        (("--quality", "90"), "the quality is 90, but tif is not compressed with loss; only jpg has a quality"),
+        (("-f", "jpg", "--quality", "0"), "the quality is 0, expected 1 to 100"),
+        (("-f", "jpeg", "--quality", "101"), "the quality is 101, expected 1 to 100"),
+        (("--wb", "auto", "--space", "camera"), "--wb does not go with --space camera"),
+        (("--wb", "2,1,1", "-f", "npy"), "--wb does not go with --space camera"),
+        (("--wb", "daylight"), "--wb is 'daylight', expected camera, auto or multipliers R,G,B"),
+        (("--wb", ""), "--wb is '', expected"),
+        (("--wb", "2"), "--wb is '2', expected"),
+        (("--wb", "2,,1"), "--wb is '2,,1', expected"),
+        (("--wb", "2,0,1"), "expected multipliers between 0.001 and 1000"),
+        (("--wb=-2,1,1",), "expected multipliers between 0.001 and 1000"),
+        (("--wb", "2,nan,1"), "expected multipliers between 0.001 and 1000"),
+        (("--wb", "2,inf,1"), "expected multipliers between 0.001 and 1000"),
+        (("--wb", "1e300,1,1e-300"), "expected multipliers between 0.001 and 1000"),
         (("--exposure", "1", "--space", "camera"), "an exposure of 1 stops with --space camera"),
     ],
 )
@@ -303,8 +378,7 @@ def test_a_bad_shot_costs_one_line_and_the_rest_goes_on(
 def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
     for verb in (["render", "-o", str(out)], ["inspect"]):
         assert_refused(run(*verb, tmp_path / "x.dng"), "there is no such file", name=str(tmp_path / "x.dng"))
-        said = "no .dng file is in this folder" if verb[0] == "render" else "is a folder; give a DNG of Panchroma"
-        assert_refused(run(*verb, tmp_path), said, name=str(tmp_path))
+        assert_refused(run(*verb, tmp_path), "no .dng file is in this folder", name=str(tmp_path))
         assert_refused(run(*verb, "/dev/null"), "is a pipe or a device", name="/dev/null")
         assert_refused(run(*verb, "x" * 300), "cannot be read", name="x" * 300)
 

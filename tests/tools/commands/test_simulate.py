@@ -57,7 +57,7 @@ def test_a_shot_is_the_forward_model_of_the_scene(out: Path) -> None:
 def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     calibration = camera(white_level=4095)  # the sensor ends where its codes do
     expected = simulate_sensor(builtin_scene(24, 18).rgb, CfaPattern.bayer(), calibration, 4.0, noise_of(0, SHOT))
-    shot = simulate(out, "--protocol", "sensor", "--exposure", "4")
+    shot = simulate(out, "--protocol", "sensor", "--light", "4")
     assert np.array_equal(shot.codes, expected.codes)
     assert shot.calibration.noise == typical_noise(calibration)
     assert shot.codes.max() == 4095
@@ -204,7 +204,9 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
         (["--sigma", "nan"], "--sigma is nan"),
         (["--seed", "-1"], "--seed is -1"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the noise of --protocol paper"),
-        (["--exposure", "2"], "--exposure needs --protocol sensor"),
+        (["--light", "2"], "--light needs --protocol sensor"),
+        (["--exposure", "2"], "--exposure is called --light here, a factor"),
+        (["--protocol", "sensor", "--exposure=2"], "--exposure is called --light here, a factor"),
         (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],
 )
@@ -319,7 +321,7 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_pat
 
 def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
     assert_refused(run("simulate", tmp_path / "x.dng", "-o", out), "there is no such file", name=str(tmp_path / "x.dng"))
-    assert_refused(run("simulate", tmp_path, "-o", out), "is a folder; name the files in it", name=str(tmp_path))
+    assert_refused(run("simulate", tmp_path, "-o", out), "no fitting file is in this folder or below it", name=str(tmp_path))
     assert_refused(run("simulate", "x" * 300, "-o", out), "cannot be read", name="x" * 300)
     os.mkfifo(tmp_path / "pipe.dng")
     assert_refused(run("simulate", tmp_path / "pipe.dng", "-o", out), "is a pipe or a device", name=str(tmp_path / "pipe.dng"))

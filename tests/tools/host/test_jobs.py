@@ -9,7 +9,8 @@ import pytest
 
 from shared.errors import InputError, OutputError
 from tools.host.console import Console, StandardOutputError
-from tools.host.jobs import Job, output_folder, plan, run_jobs
+from tools.host.folders import Source, plan
+from tools.host.jobs import Job, output_folder, run_jobs
 
 Said = pytest.CaptureFixture[str]
 
@@ -22,7 +23,7 @@ def do(sources: Sequence[str | Path], folder: Path, *, overwrite: bool = False, 
             output.write_text(job.source)
         return {"size": len(job.source)}
 
-    jobs = plan([str(source) for source in sources], lambda source: [f"{Path(source).stem}.out"], folder)
+    jobs = plan([Source(str(source)) for source in sources], lambda source: [f"{Path(source).stem}.out"], folder)
     return run_jobs(jobs, work or write, Console(json=json), overwrite=overwrite)
 
 

@@ -174,12 +174,12 @@ X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
 @pytest.mark.parametrize(
     ("samples", "order", "kind", "reason"),
     [
-        (noise(60, 80, 3), "", LINEAR_RAW, "several samples per pixel"),
+        (noise(60, 80, 4), "", LINEAR_RAW, "several samples per pixel"),
         (noise(60, 80), "", LINEAR_RAW, "monochrome"),
         (noise(60, 84), X_TRANS, CFA, "X-Trans"),
         (noise(60, 80), "RGGG", CFA, "nor a camera RAW that LibRaw knows"),
     ],
-    ids=["linear", "monochrome", "x-trans", "no blue"],
+    ids=["four samples", "monochrome", "x-trans", "no blue"],
 )
 def test_sensors_without_quads_are_refused_with_the_reason(
     tmp_path: Path, samples: CodeArray, order: str, kind: int, reason: str

@@ -1,0 +1,34 @@
+"""White balance of a stream whose colours nobody has measured: estimated from its frames, and steady from frame to frame."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.mosaic import Mosaic
+from shared.white_balance import balanced, estimate_neutral
+
+_FOLLOWS = 1 / 16  # part of the way to a new frame's own estimate: half of a change of light is followed in eleven frames
+
+
+class SteadyWhite:
+    """Balances the frames of one stream, in their order. The estimate is a running mean, so it cannot flicker.
+
+    Frames whose calibration knows colours pass unchanged, and so do those before the first one that is bright enough.
+    """
+
+    def __init__(self) -> None:
+        self._logarithm: DoubleArray | None = None  # of the neutral
+
+    def __call__(self, mosaic: Mosaic) -> Mosaic:
+        """The frame with an estimated neutral in its calibration, and marked so."""
+        calibration = mosaic.calibration
+        if calibration.neutral is not None or calibration.camera_to_xyz is not None:
+            return mosaic
+        found = estimate_neutral(mosaic)
+        if found is not None:
+            seen = np.log(found)
+            self._logarithm = seen if self._logarithm is None else self._logarithm + _FOLLOWS * (seen - self._logarithm)
+        if self._logarithm is None:
+            return mosaic
+        return replace(mosaic, calibration=balanced(calibration, np.exp(self._logarithm), estimated=True))

@@ -1,0 +1,55 @@
+"""What the user hears of a compilation: that it takes place, once, how far it is, and for which stage."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+import offline
+from tools.host import compilation as product
+from tools.host.progress import LineProgress, StageProgress
+
+
+@pytest.fixture
+def compiles(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[int, int], None]]:
+    """The listeners that wait for a compilation; times between remarks are zero."""
+    listening = []
+
+    @contextmanager
+    def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
+        listening.append(begins)
+        yield
+
+    monkeypatch.setattr(offline, "compilation", compilation)
+    monkeypatch.setattr(product, "_BETWEEN_NOTES", 0.0)
+    monkeypatch.setattr("tools.host.progress._BETWEEN_REMARKS", 0.0)
+    return listening
+
+
+def run(progress: StageProgress, compiles: list[Callable[[int, int], None]]) -> list[str]:
+    notes: list[str] = []
+    with product.announced_compilation(notes.append, progress):
+        progress.stage("luminance", 1)
+        compiles[0](1, 3)
+        progress.stage("colour", 1)
+        progress.part("affinity")
+        compiles[0](2, 3)
+    assert notes[0].startswith("compiling the renderer for this processor")
+    return notes[1:]
+
+
+def test_the_display_says_how_far_it_is_and_for_which_stage(
+    compiles: list[Callable[[int, int], None]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(LineProgress("x.dng"), compiles) == []
+    assert [line for line in capsys.readouterr().err.splitlines() if "compiling" in line] == [
+        "x.dng: luminance, compiling kernel 1 of at most 3",
+        "x.dng: colour (affinity), compiling kernel 2 of at most 3",
+    ]
+
+
+def test_without_a_display_notes_do(compiles: list[Callable[[int, int], None]]) -> None:
+    assert run(StageProgress(), compiles) == [
+        "compiling kernel 1 of at most 3: luminance",
+        "compiling kernel 2 of at most 3: colour (affinity)",
+    ]

@@ -1,0 +1,114 @@
+"""Which files a command finds in folders: the same for all commands."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.tools.command import assert_refused, contents, run
+from tools.host.folders import DNGS, Source, search
+
+
+def touch(top: Path, *names: str) -> None:
+    for name in names:
+        (top / name).parent.mkdir(parents=True, exist_ok=True)
+        (top / name).touch()
+
+
+def test_files_come_as_given_and_folders_in_order_with_all_below_them(tmp_path: Path) -> None:
+    touch(tmp_path, "in/b.dng", "in/A.DNG", "in/sub/c.d.dng", "lone/z.dng")
+    found = search([str(tmp_path / "lone/z.dng"), str(tmp_path / "in"), "missing.dng"], DNGS)
+    assert (found.failures, found.left_out) == ([], [])
+    assert found.sources == [
+        Source(f"{tmp_path}/lone/z.dng"),
+        Source(f"{tmp_path}/in/A.DNG", Path("A.DNG")),
+        Source(f"{tmp_path}/in/b.dng", Path("b.dng")),
+        Source(f"{tmp_path}/in/sub/c.d.dng", Path("sub/c.d.dng")),
+        Source("missing.dng"),
+    ]
+
+
+def test_what_is_left_out_is_said(tmp_path: Path) -> None:
+    touch(tmp_path, "a.dng", *(f"{letter}.txt" for letter in "bcdef"), ".hidden.dng", ".git/x.dng", "out/y.dng", ".journal.jsonl")
+    (tmp_path / "loop").symlink_to(tmp_path)
+    found = search([str(tmp_path)], DNGS, output=tmp_path / "out")
+    assert [source.name for source in found.sources] == [f"{tmp_path}/a.dng"]
+    assert found.left_out == [
+        f"{tmp_path}: left out .hidden.dng, b.txt, c.txt and 3 more files; 1 hidden folder; 1 of results folder; 1 linked folder"
+    ]
+
+
+def test_a_folder_without_a_fitting_file_has_failed(tmp_path: Path) -> None:
+    touch(tmp_path, "sub/x.tif")
+    assert search([str(tmp_path)], DNGS).failures == [(str(tmp_path), "no .dng file is in this folder or below it")]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_folder_that_cannot_be_read_has_failed(tmp_path: Path) -> None:
+    touch(tmp_path, "a.dng", "closed/b.dng")
+    (tmp_path / "closed").chmod(0)
+    found = search([str(tmp_path)], DNGS)
+    (tmp_path / "closed").chmod(0o700)
+    assert [source.name for source in found.sources] == [f"{tmp_path}/a.dng"]
+    assert found.failures == [(f"{tmp_path}/closed", "cannot be read (Permission denied)")]
+
+
+@pytest.fixture
+def shots(tmp_path: Path) -> Path:
+    """Shots in a folder and below, a linear DNG, which is none, and a text."""
+    folder = tmp_path / "shots"
+    for place in (folder, folder / "sub"):
+        place.mkdir()
+        assert run("simulate", "builtin:36x24", "-o", place).code == 0
+    made = run("render", folder / "builtin-36x24.dng", "-o", tmp_path, "-f", "dng", "--preset", "paper")
+    assert made.code == 0, made.err
+    (tmp_path / "builtin-36x24.dng").rename(folder / "linear.dng")
+    (folder / "notes.txt").write_text("no shot")
+    return folder
+
+
+@pytest.mark.parametrize("command", [("preview",), ("render", "--preset", "paper"), ("inspect",)])
+def test_commands_take_a_folder_of_shots_alike(shots: Path, out: Path, command: tuple[str, ...]) -> None:
+    output = () if command == ("inspect",) else ("-o", out)
+    outcome = run(*command, shots, *output, "--json")
+    assert outcome.code == 0, outcome.err
+    assert f"{shots}: left out notes.txt" in outcome.err
+    assert "linear.dng: not a mosaic of Panchroma" in outcome.err
+    assert {(Path(each["source"]).relative_to(shots).as_posix(), each.get("foreign", False)) for each in outcome.records} == {
+        ("builtin-36x24.dng", False),
+        ("sub/builtin-36x24.dng", False),
+        ("linear.dng", True),
+    }
+    if output:
+        made = {Path(name).with_suffix("").as_posix() for name in contents(out) if not name.startswith(".")}
+        assert made == {"builtin-36x24", "sub/builtin-36x24"}
+    (shots / "empty").mkdir()
+    assert_refused(run(*command, shots / "empty", *output), "no .dng file is in this folder or below it", name=str(shots / "empty"))
+    # A file that the user names has to be a shot.
+    assert run(*command, shots / "linear.dng", *output).code == 1
+
+
+def test_simulate_takes_a_folder_of_scenes_and_leaves_shots_out(shots: Path, out: Path) -> None:
+    (shots / "linear.dng").unlink()
+    for place in ("a", "b"):
+        (shots / place).mkdir()
+        assert run("render", shots / "builtin-36x24.dng", "-o", shots / place, "-f", "png", "--preset", "paper").code == 0
+    outcome = run("simulate", shots, "-o", out, "--truth")
+    assert outcome.code == 0, outcome.err
+    assert f"{shots}: left out notes.txt" in outcome.err
+    assert f"{shots}/builtin-36x24.dng: this is a shot" in outcome.err
+    assert set(contents(out)) == {f"{place}/builtin-36x24.{ending}" for place in "ab" for ending in ("dng", "truth.tif")}
+    assert run("simulate", shots / "builtin-36x24.dng", "-o", out).code == 1
+
+
+def test_calibrate_sorts_frames_by_their_names_and_those_of_subfolders(shots: Path, out: Path) -> None:
+    (shots / "linear.dng").unlink()
+    (shots / "sub").rename(shots / "Darks")
+    outcome = run("calibrate", shots, "-o", out / "camera.json")
+    assert f"{shots}/Darks/builtin-36x24.dng: is not dark" in outcome.err
+    assert f"{shots}/builtin-36x24.dng: no ColorChecker" in outcome.err
+    assert f"{shots}: left out notes.txt" in outcome.err
+    (out / "empty").mkdir()
+    for option in ("--dark", "--flat"):
+        outcome = run("calibrate", shots, option, out / "empty", "-o", out / "camera.json")
+        assert (outcome.code, "no .dng file is in this folder or below it" in outcome.err) == (2, True)

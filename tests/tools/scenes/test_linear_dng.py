@@ -1,0 +1,193 @@
+"""Linear DNGs as scenes: those of `panchroma render`, and what other programs may write."""
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+import tifffile
+from tifffile import TiffWriter
+
+from shared import read_dng
+from shared.colorimetry import D50
+from shared.errors import InputError
+from tests.tools.command import run
+from tools.scenes.load import load_scene
+
+SHAPE = (40, 52, 3)
+NEUTRAL = (0.5, 1.0, 0.625)
+XYZ_TO_CAMERA = ((0.8, -0.2, -0.1), (-0.4, 1.2, 0.2), (-0.1, 0.2, 0.6))
+
+
+def codes(dtype: Any = np.uint16, seed: int = 0) -> Any:
+    values = np.random.default_rng(seed).integers(0, 60000, SHAPE)
+    return values.astype(dtype) if np.dtype(dtype).kind == "u" else (values / 65536).astype(dtype)
+
+
+def fraction(values: Any) -> list[int]:
+    return [part for value in np.ravel(values) for part in (round(value * 10000), 10000)]
+
+
+def save(path: Path, samples: Any, *, below: bool = True, fields: tuple[Any, ...] = (), **options: Any) -> Path:
+    """A linear DNG, its samples in the first directory or below it; fields: of the samples' directory."""
+    camera = [
+        (50706, 1, 4, bytes([1, 4, 0, 0]), True),
+        (50721, 10, 9, fraction(XYZ_TO_CAMERA), True),
+        (50778, 3, 1, 21, True),
+        (50728, 5, 3, fraction(NEUTRAL), True),
+        (274, 3, 1, 6, True),
+        (271, 2, None, "Contax", True),
+    ]
+    with TiffWriter(path) as file:
+        if below:
+            file.write(np.zeros((8, 8, 3), np.uint8), photometric="rgb", subfiletype=1, subifds=1, extratags=camera)
+            file.write(samples, photometric="linear_raw", subfiletype=0, extratags=fields, **options)
+        else:
+            file.write(samples, photometric="linear_raw", subfiletype=0, extratags=(*camera, *fields), **options)
+    return path
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize(
+    ("dtype", "options"),
+    [
+        (np.uint16, {}),
+        (np.uint16, {"tile": (16, 32)}),
+        (np.uint16, {"rowsperstrip": 7}),
+        (np.uint16, {"compression": "deflate", "rowsperstrip": 16}),
+        (np.uint16, {"compression": "deflate", "predictor": True, "tile": (32, 16)}),
+        (
+            np.uint16,
+            {
+                "compression": "jpeg",
+                "compressionargs": {"lossless": True, "predictor": 1, "bitspersample": 16},
+                "tile": (32, 16),
+                "bitspersample": 16,
+            },
+        ),
+        (np.float32, {}),
+        (np.float32, {"compression": "deflate", "predictor": True, "tile": (16, 16)}),
+        (np.float16, {"compression": "deflate", "predictor": True}),
+    ],
+)
+def test_samples_of_every_lossless_kind(tmp_path: Path, dtype: Any, options: dict[str, Any], below: bool) -> None:
+    samples = codes(dtype)
+    scene = load_scene(str(save(tmp_path / "x.dng", samples, below=below, **options)))
+    np.testing.assert_allclose(scene.rgb, samples.astype(np.float64) / (65535 if samples.dtype.kind == "u" else 1), atol=1e-6)
+    assert scene.neutral == pytest.approx(NEUTRAL)
+    assert not scene.neutral_estimated
+    np.testing.assert_allclose(np.array(scene.camera_to_xyz) @ NEUTRAL, D50, atol=1e-4)
+    assert (scene.metadata.orientation, scene.metadata.make) == (6, "Contax")
+
+
+def test_levels_table_and_active_area(tmp_path: Path) -> None:
+    samples = codes()
+    black = np.array([[[100, 200, 300], [110, 210, 310]]])
+    path = save(
+        tmp_path / "x.dng",
+        samples,
+        fields=(
+            (50713, 3, 2, (1, 2), True),
+            (50714, 5, 6, fraction(black), True),
+            (50715, 10, 48, fraction(np.arange(48) / 4), True),
+            (50717, 4, 3, (60000, 50000, 40000), True),
+            (50829, 4, 4, (2, 3, 38, 51), True),
+        ),
+    )
+    levels = np.tile(black, (36, 24, 1)) + np.arange(48)[None, :, None] / 4
+    expected = (samples[2:38, 3:51] - levels) / (np.array((60000, 50000, 40000)) - levels.max(axis=(0, 1)))
+    np.testing.assert_allclose(load_scene(str(path)).rgb, expected.clip(0), atol=1e-5)
+    table = np.linspace(0, 65535, 4096).astype(int)
+    short = np.random.default_rng(0).integers(0, 4096, SHAPE).astype(np.uint16)
+    path = save(tmp_path / "y.dng", short, fields=((50712, 3, 4096, table.tolist(), True), (50717, 3, 1, 65535, True)))
+    np.testing.assert_allclose(load_scene(str(path)).rgb, table[short] / 65535, atol=1e-6)
+
+
+def test_without_a_neutral_it_is_estimated_and_marked(tmp_path: Path) -> None:
+    with TiffWriter(tmp_path / "x.dng") as file:
+        tags = [(50706, 1, 4, bytes([1, 4, 0, 0]), True)]
+        file.write((codes() * np.array(NEUTRAL)).astype(np.uint16), photometric="linear_raw", subfiletype=0, extratags=tags)
+    scene = load_scene(str(tmp_path / "x.dng"))
+    assert scene.neutral_estimated
+    assert scene.neutral == pytest.approx(NEUTRAL, abs=0.05)
+    assert "is estimated from the scene" in scene.notes[0]
+    assert run("simulate", tmp_path / "x.dng", "-o", tmp_path / "out").code == 0
+    assert read_dng(tmp_path / "out" / "x.dng").calibration.neutral_estimated
+    assert "estimated from the picture" in run("inspect", tmp_path / "out" / "x.dng").out
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_a_render_comes_back_as_a_scene(tmp_path: Path, orientation: int) -> None:
+    """simulate -> render -f dng -> simulate: the scene is the float render."""
+    save(tmp_path / "scene.dng", (codes() * 0.8).astype(np.uint16))
+    shot, linear = tmp_path / "scene.shot", tmp_path / "linear"
+    for folder in (shot, linear, tmp_path / "again"):
+        folder.mkdir()
+    assert run("simulate", tmp_path / "scene.dng", "-o", shot).code == 0
+    for kind in (("-f", "dng"), ("--bits", "32", "--space", "camera")):
+        assert run("render", shot / "scene.dng", "-o", linear, *kind, "--preset", "paper").code == 0
+    scene, rendered = load_scene(str(linear / "scene.dng")), tifffile.imread(linear / "scene.tif")
+    np.testing.assert_allclose(scene.rgb, rendered.clip(0, 1), atol=0.51 / 65535)
+    before = read_dng(shot / "scene.dng")
+    assert run("simulate", linear / "scene.dng", "-o", tmp_path / "again").code == 0
+    after = read_dng(tmp_path / "again" / "scene.dng")
+    assert after.metadata.orientation == before.metadata.orientation == 6
+    assert after.calibration.neutral == pytest.approx(before.calibration.neutral, abs=1e-4)
+    np.testing.assert_allclose(np.array(after.calibration.camera_to_xyz), np.array(before.calibration.camera_to_xyz), atol=2e-3)
+
+
+def deflated(path: Path, size: int) -> Path:
+    """A small linear DNG whose only strip inflates to `size` zeros."""
+    save(path, codes(), compression="deflate", rowsperstrip=SHAPE[0])
+    with tifffile.TiffFile(path) as file:
+        below: Any = file.pages.first.pages
+        tags = below[0].tags
+        offset, count = tags[273].valueoffset, tags[279].valueoffset
+    strip, data = zlib.compress(bytes(size), 9), bytearray(path.read_bytes())
+    for place, value in ((offset, len(data)), (count, len(strip))):
+        data[place : place + 4] = value.to_bytes(4, "little")
+    path.write_bytes(bytes(data) + strip)
+    return path
+
+
+def test_a_strip_that_holds_more_than_it_says_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="hold more than they say"):
+        load_scene(str(deflated(tmp_path / "x.dng", 50_000_000)))
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        (((50714, 3, 1, 500, True), (50717, 3, 1, 400, True)), "black level 500 is not below white level 400"),
+        (((50714, 5, 1, (1, 0), True),), "black level inf is not below"),
+        (((50829, 4, 4, (0, 0, 400, 52), True),), "the active area"),
+        (((50714, 3, 5, (1, 2, 3, 4, 5), True),), "5 black levels for 1 x 1 pixels"),
+    ],
+)
+def test_impossible_levels_are_refused(tmp_path: Path, fields: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_scene(str(save(tmp_path / "x.dng", codes(), fields=fields)))
+
+
+def test_lossy_and_odd_samples_are_refused(tmp_path: Path) -> None:
+    lossy = save(tmp_path / "a.dng", codes(np.uint8) % 200, compression="jpeg", compressionargs={"level": 90})
+    with pytest.raises(InputError, match="lossless JPEG"):
+        load_scene(str(lossy))
+    with pytest.raises(InputError, match="JPEGXL"):
+        load_scene(str(save(tmp_path / "b.dng", codes(), compression="jpegxl")))
+    with pytest.raises(InputError, match="64 bits"):
+        load_scene(str(save(tmp_path / "c.dng", codes(np.float64))))
+    with pytest.raises(InputError, match="separate planes"):
+        load_scene(str(save(tmp_path / "d.dng", np.moveaxis(codes(), -1, 0), planarconfig="separate")))
+
+
+def test_a_jpeg_of_another_size_is_refused(tmp_path: Path) -> None:
+    path = save(tmp_path / "x.dng", codes(), compression="jpeg", compressionargs={"lossless": True, "predictor": 1})
+    data = path.read_bytes()
+    jpeg = imagecodecs.jpeg8_encode(np.zeros((9000, 9000), np.uint16), lossless=True, predictor=1, bitspersample=16)
+    start = data.index(b"\xff\xd8\xff")
+    path.write_bytes(data[:start] + jpeg + data[start + len(jpeg) :])
+    with pytest.raises(InputError):
+        load_scene(str(path))

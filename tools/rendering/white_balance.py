@@ -1,0 +1,72 @@
+"""The white balance of a render: that of the shot, an estimate, or multipliers."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shared import Mosaic
+from shared.errors import InputError
+from shared.white_balance import balanced, estimate_neutral
+from tools.pictures.writer import PictureKind
+
+_CAMERA, _AUTO = "camera", "auto"
+_LARGEST = 1000.0  # multiplier; its inverse is the smallest
+
+
+@dataclass(frozen=True)
+class WhiteBalance:
+    """What --wb asks for.
+
+    kind: "camera": the neutral of the shot; "auto": estimated from the whole mosaic; "" if there are multipliers.
+    multipliers: one per channel, as raw developers have them: a channel is brighter for a larger one. Only their ratios matter.
+    """
+
+    kind: str = _CAMERA
+    multipliers: tuple[float, ...] = ()
+
+    @classmethod
+    def parse(cls, text: str) -> "WhiteBalance":
+        """The white balance that a text such as "camera", "auto" or "2.1,1,1.6" asks for. Raises InputError for any other."""
+        if text in (_CAMERA, _AUTO):
+            return cls(text)
+        try:
+            multipliers = tuple(float(word) for word in text.split(","))
+        except ValueError:
+            multipliers = ()
+        if len(multipliers) < 2:
+            raise InputError(f"--wb is {text!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
+        if not all(math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers):
+            raise InputError(f"--wb is {text!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
+        return cls("", tuple(each / min(multipliers) for each in multipliers))
+
+    def check(self, kind: PictureKind) -> None:
+        """Raise InputError if this kind of picture has no white balance."""
+        if self.changes and not kind.has_white_balance:
+            raise InputError(
+                "--wb does not go with --space camera, which is the scene as measured, not balanced; choose another space, such as "
+                "linear-srgb, or leave --wb out"
+            )
+
+    @property
+    def changes(self) -> bool:
+        """Whether a picture may look different from one that is balanced as the shot is."""
+        return self.kind != _CAMERA
+
+    def of(self, mosaic: Mosaic) -> Mosaic:
+        """The mosaic with this white balance in its calibration. Raises InputError if it is impossible for this shot."""
+        calibration = mosaic.calibration
+        if self.kind == _CAMERA:
+            return mosaic
+        if self.kind == _AUTO:
+            neutral = estimate_neutral(mosaic)
+            if neutral is None:
+                raise InputError("too dark, too bright or too small to estimate the white balance; give --wb camera or multipliers")
+            return replace(mosaic, calibration=balanced(calibration, np.array(neutral), estimated=True))
+        if len(self.multipliers) != len(calibration.channels):
+            count, channels = len(self.multipliers), ", ".join(calibration.channels)
+            raise InputError(f"--wb has {count} multipliers, expected one for each channel of the sensor: {channels}")
+        return replace(mosaic, calibration=balanced(calibration, 1 / np.array(self.multipliers)))
+
+
+AS_SHOT = WhiteBalance()

@@ -1,0 +1,164 @@
+"""Linear DNGs as scenes: three samples per pixel, as `panchroma render -f dng`, Adobe's DNG Converter and Lightroom write them."""
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tifffile import TIFF, TiffFile, TiffPage
+
+from shared.arrays import DoubleArray, FloatArray
+from shared.dng.reader import DngReader
+from shared.dng.tags import PICTURE_PLANES, Compression, Photometric, Tag
+from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from shared.tiff_check import check_directories
+from shared.white_balance import normalised
+
+from .camera_colour import as_shot_or_estimated
+from .camera_raw import UNKNOWN_MATRIX, colour_matrix
+from .exif_reading import from_tags, tiff_tags
+from .scene import Scene, check_size
+
+_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
+_LEVELS = (_LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA, Tag.BLACK_LEVEL_REPEAT_DIM, Tag.BLACK_LEVEL)
+_READ = {*TIFF.TAG_LOAD, *_LEVELS, Tag.WHITE_LEVEL, Tag.AS_SHOT_NEUTRAL}  # nothing else is, such as an original RAW inside
+_DEFLATE = (8, 32946)
+_RATIONALS = (5, 10)  # field types RATIONAL and SRATIONAL
+_LARGE_TILE = 1024  # pixels: larger tiles than this are never larger than the picture
+
+
+def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Scene | None:
+    """Read the scene in a DNG whose main picture has three linear samples per pixel; None if it has a mosaic.
+
+    path: the file.
+    name: the scene's name, used for output files.
+    max_pixels: larger files are refused.
+
+    rgb is (sample - black) / (white - black) of the active area, after the linearization table. It is neither rotated nor
+    white-balanced, and not brightened by BaselineExposure. Values below black become 0, values above white exceed 1. Matrix,
+    neutral and orientation are the file's. Lossless compressions are read (DNG 1.7.1, chapter 4), integers and floating point.
+
+    Raises InputError for lossy compression, for impossible levels, and for a damaged file.
+    """
+    with path.open("rb") as stream:
+        check_directories(stream, _READ)
+        with TiffFile(stream) as file:
+            page = _main_picture(file)
+            if page is None:
+                return None
+            size = path.stat().st_size
+            _check(page, size, max_pixels)
+            if page.compression in _DEFLATE:
+                _check_inflated(page, stream)
+            integers = page.compression in tuple(Compression) and page.dtype is not None and page.dtype.kind == "u"
+            samples = _Reader(stream, file, page).samples(max_pixels, PICTURE_PLANES) if integers else page.asarray(maxworkers=1)
+            rgb = _levelled(samples, page)
+            stated = _numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
+    as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
+    neutral, estimated, notes = as_shot_or_estimated(as_shot, rgb)
+    tags = tiff_tags(path)
+    matrix = colour_matrix(tags, neutral)
+    return Scene(rgb, name, matrix, neutral, from_tags(tags), notes if matrix else (*notes, UNKNOWN_MATRIX), estimated)
+
+
+def _main_picture(file: TiffFile) -> TiffPage | None:
+    """Return the directory of the linear samples, in the first directory or below it; None if the main picture is another."""
+    first = file.pages.first
+    pages = [page for page in (first, *(first.pages or ())) if isinstance(page, TiffPage) and page.subfiletype == 0]
+    linear = [page for page in pages if page.photometric == Photometric.LINEAR_RAW and page.samplesperpixel == PICTURE_PLANES]
+    return max(linear, key=lambda page: page.imagewidth * page.imagelength, default=None)
+
+
+class _Reader(DngReader):
+    """Reads the samples of one directory, which need not be where ours are."""
+
+    def __init__(self, stream: Any, file: TiffFile, page: TiffPage) -> None:
+        super().__init__(stream, file)
+        self._page = page
+
+    def raw(self) -> TiffPage:
+        return self._page
+
+
+def _check(page: TiffPage, size: int, max_pixels: int) -> None:
+    """Raise InputError for samples that are not read, or whose declared sizes are impossible. `size` of the file in bytes."""
+    if page.compression not in (*Compression, *_DEFLATE):
+        kind = getattr(page.compression, "name", page.compression)
+        raise InputError(f"the linear DNG is compressed by {kind}, which is lossy or rare; export it without lossy compression")
+    kind, bits = page.dtype, page.bitspersample
+    if kind is None or kind.kind not in "uf" or kind.itemsize > 4 or (kind.kind == "u" and kind.itemsize > 2):
+        raise InputError(f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 bits or floating point")
+    if page.planarconfig != 1:
+        raise InputError("the linear DNG has its colours in separate planes; DNG wants them interleaved: export it again")
+    check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, size, max_pixels)
+    sides = ((page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)) if page.is_tiled else ()
+    extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
+    short = not extents or any(count == 0 or offset + count > size for offset, count in extents)
+    if short or any(tile > max(side, _LARGE_TILE) for tile, side in sides):
+        raise InputError("the linear DNG is cut short or damaged: its samples are not where it says; copy it again")
+
+
+def _check_inflated(page: TiffPage, stream: Any) -> None:
+    """Raise InputError if a strip or tile inflates to more than it should hold: tifffile has no limit."""
+    rows, columns = (
+        (page.tilelength, page.tilewidth) if page.is_tiled else (min(page.rowsperstrip, page.imagelength), page.imagewidth)
+    )
+    most = rows * -(-columns * PICTURE_PLANES * page.bitspersample // 8)
+    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        stream.seek(offset)
+        if len(zlib.decompressobj().decompress(stream.read(count), most + 1)) > most:
+            raise InputError("the linear DNG's strips hold more than they say: it is damaged, or made to fill the memory")
+
+
+def _levelled(samples: NDArray[Any], page: TiffPage) -> FloatArray:
+    """Return the active area of the samples in scene units, float32 (H, W, 3)."""
+    floating = samples.dtype.kind == "f"
+    table = _numbers(page, _LINEARIZATION_TABLE)
+    if table.size and not floating:
+        samples = table.astype(np.float32)[np.minimum(samples, table.size - 1)]
+    rgb: FloatArray = samples.astype(np.float32)
+    if (area := _numbers(page, _ACTIVE_AREA)).size == 4:
+        top, left, bottom, right = area.astype(int).tolist()
+        if not (0 <= top < bottom <= rgb.shape[0] and 0 <= left < right <= rgb.shape[1]):
+            raise InputError(
+                f"the active area {area.astype(int).tolist()} is outside the picture: the file is damaged; copy it again"
+            )
+        rgb = rgb[top:bottom, left:right]
+    black = _black(page, rgb.shape)
+    default = 1.0 if floating else float((1 << page.bitspersample) - 1)
+    stated = _numbers(page, Tag.WHITE_LEVEL)
+    white = np.resize(stated, 3) if stated.size else np.full(3, default)
+    lowest = black.reshape(-1, 3).max(axis=0)
+    if not (np.isfinite(black).all() and np.isfinite(white).all() and (lowest < white).all()):
+        raise InputError(f"black level {lowest.max():g} is not below white level {white.min():g}: the file's levels are damaged")
+    rgb = (rgb - black.astype(np.float32)) * (1 / (white - lowest)).astype(np.float32)
+    return np.maximum(rgb, 0, out=rgb)
+
+
+def _black(page: TiffPage, shape: tuple[int, ...]) -> DoubleArray:
+    """Return the black level, one that can be subtracted from a picture of this shape (H, W, 3)."""
+    rows, columns = (_numbers(page, Tag.BLACK_LEVEL_REPEAT_DIM).astype(int).tolist() or [1, 1])[:2]
+    stated = _numbers(page, Tag.BLACK_LEVEL)
+    if stated.size not in (0, 1, rows * columns * 3):
+        raise InputError(f"{stated.size} black levels for {rows} x {columns} pixels: the file is damaged; copy it again")
+    black: DoubleArray = np.zeros((1, 1, 3)) + (stated.reshape(rows, columns, 3) if stated.size > 1 else stated.sum())
+    if rows * columns > 1 and stated.size > 1:
+        black = black[np.arange(shape[0]) % rows][:, np.arange(shape[1]) % columns]
+    for tag, axis in ((_BLACK_DELTA_H, 1), (_BLACK_DELTA_V, 0)):
+        if (delta := _numbers(page, tag)).size == shape[axis]:
+            black = black + np.expand_dims(delta, (1 - axis, 2))
+    return black
+
+
+def _numbers(page: Any, tag: int) -> DoubleArray:
+    """Return the numbers of a field, fractions as quotients; empty if there is none."""
+    field = page.tags.get(tag)
+    if field is None:
+        return np.zeros(0)
+    values = np.ravel(np.asarray(field.value, np.float64))
+    if field.dtype not in _RATIONALS:
+        return values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(values[::2] / values[1::2])
