@@ -2,7 +2,7 @@
 
 from .codec import Layout, decode_dng, decode_preview, encode_dng
 from .exif import exif_block, metadata_directory
-from .file import read_dng, read_preview, verify_dng, write_dng
+from .file import read_digest_kind, read_dng, read_preview, verify_dng, write_dng
 from .picture import encode_picture_dng
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "encode_picture_dng",
     "exif_block",
     "metadata_directory",
+    "read_digest_kind",
     "read_dng",
     "read_preview",
     "verify_dng",

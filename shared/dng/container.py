@@ -86,6 +86,11 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
     return whole.digest()
 
 
+def picture_id(shape: tuple[int, ...], digest: bytes) -> str:
+    """RawDataUniqueID of a rendered picture, 16 hexadecimal digits: it covers the shape, which NewRawImageDigest does not."""
+    return hashlib.sha256(repr(shape).encode() + digest).hexdigest()[:16]
+
+
 def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photometric: int) -> Fields:
     """The fields of a TIFF picture of samples (H, W) or (H, W, planes) in one strip; `bits` per sample."""
     planes = shape[2] if len(shape) == 3 else 1

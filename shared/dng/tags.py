@@ -84,6 +84,7 @@ class Tag(IntEnum):
     AS_SHOT_NEUTRAL = 50728  # reading of white, a value per plane
     BASELINE_EXPOSURE = 50730  # EV that a converter adds for a normally bright picture
     DNG_PRIVATE_DATA = 50740
+    RAW_DATA_UNIQUE_ID = 50781  # 16 bytes
     CALIBRATION_ILLUMINANT_1 = 50778
     CALIBRATION_ILLUMINANT_2 = 50779
     PREVIEW_COLOR_SPACE = 50970

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from shared import Mosaic, read_camera, read_dng
-from shared.dng import read_preview
+from shared.dng import read_digest_kind, read_preview
 from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console, one_line
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if Path(job.source).suffix.lower() == ".json":
             return _camera(job.source, console)
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
-        facts = _facts(mosaic, len(read_preview(job.source)))
+        facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": read_digest_kind(job.source)}
         console.say(_page(job.source, facts))
         return facts
 
@@ -101,7 +101,8 @@ def _page(source: str, facts: dict[str, Any]) -> str:
     """The facts as a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
     rows = {
-        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
+        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"
+        + ("" if facts["digest"] == "shot" else ", which is an earlier version's and does not cover the size"),
         "pattern": f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
         "": "\n".join(f"  {'':{_COLUMN}}{' '.join(row)}" for row in pattern["letters"]).lstrip(),
         "network": facts["learned"] or "none for this pattern: rendered without learned colour",

@@ -146,7 +146,7 @@ def test_verify_says_no_more_than_needed(tmp_path: Path) -> None:
     outcome = run("inspect", "--verify", *paths)
     assert (outcome.code, outcome.out, outcome.err) == (0, "2 whole, 0 damaged\n", "")
     records: list[Any] = run("inspect", "--verify", "--json", *paths).records
-    assert records == [{"source": str(path), "ok": True, "width": 53, "height": 37} for path in paths]
+    assert records == [{"source": str(path), "ok": True, "width": 53, "height": 37, "digest": "shot"} for path in paths]
 
 
 def test_a_shot_from_simulate_as_json_is_one_line(tmp_path: Path) -> None:
