@@ -15,7 +15,6 @@ from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields
 from .container import main_directory, picture_id, raw_digest, raw_directory
-from .exif import read_metadata
 from .reader import DngReader, damaged, opened
 from .record import Record, decode_record, encode_record, is_record, preview_digest
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
@@ -80,7 +79,7 @@ def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
         if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST).hex() != record.samples:
             raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
     _check_identity(dng, record.id)
-    return Mosaic(samples, record.pattern, record.calibration, read_metadata(dng.value, dng.exif())), record
+    return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
 
 
 def _record(dng: DngReader) -> Record:
@@ -117,7 +116,7 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Verified
     """
     with opened(data) as dng:
         rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
-        jpeg = dng.preview()
+        jpeg, preview = dng.preview(), ""
         if rendered and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples = dng.samples(max_pixels, PICTURE_PLANES)
             _check_digest(dng, samples)
@@ -126,9 +125,10 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Verified
         else:
             mosaic, record = _mosaic(dng, max_pixels)
             samples, bound = mosaic.codes, record.shape is not None
-            if record.preview and record.preview != preview_digest(jpeg):
-                raise damaged("the preview is not the one that was written")
+            preview = record.preview
         _check_preview(jpeg)
+        if preview and preview != preview_digest(jpeg):
+            raise damaged("the preview is not the one that was written")
         return Verified((samples.shape[0], samples.shape[1]), "shot" if bound else "samples")
 
 

@@ -54,7 +54,7 @@ def encode_picture_dng(
         }
     )
     digest = raw_digest(codes)
-    main = main_directory(preview, metadata, MAKER, raw, digest)
+    main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
     main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, picture_id(codes.shape, digest).encode()
     main.fields[Tag.BASELINE_EXPOSURE] = FieldType.SRATIONAL, [math.log2(white)]

@@ -4,7 +4,7 @@ Reading compares a shot's samples with their digest, and checks every field of a
 """
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from shared import Mosaic, read_camera, read_dng
 from shared.dng import read_digest_kind, read_preview
+from shared.dng.exif_reading import place, shown_fields
 from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console, one_line
@@ -92,7 +93,12 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "saturated": float((panchromatic >= mosaic.calibration.full_scale).mean()),
         "calibration": mosaic.calibration.to_json(),
         "calibration_id": mosaic.calibration.id,
-        "metadata": {**asdict(mosaic.metadata), "taken": taken.isoformat() if taken else None},
+        "metadata": {
+            **asdict(replace(mosaic.metadata, more=())),
+            "taken": taken.isoformat() if taken else None,
+            "place": place(mosaic.metadata),
+            "more": shown_fields(mosaic.metadata),
+        },
         "preview_bytes": preview_bytes,
     }
 
@@ -132,12 +138,14 @@ def _capture(metadata: dict[str, Any]) -> dict[str, str]:
     seconds = metadata["exposure_time"]
     exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
     rows = {
-        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "description", "taken")},
+        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "copyright", "description", "taken")},
+        "place": metadata["place"] and "{:.6f}, {:.6f} (latitude, longitude)".format(*metadata["place"]),
         "exposure": exposure,
         "aperture": metadata["f_number"] and f"f/{metadata['f_number']:g}",
         "ISO": metadata["iso"] and f"{metadata['iso']}",
         "focal length": metadata["focal_length"] and f"{metadata['focal_length']:g} mm",
         "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
+        "also": ", ".join(metadata["more"]),
     }
     return {name: one_line(value) for name, value in rows.items() if value}
 

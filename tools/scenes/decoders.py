@@ -23,7 +23,7 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiff_check import check_directories
 
-from .exif_reading import from_tags, merged_tags, tiff_tags
+from .exif_reading import picture_metadata, tiff_metadata
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .scene import check_size
 
@@ -158,7 +158,7 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         peak = (1 << page.bitspersample) - 1 if pixels.dtype.kind == "u" else None
         profile = page.tags.get(_ICC_PROFILE)
         encoding, remarks = _profile_encoding(profile and profile.value)
-    return Decoded(pixels, peak, encoding, from_tags(tiff_tags(path)), notes + remarks)
+    return Decoded(pixels, peak, encoding, tiff_metadata(path), notes + remarks)
 
 
 def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
@@ -211,7 +211,7 @@ def _pillow() -> ModuleType:
 def _described(image: Any, pixels: NDArray[Any], peak: int, notes: tuple[str, ...]) -> Decoded:
     """Return the pixels with what Pillow's `image` says about them: encoding and capture data."""
     encoding, remarks = _png_encoding(image.info)
-    return Decoded(pixels, peak, encoding, from_tags(merged_tags(image.getexif())), notes + remarks)
+    return Decoded(pixels, peak, encoding, picture_metadata(image.info), notes + remarks)
 
 
 def _without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
