@@ -9,7 +9,7 @@ LARGEST_SHORT = 65535
 _INCH = 2  # ResolutionUnit
 _ISO_SPEED_ALONE = 3  # SensitivityType: the figure is an ISO speed
 
-_GPS_VERSION = bytes([2, 3, 0, 0])
+WRITTEN_GPS_VERSION = bytes([2, 3, 0, 0])
 
 # Field of CaptureMetadata -> tag of its text in the first directory.
 TEXTS = {
@@ -50,7 +50,7 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
         exif.fields[Tag.DATE_TIME_ORIGINAL] = FieldType.ASCII, seconds
         if metadata.taken.microsecond:
             exif.fields[Tag.SUB_SEC_TIME_ORIGINAL] = FieldType.ASCII, f"{metadata.taken.microsecond:06}".rstrip("0")
-    gps = Directory({GPS_VERSION: (FieldType.BYTE, _GPS_VERSION)})
+    gps = Directory({GPS_VERSION: (FieldType.BYTE, WRITTEN_GPS_VERSION)})
     for field in metadata.more:
         directory = {"main": main, "exif": exif, "gps": gps}[field.directory]
         directory.fields[field.tag] = field.kind, field.data + b"\0" if field.kind is FieldType.ASCII else field.data

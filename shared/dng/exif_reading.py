@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..metadata import CaptureField, CaptureMetadata
 from ..tiff import FieldType
 from ..tiff_reading import StoredDirectories, StoredField, read_directories
-from .exif import LARGEST_SHORT, NUMBERS, TEXTS, metadata_directory
+from .exif import LARGEST_SHORT, NUMBERS, TEXTS, WRITTEN_GPS_VERSION, metadata_directory
 from .exif_table import GPS_VERSION, KEPT, REFERENCES, DirectoryName, Kept
 from .tags import MAKER, Tag
 
@@ -27,8 +27,10 @@ _TIME = "%Y:%m:%d %H:%M:%S"
 # Bytes of a text. All fields together fit into the 64 KiB of a JPEG's Exif block.
 _LONGEST, _LONGEST_MORE = 4096, 256
 _ASCII_CODE = b"ASCII\0\0\0"  # how Exif marks a text of type UNDEFINED
+_CONTINUATIONS = bytes(range(0x80, 0xC0))  # of letters in UTF-8
 _JOINERS = "\u200c\u200d"  # the only format characters that names need
 _PACKED = {FieldType.BYTE: "B", FieldType.SHORT: "H", FieldType.RATIONAL: "I", FieldType.SRATIONAL: "i"}
+_LIMITS = {"NS": 90, "EW": 180}  # degrees
 _XMP_TEXT = rb"""tiff:%b\s*(?:=\s*"([^"<]*)"|=\s*'([^'<]*)'|>([^<]*)<)"""
 
 WANTED = frozenset(
@@ -51,12 +53,15 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
     iso, orientation = _number(exif.get(Tag.ISO_SPEED_RATINGS)), _number(main.get(Tag.ORIENTATION))
     if iso == LARGEST_SHORT:
         iso = _number(exif.get(Tag.ISO_SPEED)) or iso
-    subsecond = exif.get(Tag.SUB_SEC_TIME_ORIGINAL)
+    taken = _time(exif.get(Tag.DATE_TIME_ORIGINAL), exif.get(Tag.SUB_SEC_TIME_ORIGINAL))
+    if taken is None:  # the time that the decimals belong to is not there
+        exif.pop(Tag.SUB_SEC_TIME_ORIGINAL, None)
+        taken = _time(main.get(Tag.DATE_TIME), exif.get(Tag.SUB_SEC_TIME))
     found: dict[str, Any] = {
         **{name: text(main.get(tag), _LONGEST) for name, tag in TEXTS.items()},
         **{name: _number(exif.get(tag)) for name, tag in NUMBERS.items()},
         "lens": text(exif.get(Tag.LENS_MODEL), _LONGEST),
-        "taken": _time(exif.get(Tag.DATE_TIME_ORIGINAL), subsecond) or _time(main.get(Tag.DATE_TIME), None),
+        "taken": taken,
         "iso": None if iso is None else round(iso),
         "orientation": 1 if orientation is None else int(orientation),
     }
@@ -75,8 +80,11 @@ def text(field: StoredField | None, longest: int = _LONGEST) -> str:
     """The printable text of a field of type ASCII or BYTE; "" if it has none. Longer texts are cut off at `longest` bytes of UTF-8."""
     if field is None or not isinstance(field.values, bytes):
         return ""
+    data = field.values
+    if len(data) > 2 * longest:  # enough, and without half a letter at the end
+        data = data[: 2 * longest].rstrip(_CONTINUATIONS)[:-1]
     # A NUL parts the photographer from the editor in Copyright, and ends every text.
-    parts = (part for part in field.values[: 2 * longest].split(b"\0") if part.strip())
+    parts = (part for part in data.split(b"\0") if part.strip())
     return "; ".join(filter(None, (printable(_decoded(part)) for part in parts))).encode()[:longest].decode(errors="ignore")
 
 
@@ -126,6 +134,7 @@ def _more(stored: StoredDirectories, named: CaptureMetadata) -> Iterator[Capture
     given = metadata_directory(named)
     written = {("main", tag): value for tag, value in given.fields.items()}
     written |= {("exif", tag): value for tag, value in given.children[Tag.EXIF_IFD].fields.items()}
+    written["gps", GPS_VERSION] = FieldType.BYTE, WRITTEN_GPS_VERSION
     for (directory, tag), kept in KEPT.items():
         field = getattr(stored, directory).get(tag)
         if tag == Tag.LENS_SPECIFICATION and field is None:
@@ -144,6 +153,8 @@ def _kept_data(field: StoredField, kept: Kept) -> bytes:
         said = StoredField(field.kind, field.values.removeprefix(_ASCII_CODE)) if isinstance(field.values, bytes) else None
         shown = text(said, _LONGEST_MORE)
         return _ASCII_CODE + shown.encode() if shown and shown.isascii() else b""
+    if isinstance(field.values, bytes) and field.kind != FieldType.BYTE:
+        return b""
     rational = kept.kind in (FieldType.RATIONAL, FieldType.SRATIONAL)
     numbers = tuple(field.values)
     if rational and field.kind not in (FieldType.RATIONAL, FieldType.SRATIONAL):
@@ -165,7 +176,8 @@ def _makes_sense(directory: DirectoryName, tag: int, data: bytes, stored: Stored
         if tag in (number, reference):
             said = text(stored.gps.get(reference))[:1]
             values = stored.gps.get(number)
-            return said != "" and said in letters and values is not None and bool(_kept_data(values, KEPT["gps", number]))
+            known = values is not None and bool(_kept_data(values, KEPT["gps", number])) and values.numbers[0] <= _LIMITS.get(letters, math.inf)
+            return known and said != "" and said in letters
     if tag == 6 and 5 in stored.gps:  # below the sea, if the reference says so
         return bool(_kept_data(stored.gps[5], KEPT["gps", 5]))
     return True

@@ -41,7 +41,7 @@ KEPT: dict[tuple[DirectoryName, int], Kept] = {
     ("exif", 37383): Kept("MeteringMode", _S, 1),
     ("exif", 37384): Kept("LightSource", _S, 1),
     ("exif", 37385): Kept("Flash", _S, 1),
-    ("exif", 37520): Kept("SubSecTime", _A),
+    ("exif", Tag.SUB_SEC_TIME): Kept("SubSecTime", _A),
     ("exif", Tag.SUB_SEC_TIME_ORIGINAL): Kept("SubSecTimeOriginal", _A),
     ("exif", 37522): Kept("SubSecTimeDigitized", _A),
     ("exif", 41483): Kept("FlashEnergy", _R, 1),

@@ -64,6 +64,7 @@ class Tag(IntEnum):
     EXIF_VERSION = 36864
     DATE_TIME_ORIGINAL = 36867
     FOCAL_LENGTH = 37386  # millimetres
+    SUB_SEC_TIME = 37520  # of DATE_TIME
     SUB_SEC_TIME_ORIGINAL = 37521  # decimal digits after the second
     LENS_SPECIFICATION = 42034  # shortest and longest focal length, f-number at each
     LENS_MODEL = 42036
