@@ -116,7 +116,7 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Verified
     """
     with opened(data) as dng:
         rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
-        jpeg, preview = dng.preview(), ""
+        preview = ""
         if rendered and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples = dng.samples(max_pixels, PICTURE_PLANES)
             _check_digest(dng, samples)
@@ -126,6 +126,7 @@ def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Verified
             mosaic, record = _mosaic(dng, max_pixels)
             samples, bound = mosaic.codes, record.shape is not None
             preview = record.preview
+        jpeg = dng.preview()
         _check_preview(jpeg)
         if preview and preview != preview_digest(jpeg):
             raise damaged("the preview is not the one that was written")
