@@ -85,7 +85,9 @@ class _Structure:
 
     def directory(self, offset: int, wanted: Container[int], pointers: StoredFields) -> StoredFields:
         """The wanted fields of the directory at `offset` (0 = there is none); fills `pointers` with those of other directories."""
-        count_format, entry = ("Q", struct.Struct(f"{self._order}HHQ8s")) if self._big else ("H", struct.Struct(f"{self._order}HHI4s"))
+        count_format, entry = (
+            ("Q", struct.Struct(f"{self._order}HHQ8s")) if self._big else ("H", struct.Struct(f"{self._order}HHI4s"))
+        )
         head = struct.calcsize(f"={count_format}")
         counted = self._read(offset, head) if offset else b""
         if len(counted) < head:

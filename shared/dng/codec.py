@@ -94,8 +94,8 @@ class Verified:
     """What `verify` found.
 
     shape: (rows, columns).
-    digest: "shot" = one digest binds size, samples, pattern and calibration together; "samples" = the file is of an earlier version,
-        whose digests do not cover the size, nor that the samples and the record belong together.
+    digest: "shot" = one digest binds size, samples, pattern and calibration together; "samples" = the file is of an earlier
+        version, whose digests do not cover the size, nor that the samples and the record belong together.
     """
 
     shape: tuple[int, int]

@@ -29,7 +29,7 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
     Texts are UTF-8 (readers strip blanks around them), numbers are fractions of 31-bit integers. Unknown metadata have no field.
     """
     main = Directory({Tag.ORIENTATION: (FieldType.SHORT, [metadata.orientation]), Tag.SOFTWARE: (FieldType.ASCII, MAKER)})
-    exif = Directory({Tag.EXIF_VERSION: (FieldType.UNDEFINED, b"0230")})
+    exif = Directory({Tag.EXIF_VERSION: (FieldType.UNDEFINED, b"0232")})
     for name, tag in TEXTS.items():
         if text := getattr(metadata, name):
             main.fields[tag] = FieldType.ASCII, text

@@ -48,7 +48,9 @@ def read_metadata(file: IO[bytes], place: int = 0) -> CaptureMetadata:
 
 def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
     """The capture metadata in the fields of a file; read with `WANTED` or more."""
-    stored = replace(stored, exif={**stored.main, **stored.exif})  # TIFF/EP, and so DNG, has Exif's fields in the first directory too
+    stored = replace(
+        stored, exif={**stored.main, **stored.exif}
+    )  # TIFF/EP, and so DNG, has Exif's fields in the first directory too
     main, exif = stored.main, stored.exif
     iso, orientation = _number(exif.get(Tag.ISO_SPEED_RATINGS)), _number(main.get(Tag.ORIENTATION))
     if iso == LARGEST_SHORT:
@@ -66,7 +68,7 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
         "orientation": 1 if orientation is None else int(orientation),
     }
     if text(main.get(Tag.UNIQUE_CAMERA_MODEL)).startswith(MAKER):
-        # In a DNG of ours the camera is ours, unless somebody has edited it, and the source is in the XMP: `container.main_directory`.
+        # In a DNG of ours the camera is ours, unless somebody has edited it. The source is in the XMP: see `main_directory`.
         ours = (name for name in ("make", "model") if found[name].startswith(MAKER))
         found |= {name: _xmp_text(main.get(Tag.XMP), name.capitalize()) for name in ours}
     metadata = CaptureMetadata()
@@ -77,7 +79,7 @@ def metadata_from(stored: StoredDirectories) -> CaptureMetadata:
 
 
 def text(field: StoredField | None, longest: int = _LONGEST) -> str:
-    """The printable text of a field of type ASCII or BYTE; "" if it has none. Longer texts are cut off at `longest` bytes of UTF-8."""
+    """The printable text of a field of bytes; "" if it has none. Longer texts are cut off at `longest` bytes of UTF-8."""
     if field is None or not isinstance(field.values, bytes):
         return ""
     data = field.values
@@ -91,7 +93,11 @@ def text(field: StoredField | None, longest: int = _LONGEST) -> str:
 def printable(value: str) -> str:
     """The text without what does harm on a terminal or in XML: control, format and private characters, and lone surrogates."""
     kept = ((letter, unicodedata.category(letter)) for letter in value)
-    shown = (" " if kind in ("Cc", "Zl", "Zp") else letter for letter, kind in kept if letter in _JOINERS or kind[0] != "C" or kind == "Cc")
+    shown = (
+        " " if kind in ("Cc", "Zl", "Zp") else letter
+        for letter, kind in kept
+        if letter in _JOINERS or kind[0] != "C" or kind == "Cc"
+    )
     return "".join(shown).strip()
 
 
@@ -141,7 +147,11 @@ def _more(stored: StoredDirectories, named: CaptureMetadata) -> Iterator[Capture
             field = stored.main.get(Tag.LENS_INFO)
         data = _kept_data(field, kept) if field else b""
         by_name = written.get((directory, tag), ("", ""))[1]
-        if data and data != (by_name.encode() if isinstance(by_name, str) else by_name) and _makes_sense(directory, tag, data, stored):
+        if (
+            data
+            and data != (by_name.encode() if isinstance(by_name, str) else by_name)
+            and _makes_sense(directory, tag, data, stored)
+        ):
             yield CaptureField(directory, tag, kept.kind, data)
 
 
@@ -176,7 +186,11 @@ def _makes_sense(directory: DirectoryName, tag: int, data: bytes, stored: Stored
         if tag in (number, reference):
             said = text(stored.gps.get(reference))[:1]
             values = stored.gps.get(number)
-            known = values is not None and bool(_kept_data(values, KEPT["gps", number])) and values.numbers[0] <= _LIMITS.get(letters, math.inf)
+            known = (
+                values is not None
+                and bool(_kept_data(values, KEPT["gps", number]))
+                and values.numbers[0] <= _LIMITS.get(letters, math.inf)
+            )
             return known and said != "" and said in letters
     if tag == 6 and 5 in stored.gps:  # below the sea, if the reference says so
         return bool(_kept_data(stored.gps[5], KEPT["gps", 5]))
@@ -209,3 +223,12 @@ def place(metadata: CaptureMetadata) -> tuple[float, float] | None:
         whole = sum((part or 0) / unit for part, unit in zip(parts, (1, 60, 3600), strict=True))
         degrees.append(-whole if reference.startswith(negative) else whole)
     return degrees[0], degrees[1]
+
+
+def altitude(metadata: CaptureMetadata) -> float | None:
+    """Metres above the sea; None if the metadata do not say."""
+    shown = shown_fields(metadata)
+    height, below = shown.get("GPSAltitude"), shown.get("GPSAltitudeRef") == [1]
+    if not isinstance(height, list) or height[0] is None:
+        return None
+    return -height[0] if below else height[0]

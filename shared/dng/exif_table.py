@@ -1,4 +1,4 @@
-"""The Exif fields that results carry as their source has them, beside those that `CaptureMetadata` names (Exif 2.32, sections 4.6.5-6).
+"""The Exif fields that results carry as their source has them, beside those that `CaptureMetadata` names (Exif 2.32, 4.6.5-6).
 
 What depends on the pixels of the source is not among them: sizes, resolutions, places in the picture, processing.
 """
@@ -91,4 +91,11 @@ KEPT: dict[tuple[DirectoryName, int], Kept] = {
 }
 
 # A number of the GPS directory means something else without its reference, which says for instance north or south.
-REFERENCES: dict[int, tuple[int, str]] = {2: (1, "NS"), 4: (3, "EW"), 13: (12, "KMN"), 20: (19, "NS"), 22: (21, "EW"), 26: (25, "KMN")}
+REFERENCES: dict[int, tuple[int, str]] = {
+    2: (1, "NS"),
+    4: (3, "EW"),
+    13: (12, "KMN"),
+    20: (19, "NS"),
+    22: (21, "EW"),
+    26: (25, "KMN"),
+}

@@ -73,7 +73,7 @@ class DngReader:
         return self._main.tags.valueof(tag)
 
     def metadata(self) -> CaptureMetadata:
-        """The capture data. tifffile does not read them: it takes texts that are not UTF-8 for other texts, and drops odd fields."""
+        """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
         return read_metadata(self._stream)
 
     def stored(self, tag: int) -> bytes:

@@ -26,7 +26,7 @@ class Record:
 
     pattern, calibration: of the mosaic.
     id: digest of all of it, 16 hexadecimal digits; RawDataUniqueID repeats it, so that no other record takes its place.
-    shape: (rows, columns) of the samples the record belongs to; None in files of earlier versions, whose records belong to no samples.
+    shape: (rows, columns) of the samples the record belongs to; None in files of earlier versions, which do not say.
     samples: NewRawImageDigest of these samples, hexadecimal.
     preview: digest of the JPEG preview, hexadecimal.
     """

@@ -52,8 +52,8 @@ def write_tiff_picture(
     """Write a TIFF of samples that arrive as bands; each band goes to the file as it comes and does not stay in memory.
 
     file: empty and seekable.
-    bands: (rows, W, C), any number of rows each: uint8 (compressed with LZW), uint16 or float32 (uncompressed: LZW makes them larger,
-        because noise in the last bits does not compress; and TIFF 6.0 has nothing better, Deflate came later).
+    bands: (rows, W, C), any number of rows each: uint8 (compressed with LZW), uint16 or float32 (uncompressed: noise
+        in the last bits makes LZW larger than that, and TIFF 6.0 has nothing better; Deflate came later).
     shape: (H, W, C) of the whole picture.
     dtype: of the samples.
     directory: fields and child directories to write as well.

@@ -18,7 +18,7 @@ from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import encode_picture_dng
-from shared.dng.exif_reading import place
+from shared.dng.exif_reading import altitude, place
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.tiff import encode_tiff
@@ -203,6 +203,8 @@ def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
     known = {name: value for name, value in attributes.items() if value}
     if where := place(metadata):
         known |= {"latitude": where[0], "longitude": where[1]}
+    if (height := altitude(metadata)) is not None:
+        known["altitude"] = height
     known["software"] = software()
     if space in SPACES:
         known["chromaticities"] = tuple(value for point in (*SPACES[space].primaries, D65_XY) for value in point)

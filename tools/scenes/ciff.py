@@ -1,6 +1,6 @@
 """Capture data in Canon's CRW files (Canon Inc., CIFF Specification on Image Data File, 1.0, revision 4).
 
-rawpy passes on neither make nor model, gives times in the zone of this machine, and aperture and time as the camera had planned them.
+rawpy passes on neither make nor model, gives times in the zone of this machine, and aperture and exposure as they were planned.
 """
 
 import struct
@@ -68,9 +68,9 @@ def _read_directory(file: Any, order: str, start: int, end: int, found: dict[int
 def _metadata(found: dict[int, bytes], order: str) -> CaptureMetadata:
     make, _, model = found.get(_MAKE_AND_MODEL, b"").partition(b"\0")
     shot, settings, focal = (_numbers(found.get(record, b""), order) for record in (_SHOT, _SETTINGS, _FOCAL_LENGTH))
-    units, values = settings.get(_FOCAL_UNITS, 0), {"make": _text(make), "model": _text(model), "artist": _text(found.get(_OWNER, b""))}
-    metadata = CaptureMetadata(**values)
-    numbers = {
+    units = settings.get(_FOCAL_UNITS, 0)
+    metadata = CaptureMetadata(make=_text(make), model=_text(model), artist=_text(found.get(_OWNER, b"")))
+    numbers: dict[str, Any] = {
         "f_number": 2 ** (_stops(shot.get(_APERTURE) or shot.get(_PLANNED_APERTURE, 0)) / 2) if shot else None,
         "exposure_time": 2 ** -_stops(shot.get(_EXPOSURE_TIME) or shot.get(_PLANNED_TIME, 0)) if shot else None,
         "focal_length": focal[1] / units if units and 1 in focal else None,

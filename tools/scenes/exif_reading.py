@@ -47,5 +47,3 @@ def picture_metadata(info: Mapping[Any, Any]) -> CaptureMetadata:
         with suppress(ValueError):
             block = bytes.fromhex("".join(profile.split("\n")[3:]))
     return read_metadata(BytesIO(block.removeprefix(_START))) if isinstance(block, bytes) else CaptureMetadata()
-
-

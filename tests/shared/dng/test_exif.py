@@ -81,7 +81,7 @@ def test_the_block_is_what_picture_files_hold() -> None:
 
 def stored(main: Fields, exif: Fields | None = None, gps: Fields | None = None) -> bytes:
     """A TIFF structure with these fields."""
-    below = {Tag.EXIF_IFD: Directory(exif or {}), Tag.GPS_IFD: Directory(gps or {})}
+    below: dict[int, Directory] = {Tag.EXIF_IFD: Directory(exif or {}), Tag.GPS_IFD: Directory(gps or {})}
     return encode_tiff(Directory(main, (), below))
 
 
@@ -158,7 +158,7 @@ def test_a_place_is_whole_or_not_there() -> None:
         {2: (RATIONAL, struct.pack("<6I", 33, 0, 51, 1, 25, 1))},
         {2: (RATIONAL, struct.pack("<6I", 95, 1, 51, 1, 25, 1))},
     ):
-        found = read({}, None, {**whole, **odd})  # type: ignore[dict-item]
+        found = read({}, None, {**whole, **odd})
         assert place(found) is None, odd
         assert [field.tag for field in found.more if field.directory == "gps"] == [3, 4]
     without_north: Fields = {tag: value for tag, value in whole.items() if tag != 1}
@@ -195,8 +195,9 @@ def test_a_torn_structure_is_no_error(cut: int) -> None:
 
 def test_what_hostile_files_hold_fits_a_jpeg() -> None:
     long = b"\xf0\x9f\x8c\x8d" * 10**5
-    texts: Fields = {tag: (ASCII, long) for tag in TEXTS.values()}
-    exif: Fields = {tag: (ASCII, long) for directory, tag in KEPT if directory == "exif"} | {Tag.LENS_MODEL: (ASCII, long)}
+    texts: Fields = dict.fromkeys(TEXTS.values(), (ASCII, long))
+    exif: Fields = {tag: (ASCII, long) for directory, tag in KEPT if directory == "exif"}
+    exif[Tag.LENS_MODEL] = ASCII, long
     gps: Fields = {tag: (ASCII, long) for directory, tag in KEPT if directory == "gps"}
     found = read(texts, exif, gps)
     assert found.artist
@@ -211,7 +212,7 @@ def test_the_source_of_a_dng_of_ours_is_known_and_its_camera_ours() -> None:
         "Panchroma Pr?fling 7",
         "Panchroma Pr?fling 7",
     ]
-    odd = replace(METADATA, make='<&"\'>', model="a]]>b</tiff:Model>")
+    odd = replace(METADATA, make="<&\"'>", model="a]]>b</tiff:Model>")
     assert survivor(odd) == odd
     rendered = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
     assert read_metadata(BytesIO(rendered)) == METADATA
