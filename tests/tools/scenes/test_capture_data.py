@@ -29,7 +29,8 @@ WRITTEN = (
     *("-FNumber=2.8", "-ISO=400", "-ExposureProgram#=2", "-ExposureCompensation=-1/3", "-MeteringMode#=5", "-Flash#=16"),
 )
 # EXIF alone: exiftool also computes values from these, and shows what depends on the pixels.
-SHOWN = ("-EXIF:Artist", "-EXIF:Copyright", "-EXIF:OwnerName", "-GPS:all", "-EXIF:Lens*", "-EXIF:*Date*", "-EXIF:OffsetTime*") + (
+SHOWN = (
+    *("-EXIF:Artist", "-EXIF:Copyright", "-EXIF:OwnerName", "-GPS:all", "-EXIF:Lens*", "-EXIF:*Date*", "-EXIF:OffsetTime*"),
     *("-EXIF:SubSec*", "-EXIF:Exposure*", "-EXIF:FNumber", "-EXIF:ISO", "-EXIF:FocalLength", "-EXIF:MeteringMode", "-EXIF:Flash"),
 )
 
