@@ -158,7 +158,8 @@ def _more(stored: StoredDirectories, named: CaptureMetadata) -> Iterator[Capture
 def _kept_data(field: StoredField, kept: Kept) -> bytes:
     """The bytes of a field in the type that Exif prescribes; none if its values do not fit."""
     if kept.kind is FieldType.ASCII:
-        return text(field, _LONGEST_MORE).encode()
+        letters = text(field, _LONGEST_MORE).encode()
+        return letters if kept.count in (0, len(letters) + 1) else b""
     if kept.kind is FieldType.UNDEFINED:
         said = StoredField(field.kind, field.values.removeprefix(_ASCII_CODE)) if isinstance(field.values, bytes) else None
         shown = text(said, _LONGEST_MORE)
@@ -184,7 +185,8 @@ def _makes_sense(directory: DirectoryName, tag: int, data: bytes, stored: Stored
         return len(stored.gps) > 1
     for number, (reference, letters) in REFERENCES.items():
         if tag in (number, reference):
-            said = text(stored.gps.get(reference))[:1]
+            mark = stored.gps.get(reference)
+            said = _kept_data(mark, KEPT["gps", reference]).decode() if mark else ""
             values = stored.gps.get(number)
             known = (
                 values is not None

@@ -16,7 +16,7 @@ GPS_VERSION = 0
 
 @dataclass(frozen=True)
 class Kept:
-    """A field that is carried along: its name in Exif, type, and number of values; 0 = any number, as texts have."""
+    """A field that is carried along: its name in Exif, type, and number of values, for a text with its final NUL; 0 = any number."""
 
     name: str
     kind: FieldType
@@ -26,9 +26,9 @@ class Kept:
 _A, _B, _S, _R, _SR = FieldType.ASCII, FieldType.BYTE, FieldType.SHORT, FieldType.RATIONAL, FieldType.SRATIONAL
 
 KEPT: dict[tuple[DirectoryName, int], Kept] = {
-    ("main", Tag.DATE_TIME): Kept("DateTime", _A),
+    ("main", Tag.DATE_TIME): Kept("DateTime", _A, 20),
     ("exif", 34850): Kept("ExposureProgram", _S, 1),
-    ("exif", 36868): Kept("DateTimeDigitized", _A),
+    ("exif", 36868): Kept("DateTimeDigitized", _A, 20),
     ("exif", 36880): Kept("OffsetTime", _A),
     ("exif", 36881): Kept("OffsetTimeOriginal", _A),
     ("exif", 36882): Kept("OffsetTimeDigitized", _A),
@@ -57,35 +57,35 @@ KEPT: dict[tuple[DirectoryName, int], Kept] = {
     ("exif", 42035): Kept("LensMake", _A),
     ("exif", 42037): Kept("LensSerialNumber", _A),
     ("gps", GPS_VERSION): Kept("GPSVersionID", _B, 4),
-    ("gps", 1): Kept("GPSLatitudeRef", _A),
+    ("gps", 1): Kept("GPSLatitudeRef", _A, 2),
     ("gps", 2): Kept("GPSLatitude", _R, 3),
-    ("gps", 3): Kept("GPSLongitudeRef", _A),
+    ("gps", 3): Kept("GPSLongitudeRef", _A, 2),
     ("gps", 4): Kept("GPSLongitude", _R, 3),
     ("gps", 5): Kept("GPSAltitudeRef", _B, 1),
     ("gps", 6): Kept("GPSAltitude", _R, 1),
     ("gps", 7): Kept("GPSTimeStamp", _R, 3),
     ("gps", 8): Kept("GPSSatellites", _A),
-    ("gps", 9): Kept("GPSStatus", _A),
-    ("gps", 10): Kept("GPSMeasureMode", _A),
+    ("gps", 9): Kept("GPSStatus", _A, 2),
+    ("gps", 10): Kept("GPSMeasureMode", _A, 2),
     ("gps", 11): Kept("GPSDOP", _R, 1),
-    ("gps", 12): Kept("GPSSpeedRef", _A),
+    ("gps", 12): Kept("GPSSpeedRef", _A, 2),
     ("gps", 13): Kept("GPSSpeed", _R, 1),
-    ("gps", 14): Kept("GPSTrackRef", _A),
+    ("gps", 14): Kept("GPSTrackRef", _A, 2),
     ("gps", 15): Kept("GPSTrack", _R, 1),
-    ("gps", 16): Kept("GPSImgDirectionRef", _A),
+    ("gps", 16): Kept("GPSImgDirectionRef", _A, 2),
     ("gps", 17): Kept("GPSImgDirection", _R, 1),
     ("gps", 18): Kept("GPSMapDatum", _A),
-    ("gps", 19): Kept("GPSDestLatitudeRef", _A),
+    ("gps", 19): Kept("GPSDestLatitudeRef", _A, 2),
     ("gps", 20): Kept("GPSDestLatitude", _R, 3),
-    ("gps", 21): Kept("GPSDestLongitudeRef", _A),
+    ("gps", 21): Kept("GPSDestLongitudeRef", _A, 2),
     ("gps", 22): Kept("GPSDestLongitude", _R, 3),
-    ("gps", 23): Kept("GPSDestBearingRef", _A),
+    ("gps", 23): Kept("GPSDestBearingRef", _A, 2),
     ("gps", 24): Kept("GPSDestBearing", _R, 1),
-    ("gps", 25): Kept("GPSDestDistanceRef", _A),
+    ("gps", 25): Kept("GPSDestDistanceRef", _A, 2),
     ("gps", 26): Kept("GPSDestDistance", _R, 1),
     ("gps", 27): Kept("GPSProcessingMethod", FieldType.UNDEFINED),
     ("gps", 28): Kept("GPSAreaInformation", FieldType.UNDEFINED),
-    ("gps", 29): Kept("GPSDateStamp", _A),
+    ("gps", 29): Kept("GPSDateStamp", _A, 11),
     ("gps", 30): Kept("GPSDifferential", _S, 1),
     ("gps", 31): Kept("GPSHPositioningError", _R, 1),
 }

@@ -100,7 +100,8 @@ def test_a_made_up_crw(tmp_path: Path) -> None:
     path.write_bytes(data)
     found = crw_metadata(path)
     assert (found.make, found.model, found.artist) == ("Canon", "Canon EOS D30", "Jürgen")
-    assert (found.f_number, found.exposure_time) == (pytest.approx(2**1.5), pytest.approx(2 ** -(5 + 2 / 3)))
+    assert found.f_number == pytest.approx(2**1.5)
+    assert found.exposure_time == pytest.approx(2 ** -(5 + 2 / 3))
     assert found.taken == datetime(1971, 1, 1)  # noqa: DTZ001
     random = np.random.default_rng(1)
     for _ in range(300):
