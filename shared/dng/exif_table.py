@@ -16,7 +16,7 @@ GPS_VERSION = 0
 
 @dataclass(frozen=True)
 class Kept:
-    """A field that is carried along: its name in Exif, type, and number of values, for a text with its final NUL; 0 = any number."""
+    """A field that is carried along: name in Exif, type, number of values (of a text, with its final NUL); 0 = any number."""
 
     name: str
     kind: FieldType
