@@ -32,7 +32,7 @@ class FieldType(IntEnum):
 
 
 # The fields of a directory by tag. A field is (type, values); values are bytes for BYTE and UNDEFINED, str for ASCII (written as
-# UTF-8 with a final NUL), otherwise numbers.
+# UTF-8 with a final NUL), otherwise numbers, or the bytes of numbers in little-endian order, which are written as they are.
 Fields = dict[int, tuple[FieldType, bytes | str | Sequence[float]]]
 
 _FORMATS = {FieldType.SHORT: "H", FieldType.LONG: "I", FieldType.RATIONAL: "2I", FieldType.SRATIONAL: "2i", FieldType.DOUBLE: "d"}
@@ -107,7 +107,7 @@ def _encode(kind: FieldType, values: bytes | str | Sequence[float]) -> tuple[int
         data = values.encode("utf-8", "replace").replace(b"\0", b"") + b"\0"
         return len(data), data
     if isinstance(values, bytes):
-        return len(values), values
+        return len(values) // struct.calcsize(f"<{_FORMATS.get(kind, 's')}"), values
     if kind in (FieldType.RATIONAL, FieldType.SRATIONAL):
         pairs = [number for value in values for number in _ratio(value, kind)]
         return len(values), struct.pack(f"<{len(pairs)}{_FORMATS[kind][-1]}", *pairs)

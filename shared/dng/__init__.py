@@ -2,7 +2,8 @@
 
 from .codec import Layout, decode_dng, decode_preview, encode_dng
 from .exif import exif_block, metadata_directory
-from .file import read_dng, read_preview, verify_dng, write_dng
+from .exif_reading import metadata_from, read_metadata
+from .file import read_digest_kind, read_dng, read_preview, verify_dng, write_dng
 from .picture import encode_picture_dng
 
 __all__ = [
@@ -13,7 +14,10 @@ __all__ = [
     "encode_picture_dng",
     "exif_block",
     "metadata_directory",
+    "metadata_from",
+    "read_digest_kind",
     "read_dng",
+    "read_metadata",
     "read_preview",
     "verify_dng",
     "write_dng",

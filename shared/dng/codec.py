@@ -1,5 +1,6 @@
 """Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
 
+from dataclasses import dataclass
 from typing import IO, Literal
 
 import imagecodecs
@@ -14,13 +15,13 @@ from ..pattern import CfaPattern
 from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields
-from .container import main_directory, raw_digest, raw_directory
-from .exif import read_metadata
+from .container import main_directory, picture_id, raw_digest, raw_directory
 from .reader import DngReader, damaged, opened
-from .record import decode_record, encode_record, is_record
+from .record import Record, decode_record, encode_record, is_record, preview_digest
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
 
 Layout = Literal["auto", "cfa", "linear"]
+DigestKind = Literal["shot", "samples"]
 
 _RECTANGULAR = 1
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
@@ -43,12 +44,15 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     raw = raw_directory(codes, max(calibration.bits, BITS[0]), photometric)
     raw.fields.update(_levels(pattern, calibration))
     camera = f"{MAKER} {calibration.sensor}".strip()
-    main = main_directory(preview, mosaic.metadata, camera, raw, raw_digest(codes))
+    digest = raw_digest(codes)
+    main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
         main.fields.update(colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma))
     raw.fields.update(_noise(calibration, photometric))
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(mosaic)
+    record = encode_record(mosaic, digest, main.strips[0])
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
+    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, decode_record(record).id.encode()
     return encode_tiff(main)
 
 
@@ -62,35 +66,79 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
     Raises ForeignFileError for the DNG of another program, InputError for any other and for a damaged file.
     """
     with opened(data) as dng:
-        return _mosaic(dng, max_pixels)
+        return _mosaic(dng, max_pixels)[0]
 
 
-def _mosaic(dng: DngReader, max_pixels: int) -> Mosaic:
-    record = dng.stored(Tag.DNG_PRIVATE_DATA)
-    if not is_record(record):
-        raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
-    pattern, calibration = decode_record(record)
-    _check_cfa(dng, pattern)
+def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
+    record = _record(dng)
+    _check_cfa(dng, record.pattern)
     samples = dng.samples(max_pixels)
     _check_digest(dng, samples)
-    return Mosaic(samples, pattern, calibration, read_metadata(dng.value, dng.exif()))
+    if record.shape is not None:
+        if samples.shape != record.shape:
+            rows, columns = record.shape
+            raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} were written")
+        if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST).hex() != record.samples:
+            raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
+    _check_identity(dng, record.id)
+    return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
 
 
-def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
-    """Check a DNG of Panchroma, mosaic or rendered picture, completely. Returns its (rows, columns).
+def _record(dng: DngReader) -> Record:
+    stored = dng.stored(Tag.DNG_PRIVATE_DATA)
+    if not is_record(stored):
+        raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+    return decode_record(stored)
 
-    The samples and the private record are compared with their digests; the preview, which has none, must be decodable.
-    Raises InputError for any other file and for a damaged one.
+
+@dataclass(frozen=True)
+class Verified:
+    """What `verify` found.
+
+    shape: (rows, columns).
+    digest: "shot" = one digest binds size, samples, pattern and calibration together; "samples" = the file is of an earlier
+        version, whose digests do not cover the size, nor that the samples and the record belong together.
+    """
+
+    shape: tuple[int, int]
+    digest: DigestKind
+
+
+def digest_kind(data: bytes | IO[bytes]) -> DigestKind:
+    """Which digest a mosaic has (see `Verified`); its samples are not read. Raises InputError as `decode_dng` does."""
+    with opened(data) as dng:
+        return "samples" if _record(dng).shape is None else "shot"
+
+
+def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Verified:
+    """Check a DNG of Panchroma, mosaic or rendered picture, completely.
+
+    The samples, their size, the private record and the mosaic's preview are compared with their digests. Any preview must be
+    decodable. Raises InputError for any other file and for a damaged one.
     """
     with opened(data) as dng:
         rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
+        preview = ""
         if rendered and dng.raw().samplesperpixel == PICTURE_PLANES:
             samples = dng.samples(max_pixels, PICTURE_PLANES)
             _check_digest(dng, samples)
+            _check_identity(dng, picture_id(samples.shape, dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)))
+            bound = bool(dng.stored(Tag.RAW_DATA_UNIQUE_ID))
         else:
-            samples = _mosaic(dng, max_pixels).codes
-        _check_preview(dng.preview(), samples.shape[0] * samples.shape[1])
-        return samples.shape[0], samples.shape[1]
+            mosaic, record = _mosaic(dng, max_pixels)
+            samples, bound = mosaic.codes, record.shape is not None
+            preview = record.preview
+        jpeg = dng.preview()
+        _check_preview(jpeg, samples.shape[0] * samples.shape[1])
+        if preview and preview != preview_digest(jpeg):
+            raise damaged("the preview is not the one that was written")
+        return Verified((samples.shape[0], samples.shape[1]), "shot" if bound else "samples")
+
+
+def _check_identity(dng: DngReader, identity: str) -> None:
+    """Raise InputError if the file states another identity; files of earlier versions state none."""
+    if dng.stored(Tag.RAW_DATA_UNIQUE_ID) not in (b"", identity.encode()):
+        raise damaged("its parts are not all from the same file (RawDataUniqueID)")
 
 
 def _check_preview(jpeg: bytes, pixels: int) -> None:

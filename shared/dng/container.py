@@ -1,6 +1,7 @@
 """The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and the digest of the samples."""
 
 import hashlib
+from html import escape
 from typing import Any
 
 import imagecodecs
@@ -11,11 +12,17 @@ from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from .exif import metadata_directory, resolution_fields
-from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, PREVIEW_SRGB, Compression, Photometric, Tag
+from .exif_reading import printable
+from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, MAKER, PREVIEW_SRGB, Compression, Photometric, Tag
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
 _DIGEST_TILE = 256
 _CHUNKY, _CENTRED = 1, 1
+_XMP = (
+    '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
+    '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="" '
+    'xmlns:tiff="http://ns.adobe.com/tiff/1.0/">{}</rdf:Description></rdf:RDF></x:xmpmeta><?xpacket end="w"?>'
+)
 
 
 def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
@@ -23,7 +30,7 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
 
     preview: (h, w, 3) uint8 sRGB, in the orientation of the samples.
     metadata: capture data.
-    camera: UniqueCameraModel, a name under which converters look up colour profiles.
+    camera: UniqueCameraModel and Model, a name under which converters look up colour profiles; Make is `MAKER`.
     raw: directory of the samples, from `raw_directory`.
     digest: digest of the samples, from `raw_digest`.
     Raises InputError for another kind of preview.
@@ -34,6 +41,12 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
     _check_sides(picture.shape)
     jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
     main = metadata_directory(metadata)
+    # Raw developers take Make and Model for the camera that saw these samples, and give them its colours. No camera but ours did;
+    # the source's name is in the XMP, which none of them looks into for that.
+    named = camera.encode("ascii", "replace").decode()
+    if metadata.make or metadata.model:
+        main.fields[Tag.XMP] = FieldType.BYTE, _xmp(metadata)
+    main.fields |= {Tag.MAKE: (FieldType.ASCII, MAKER), Tag.MODEL: (FieldType.ASCII, named)}
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
     main.strips = [bytes(jpeg)]
     main.fields.update(picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
@@ -48,7 +61,7 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
             Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
             Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
             # The only text that DNG requires to be ASCII; converters look up camera profiles by it.
-            Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, camera.encode("ascii", "replace").decode()),
+            Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, named),
             Tag.NEW_RAW_IMAGE_DIGEST: (FieldType.BYTE, digest),
         }
     )
@@ -84,6 +97,18 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
             tile = planes[:, top : top + _DIGEST_TILE, left : left + _DIGEST_TILE]
             whole.update(hashlib.md5(tile.tobytes(), usedforsecurity=False).digest())
     return whole.digest()
+
+
+def _xmp(metadata: CaptureMetadata) -> bytes:
+    """An XMP packet with make and model of the source (XMP Specification Part 1, 7.3; Part 2, 8.5: the namespace tiff)."""
+    texts = {"Make": metadata.make, "Model": metadata.model}
+    fields = "".join(f"<tiff:{name}>{escape(printable(text))}</tiff:{name}>" for name, text in texts.items() if text)
+    return _XMP.format(fields).encode("utf-8", "replace")
+
+
+def picture_id(shape: tuple[int, ...], digest: bytes) -> str:
+    """RawDataUniqueID of a rendered picture, 16 hexadecimal digits: it covers the shape, which NewRawImageDigest does not."""
+    return hashlib.sha256(repr(shape).encode() + digest).hexdigest()[:16]
 
 
 def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photometric: int) -> Fields:

@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..metadata import CaptureMetadata
 from ..tiff import FieldType, encode_tiff
 from .colour_tags import colour_fields
-from .container import main_directory, raw_digest, raw_directory
+from .container import main_directory, picture_id, raw_digest, raw_directory
 from .tags import MAKER, Photometric, Tag
 
 _BITS = 16
@@ -53,7 +53,9 @@ def encode_picture_dng(
             Tag.WHITE_LEVEL: (FieldType.SHORT, [_WHITE_CODE] * 3),
         }
     )
-    main = main_directory(preview, metadata, MAKER, raw, raw_digest(codes))
+    digest = raw_digest(codes)
+    main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
+    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, picture_id(codes.shape, digest).encode()
     main.fields[Tag.BASELINE_EXPOSURE] = FieldType.SRATIONAL, [math.log2(white)]
     return encode_tiff(main)

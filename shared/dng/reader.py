@@ -4,7 +4,7 @@ tifffile parses the directories. Samples are decoded only after the declared siz
 """
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from io import SEEK_END, BytesIO
 from itertools import product
@@ -17,7 +17,9 @@ from tifffile import TiffFile, TiffPage
 from ..arrays import CodeArray
 from ..errors import InputError, PanchromaError
 from ..jpeg_check import LOSSLESS, read_header
+from ..metadata import CaptureMetadata
 from ..tiff_check import PLAIN, check_directories
+from .exif_reading import read_metadata
 from .tags import Compression, Photometric, Tag
 
 # tifffile logs every odd field. Applications may listen; by default the messages are dropped.
@@ -68,10 +70,9 @@ class DngReader:
         """Value of a tag in the first directory, as tifffile parses it; None when there is none."""
         return self._main.tags.valueof(tag)
 
-    def exif(self) -> Mapping[str, Any]:
-        """The Exif directory by the names of Exif; empty when there is none."""
-        value = self.value(Tag.EXIF_IFD)
-        return value if isinstance(value, dict) else {}
+    def metadata(self) -> CaptureMetadata:
+        """The capture data. tifffile does not read them: it misreads texts that are not UTF-8."""
+        return read_metadata(self._stream)
 
     def stored(self, tag: int) -> bytes:
         """The bytes of a field in the first directory; empty when there is none."""

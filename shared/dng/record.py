@@ -1,7 +1,11 @@
-"""The private record of a DNG (DNGPrivateData): pattern and calibration as JSON, which survives edits by other programs."""
+"""The private record of a DNG (DNGPrivateData): pattern and calibration as JSON, which survives edits by other programs.
+
+The record names the samples it belongs to, by their size and digest. So neither can be exchanged for those of another shot.
+"""
 
 import hashlib
 import json
+from dataclasses import dataclass
 from typing import Any
 
 from ..calibration import SensorCalibration
@@ -16,11 +20,37 @@ SCHEMA = 1
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
 
 
-def encode_record(mosaic: Mosaic) -> bytes:
-    """The content of DNGPrivateData: RECORD_ID, then a JSON object in UTF-8."""
+@dataclass(frozen=True)
+class Record:
+    """The content of a record.
+
+    pattern, calibration: of the mosaic.
+    id: digest of all of it, 16 hexadecimal digits; RawDataUniqueID repeats it, so that no other record takes its place.
+    shape: (rows, columns) of the samples the record belongs to; None in files of earlier versions, which do not say.
+    samples: NewRawImageDigest of these samples, hexadecimal.
+    preview: digest of the JPEG preview, hexadecimal.
+    """
+
+    pattern: CfaPattern
+    calibration: SensorCalibration
+    id: str
+    shape: tuple[int, int] | None = None
+    samples: str = ""
+    preview: str = ""
+
+
+def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
+    """The content of DNGPrivateData: RECORD_ID, then a JSON object in UTF-8.
+
+    samples: NewRawImageDigest of the mosaic's codes.
+    preview: the JPEG preview.
+    """
     pattern = mosaic.pattern
     document = {
         "schema": SCHEMA,
+        "shape": mosaic.shape,
+        "samples": samples.hex(),
+        "preview": preview_digest(preview),
         "pattern": {"tile": pattern.tile, "period": pattern.period, "origin": pattern.origin, "channels": pattern.channels},
         "calibration": mosaic.calibration.to_json(),
         "calibration_id": mosaic.calibration.id,
@@ -33,8 +63,8 @@ def is_record(data: bytes) -> bool:
     return data.startswith(RECORD_ID)
 
 
-def decode_record(data: bytes) -> tuple[CfaPattern, SensorCalibration]:
-    """Pattern and calibration in a record. Raises InputError when its content has changed, or a newer Panchroma wrote it."""
+def decode_record(data: bytes) -> Record:
+    """The content of a record. Raises InputError when it has changed, or a newer Panchroma wrote it."""
     try:
         document = json.loads(data[len(RECORD_ID) :].rstrip(b"\0"))
         digest = document.pop("digest")
@@ -47,7 +77,17 @@ def decode_record(data: bytes) -> tuple[CfaPattern, SensorCalibration]:
         raise InputError(f"the record of pattern and calibration has schema {schema!r}, this version reads {SCHEMA}; update it")
     given = document["pattern"]
     row, column = given["origin"]
-    return CfaPattern(tuple(given["tile"]), (row, column), given["channels"]), SensorCalibration.from_json(document["calibration"])
+    pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
+    calibration = SensorCalibration.from_json(document["calibration"])
+    if "shape" not in document:
+        return Record(pattern, calibration, digest)
+    rows, columns = document["shape"]
+    return Record(pattern, calibration, digest, (rows, columns), document["samples"], document["preview"])
+
+
+def preview_digest(jpeg: bytes) -> str:
+    """Digest of a preview, 32 hexadecimal digits."""
+    return hashlib.sha256(jpeg).hexdigest()[:32]
 
 
 def _digest(document: dict[str, Any]) -> str:

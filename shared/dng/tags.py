@@ -48,9 +48,11 @@ class Tag(IntEnum):
     IMAGE_DESCRIPTION = 270
     MAKE = 271
     MODEL = 272
+    XMP = 700
     SOFTWARE = 305
     DATE_TIME = 306
     ARTIST = 315
+    COPYRIGHT = 33432
 
     # Exif
     EXIF_IFD = 34665
@@ -62,8 +64,11 @@ class Tag(IntEnum):
     EXIF_VERSION = 36864
     DATE_TIME_ORIGINAL = 36867
     FOCAL_LENGTH = 37386  # millimetres
+    SUB_SEC_TIME = 37520  # of DATE_TIME
     SUB_SEC_TIME_ORIGINAL = 37521  # decimal digits after the second
+    LENS_SPECIFICATION = 42034  # shortest and longest focal length, f-number at each
     LENS_MODEL = 42036
+    GPS_IFD = 34853
 
     # Raw samples
     CFA_REPEAT_PATTERN_DIM = 33421  # rows, columns
@@ -81,9 +86,11 @@ class Tag(IntEnum):
     UNIQUE_CAMERA_MODEL = 50708
     COLOR_MATRIX_1 = 50721  # XYZ -> camera, a row per plane, under illuminant 1
     COLOR_MATRIX_2 = 50722  # XYZ -> camera, a row per plane, under illuminant 2
+    LENS_INFO = 50736  # as LENS_SPECIFICATION
     AS_SHOT_NEUTRAL = 50728  # reading of white, a value per plane
     BASELINE_EXPOSURE = 50730  # EV that a converter adds for a normally bright picture
     DNG_PRIVATE_DATA = 50740
+    RAW_DATA_UNIQUE_ID = 50781  # 16 bytes
     CALIBRATION_ILLUMINANT_1 = 50778
     CALIBRATION_ILLUMINANT_2 = 50779
     PREVIEW_COLOR_SPACE = 50970

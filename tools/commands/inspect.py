@@ -4,14 +4,15 @@ Reading compares a shot's samples with their digest, and checks every field of a
 """
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from shared import Mosaic, read_camera, read_dng
-from shared.dng import read_preview
+from shared.dng import read_digest_kind, read_preview
+from shared.dng.exif_reading import place, shown_fields
 from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console, one_line
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if Path(job.source).suffix.lower() == ".json":
             return _camera(job.source, console)
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
-        facts = _facts(mosaic, len(read_preview(job.source)))
+        facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": read_digest_kind(job.source)}
         console.say(_page(job.source, facts))
         return facts
 
@@ -97,7 +98,12 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "saturated": float((panchromatic >= mosaic.calibration.full_scale).mean()),
         "calibration": mosaic.calibration.to_json(),
         "calibration_id": mosaic.calibration.id,
-        "metadata": {**asdict(mosaic.metadata), "taken": taken.isoformat() if taken else None},
+        "metadata": {
+            **asdict(replace(mosaic.metadata, more=())),
+            "taken": taken.isoformat() if taken else None,
+            "place": place(mosaic.metadata),
+            "more": shown_fields(mosaic.metadata),
+        },
         "preview_bytes": preview_bytes,
     }
 
@@ -106,7 +112,8 @@ def _page(source: str, facts: dict[str, Any]) -> str:
     """The facts as a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
     rows = {
-        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest",
+        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"
+        + ("" if facts["digest"] == "shot" else ", which is an earlier version's and does not cover the size"),
         "pattern": f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
         "": "\n".join(f"  {'':{_COLUMN}}{' '.join(row)}" for row in pattern["letters"]).lstrip(),
         "network": facts["learned"] or "none for this pattern: rendered without learned colour",
@@ -137,12 +144,14 @@ def _capture(metadata: dict[str, Any]) -> dict[str, str]:
     seconds = metadata["exposure_time"]
     exposure = f"1/{1 / seconds:.0f} s" if seconds and seconds < 0.4 else seconds and f"{seconds:g} s"
     rows = {
-        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "description", "taken")},
+        **{name: metadata[name] for name in ("make", "model", "lens", "artist", "copyright", "description", "taken")},
+        "place": metadata["place"] and "{:.6f}, {:.6f} (latitude, longitude)".format(*metadata["place"]),
         "exposure": exposure,
         "aperture": metadata["f_number"] and f"f/{metadata['f_number']:g}",
         "ISO": metadata["iso"] and f"{metadata['iso']}",
         "focal length": metadata["focal_length"] and f"{metadata['focal_length']:g} mm",
         "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
+        "also": ", ".join(metadata["more"]),
     }
     return {name: one_line(value) for name, value in rows.items() if value}
 

@@ -11,6 +11,8 @@ from shared.dng import verify_dng
 from .console import Console
 from .jobs import fail, reason
 
+_EARLIER = "were saved by an earlier version: their digests do not cover the size, nor that samples and calibration belong together"
+
 
 def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: int) -> int:
     """Check each file against its own digest and report the damaged ones. Returns their number.
@@ -22,6 +24,7 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
     """
     files = list(dict.fromkeys(sources))
     damaged: list[str] = []
+    earlier = 0
     with ThreadPoolExecutor(jobs) as pool, console.progress("verifying") as progress:
         try:
             progress.begin(len(files))
@@ -32,10 +35,12 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
                     damaged.append(file)
                     fail(file, (), wrong, console)
                 else:
+                    earlier += facts.get("digest") == "samples"
                     console.record(source=file, ok=True, **facts)
         finally:
             pool.shutdown(cancel_futures=True)  # whoever interrupts does not wait for a whole archive
-    console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged))
+    remark = f"\n{earlier} of the whole files {_EARLIER}" if earlier else ""
+    console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged) + remark)
     return len(damaged)
 
 
@@ -44,7 +49,7 @@ def _checked(file: str, max_pixels: int) -> tuple[dict[str, Any], str]:
     try:
         if file.lower().endswith(".json"):
             return {"calibration_id": read_camera(file).calibration.id}, ""
-        rows, columns = verify_dng(file, max_pixels=max_pixels)
-        return {"width": columns, "height": rows}, ""
+        found = verify_dng(file, max_pixels=max_pixels)
+        return {"width": found.shape[1], "height": found.shape[0], "digest": found.digest}, ""
     except Exception as error:  # one odd file must not end the check of the others
         return {}, reason(error)

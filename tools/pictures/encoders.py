@@ -27,9 +27,9 @@ _QUALITIES, _QUALITY = range(1, 101), 95  # of a JPEG, and the one if none is as
 _STRIP_ROWS = 64
 _PNG_START = 8 + 25  # signature and IHDR
 
-# TIFF 6.0; 8 is Adobe's Deflate (TIFF Technical Note 2); 34675 is ICC.1:2010 Annex B.4.
+# TIFF 6.0; 34675 is ICC.1:2010 Annex B.4.
 _PREDICTOR, _EXTRA, _SAMPLE_FORMAT, _ICC = 317, 338, 339, 34675
-_DEFLATE, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 8, 2, 1, 3, 1, 2
+_LZW, _HORIZONTAL, _UNSIGNED, _FLOAT, _BLACK_IS_ZERO, _RGB = 5, 2, 1, 3, 1, 2
 
 
 def encode_tiff_picture(pixels: NDArray[Any], directory: Directory, *, icc: bytes = b"", rgb: bool = True) -> bytes:
@@ -52,8 +52,8 @@ def write_tiff_picture(
     """Write a TIFF of samples that arrive as bands; each band goes to the file as it comes and does not stay in memory.
 
     file: empty and seekable.
-    bands: (rows, W, C), any number of rows each: uint8 or uint16 (compressed with Deflate), or float32 (uncompressed: noise in the
-        last bits does not compress).
+    bands: (rows, W, C), any number of rows each: uint8 (compressed with LZW), uint16 or float32 (uncompressed: noise
+        in the last bits makes LZW larger than that, and TIFF 6.0 has nothing better; Deflate came later).
     shape: (H, W, C) of the whole picture.
     dtype: of the samples.
     directory: fields and child directories to write as well.
@@ -83,13 +83,13 @@ def regrouped(bands: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]
 
 def _tiff_fields(shape: tuple[int, ...], dtype: np.dtype[Any], icc: bytes, *, rgb: bool) -> Fields:
     channels = shape[2]
-    floating = dtype.kind == "f"
-    compression, photometric = Compression.NONE if floating else _DEFLATE, _RGB if rgb else _BLACK_IS_ZERO
+    floating, compressed = dtype.kind == "f", dtype == np.uint8
+    compression, photometric = _LZW if compressed else Compression.NONE, _RGB if rgb else _BLACK_IS_ZERO
     fields = picture_fields(shape, 8 * dtype.itemsize, compression, photometric) | {
         Tag.ROWS_PER_STRIP: (FieldType.LONG, [_STRIP_ROWS]),
         _SAMPLE_FORMAT: (FieldType.SHORT, [_FLOAT if floating else _UNSIGNED] * channels),
     }
-    if not floating:
+    if compressed:
         fields[_PREDICTOR] = FieldType.SHORT, [_HORIZONTAL]
     if extra := channels - (3 if rgb else 1):
         fields[_EXTRA] = FieldType.SHORT, [0] * extra
@@ -99,10 +99,10 @@ def _tiff_fields(shape: tuple[int, ...], dtype: np.dtype[Any], icc: bytes, *, rg
 
 
 def _tiff_strip(rows: NDArray[Any]) -> bytes:
-    if rows.dtype.kind == "f":
-        return rows.astype("<f4", copy=False).tobytes()
+    if rows.dtype != np.uint8:
+        return rows.astype(rows.dtype.newbyteorder("<"), copy=False).tobytes()
     differences = imagecodecs.delta_encode(np.ascontiguousarray(rows), axis=-2)
-    return bytes(imagecodecs.deflate_encode(differences.tobytes(), level=1))
+    return bytes(imagecodecs.lzw_encode(differences.tobytes()))
 
 
 def encode_png(codes: NDArray[Any], *, title: str, icc: bytes, exif: bytes) -> bytes:

@@ -18,6 +18,7 @@ from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import encode_picture_dng
+from shared.dng.exif_reading import altitude, place
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.tiff import encode_tiff
@@ -174,6 +175,12 @@ def encode_picture(
     return encode_npy(samples)
 
 
+def written_shape(kind: PictureKind, shape: tuple[int, int], metadata: CaptureMetadata) -> tuple[int, int]:
+    """Return (rows, columns) of the file that a rendering of `shape` becomes: pictures are turned upright."""
+    turned = kind.space != CAMERA and metadata.orientation >= 5
+    return shape[::-1] if turned else shape
+
+
 def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureMetadata) -> tuple[str, bytes, CaptureMetadata, int]:
     """Return the letters of a file's channels, its ICC profile, its capture data, and the orientation to turn the picture by."""
     if kind.space == CAMERA:
@@ -207,6 +214,7 @@ def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
         "cameraModel": metadata.model,
         "lensModel": metadata.lens,
         "owner": metadata.artist,
+        "copyright": metadata.copyright,
         "comments": metadata.description,
         "capDate": metadata.taken and metadata.taken.strftime("%Y:%m:%d %H:%M:%S"),
         "expTime": metadata.exposure_time,
@@ -215,6 +223,10 @@ def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
         "nominalFocalLength": metadata.focal_length,
     }
     known = {name: value for name, value in attributes.items() if value}
+    if where := place(metadata):
+        known |= {"latitude": where[0], "longitude": where[1]}
+    if (height := altitude(metadata)) is not None:
+        known["altitude"] = height
     known["software"] = software()
     if space in SPACES:
         known["chromaticities"] = tuple(value for point in (*SPACES[space].primaries, D65_XY) for value in point)

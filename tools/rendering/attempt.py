@@ -13,6 +13,7 @@ from shared.errors import ForeignFileError, InputError, OutputError
 from tools.host.compilation import announced_compilation
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
+from tools.pictures.writer import written_shape
 
 from .journal import Entry, Journal, digest
 from .lock import output_lock
@@ -131,7 +132,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
             output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=existing.replace, on_complete=journal
         )
     seconds = time.monotonic() - start
-    rows, columns = mosaic.shape
+    rows, columns = written_shape(order.kind, mosaic.shape, mosaic.metadata)
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
     solvers = {name: asdict(each) for name, each in solved.items()}
     facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3), "solvers": solvers}

@@ -5,6 +5,7 @@ is compared with measured values at every pixel.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -15,15 +16,18 @@ from numpy.typing import NDArray
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY, Matrix
+from shared.dng import metadata_from
+from shared.dng.exif_reading import printable
 from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS, data_bytes
+from shared.tiff_reading import StoredDirectories, StoredFields
 from shared.white_balance import normalised
 from tools.host.limited import run_limited
 
 from .camera_colour import as_shot_or_estimated, camera_to_xyz
+from .ciff import crw_metadata
 from .decoders import guarded
-from .exif_reading import from_tags, text, tiff_tags, whole
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
@@ -141,9 +145,9 @@ def _neutral(raw: Any) -> tuple[float, ...] | None:
     return normalised(1 / balance) if stated else None
 
 
-def colour_matrix(tags: Mapping[int, Any], neutral: tuple[float, ...] | None, known: Any = None) -> Matrix | None:
+def colour_matrix(tags: StoredFields, neutral: tuple[float, ...] | None, known: Any = None) -> Matrix | None:
     """Return the matrix from camera RGB to XYZ: from a DNG's ColorMatrix, or else `known` (3, 3), for D65; None without one."""
-    candidates = [(tags.get(tag), _ILLUMINANTS.get(whole(tags.get(light)) or 0, D65_XY)) for tag, light in _COLOR_MATRICES]
+    candidates = [(_numbers(tags, tag), _illuminant(_numbers(tags, light))) for tag, light in _COLOR_MATRICES]
     candidates.sort(key=lambda candidate: abs(candidate[1][0] - D65_XY[0]))
     for values, illuminant in (*candidates, (known, D65_XY)):
         try:
@@ -157,13 +161,34 @@ def colour_matrix(tags: Mapping[int, Any], neutral: tuple[float, ...] | None, kn
     return None
 
 
-def _metadata(raw: Any, tags: Mapping[int, Any]) -> CaptureMetadata:
-    """Return the capture data: Exif if the file is based on TIFF, otherwise what LibRaw has read and this rawpy passes on."""
-    lens, other, taken = getattr(raw, "lens", None), getattr(raw, "other", None), None
+def _numbers(tags: StoredFields, tag: int) -> tuple[float, ...]:
+    field = tags.get(tag)
+    return field.numbers if field else ()
+
+
+def _illuminant(light: tuple[float, ...]) -> tuple[float, float]:
+    return _ILLUMINANTS.get(int(light[0]), D65_XY) if light and 0 <= light[0] < 2**16 else D65_XY
+
+
+def _metadata(raw: Any, directories: StoredDirectories, path: Path) -> CaptureMetadata:
+    """Return the capture data: those in the file, or else what LibRaw has read and this rawpy passes on."""
+    lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
+    found = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
-    if not tags and other is not None:
-        known: dict[int, Any] = {Tag.ARTIST: other.artist, Tag.F_NUMBER: other.aperture, Tag.FOCAL_LENGTH: other.focal_length}
-        tags = known | {Tag.EXPOSURE_TIME: other.shutter_speed, Tag.ISO_SPEED_RATINGS: other.iso_speed}
+    if not directories.main and other is not None:
         taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
-    found, flip = from_tags(tags), _ORIENTATIONS.get(raw.sizes.flip, 1)
-    return replace(found, lens=found.lens or text(getattr(lens, "model", "")), orientation=flip, taken=found.taken or taken)
+        values = {"artist": printable(str(other.artist or "")), "f_number": other.aperture, "focal_length": other.focal_length}
+        found = _with(found, values | {"exposure_time": other.shutter_speed, "iso": round(other.iso_speed), "taken": taken})
+        found = _with(found, vars(crw_metadata(path)))
+    if lens is not None:
+        found = _with(found, {"lens": found.lens or printable(str(lens.model or ""))})
+    return replace(found, orientation=_ORIENTATIONS.get(raw.sizes.flip, 1))
+
+
+def _with(metadata: CaptureMetadata, values: Mapping[str, Any]) -> CaptureMetadata:
+    """Return the metadata with those of the values that say something valid."""
+    for name, value in values.items():
+        if value:
+            with suppress(InputError, TypeError):
+                metadata = replace(metadata, **{name: value})
+    return metadata

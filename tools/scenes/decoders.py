@@ -27,7 +27,7 @@ from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_check import PLAIN, check_directories
 from tools.host.limited import run_limited
 
-from .exif_reading import exif_tags, from_tags, tiff_tags
+from .exif_reading import picture_metadata, tiff_metadata
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .png_chunks import picture_chunks
 from .scene import SMALL, check_size
@@ -191,7 +191,7 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         peak = (1 << page.bitspersample) - 1 if pixels.dtype.kind == "u" else None
         profile = page.tags.get(_ICC_PROFILE)
         encoding, remarks = _profile_encoding(profile and profile.value)
-    return Decoded(pixels, peak, encoding, from_tags(tiff_tags(path)), notes + remarks)
+    return Decoded(pixels, peak, encoding, tiff_metadata(path), notes + remarks)
 
 
 def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
@@ -263,7 +263,7 @@ def _pillow() -> ModuleType:
 def _described(image: Any, pixels: NDArray[Any], peak: int, notes: tuple[str, ...]) -> Decoded:
     """Return the pixels with what Pillow's `image` says about them: encoding and capture data."""
     encoding, remarks = _png_encoding(image.info)
-    return Decoded(pixels, peak, encoding, from_tags(exif_tags(image.info.get("exif", b""))), notes + remarks)
+    return Decoded(pixels, peak, encoding, picture_metadata(image.info), notes + remarks)
 
 
 def _without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:

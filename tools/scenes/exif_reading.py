@@ -1,96 +1,49 @@
-"""Capture data from Exif blocks and TIFF directories. Invalid fields are skipped: they are never an error."""
+"""Capture data in the files that scenes come from. Invalid fields are skipped: they are never an error."""
 
-import warnings
 from collections.abc import Mapping
 from contextlib import suppress
-from datetime import datetime
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from shared import CaptureMetadata
+from shared.dng import read_metadata
+from shared.dng.exif_reading import WANTED
 from shared.dng.tags import Tag
-from shared.tiff_check import check_directories
+from shared.tiff_reading import StoredDirectories, read_directories
+
+_COLOURS = {Tag.COLOR_MATRIX_1, Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_1, Tag.CALIBRATION_ILLUMINANT_2}
+_START = b"Exif\0\0"
+_TEXT_PROFILE = "Raw profile type exif"  # how PNG files held Exif before the chunk eXIf (ImageMagick, exiftool)
+_SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
+_TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 
 
-def from_tags(tags: Mapping[int, Any]) -> CaptureMetadata:
-    """Return the capture data in `tags`: those of a first directory and its Exif directory, merged."""
-    return CaptureMetadata(
-        make=text(tags.get(Tag.MAKE)),
-        model=text(tags.get(Tag.MODEL)),
-        lens=text(tags.get(Tag.LENS_MODEL)),
-        artist=text(tags.get(Tag.ARTIST)),
-        description=text(tags.get(Tag.IMAGE_DESCRIPTION)),
-        taken=moment(tags.get(Tag.DATE_TIME_ORIGINAL)) or moment(tags.get(Tag.DATE_TIME)),
-        exposure_time=positive(tags.get(Tag.EXPOSURE_TIME)),
-        f_number=positive(tags.get(Tag.F_NUMBER)),
-        iso=whole(tags.get(Tag.ISO_SPEED_RATINGS)),
-        focal_length=positive(tags.get(Tag.FOCAL_LENGTH)),
-        orientation=orientation(tags.get(Tag.ORIENTATION)),
-    )
+def tiff_metadata(path: Path) -> CaptureMetadata:
+    """Return the capture data of a file based on TIFF."""
+    with path.open("rb") as file:
+        return read_metadata(file)
 
 
-def exif_tags(block: bytes) -> dict[int, Any]:
-    """Return the tags of an Exif block, with or without its prefix; empty if they are damaged."""
-    return _tags(BytesIO(block.removeprefix(b"Exif\0\0")))
+def raw_directories(path: Path) -> StoredDirectories:
+    """Return the capture data and colour matrices of a camera RAW, as fields.
+
+    Most RAWs are based on TIFF. Others begin with a preview or a box that holds a whole TIFF structure (RAF, RW2, MRW, CR3).
+    """
+    with path.open("rb") as file:
+        found = read_directories(file, WANTED | _COLOURS)
+        if found.main or found.exif:
+            return found
+        file.seek(0)
+        start = file.read(_SEARCHED)
+        places = sorted(place for mark in _TIFF_STARTS if (place := start.find(mark)) >= 0)
+        return read_directories(file, WANTED, places[0]) if places else found
 
 
-def tiff_tags(path: Path) -> dict[int, Any]:
-    """Return the tags of a file based on TIFF, as most camera RAWs are; empty if it has another or a damaged structure."""
-    with suppress(OSError), path.open("rb") as file:
-        return _tags(file)
-    return {}
-
-
-def _tags(file: IO[bytes]) -> dict[int, Any]:
-    """Return the tags of the first directory and of its Exif directory."""
-    from PIL import Image
-
-    exif = Image.Exif()
-    # Capture data are optional, so warnings are dropped; hostile directories raise all kinds of exceptions.
-    with suppress(Exception), warnings.catch_warnings(action="ignore"):
-        check_directories(file)
-        exif.load_from_fp(file)
-        return {**dict(exif), **exif.get_ifd(Tag.EXIF_IFD)}
-    return {}
-
-
-def text(value: object) -> str:
-    """Return the printable text of a field, or "" if it has none. Of several values the first is used."""
-    value = _first(value)
-    if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
-    if not isinstance(value, str):
-        return ""
-    return "".join(letter for letter in value.split("\0")[0] if letter.isprintable()).strip()
-
-
-def positive(value: object) -> float | None:
-    """Return the value if it is a positive, finite number that fits `CaptureMetadata`, otherwise None."""
-    with suppress(TypeError, ValueError, ArithmeticError):
-        number = float(_first(value))  # type: ignore[arg-type]
-        return number if 0 < number < 2**31 else None
-    return None
-
-
-def whole(value: object) -> int | None:
-    """Return the value rounded to a positive whole number, or None."""
-    number = positive(value)
-    return round(number) if number and round(number) >= 1 else None
-
-
-def moment(value: object) -> datetime | None:
-    """Return the time in Exif's form "YYYY:MM:DD HH:MM:SS" (local time without zone), or None."""
-    with suppress(ValueError):
-        return datetime.strptime(text(value)[:19], "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 -- Exif knows no zone
-    return None
-
-
-def orientation(value: object) -> int:
-    """Return a TIFF orientation, 1 to 8; 1 if the field is missing or invalid."""
-    value = _first(value)
-    return value if isinstance(value, int) and value in range(1, 9) else 1
-
-
-def _first(value: object) -> object:
-    return value[0] if isinstance(value, tuple | list) and value else value
+def picture_metadata(info: Mapping[Any, Any]) -> CaptureMetadata:
+    """Return the capture data in what Pillow's `Image.info` holds of a JPEG, PNG or WebP."""
+    block = info.get("exif", b"")
+    if not block and isinstance(profile := info.get(_TEXT_PROFILE), str):
+        with suppress(ValueError):
+            block = bytes.fromhex("".join(profile.split("\n")[3:]))
+    return read_metadata(BytesIO(block.removeprefix(_START))) if isinstance(block, bytes) else CaptureMetadata()

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tifffile import TIFF, TiffFile, TiffPage
 
 from shared.arrays import DoubleArray, FloatArray
+from shared.dng import metadata_from
 from shared.dng.reader import DngReader
 from shared.dng.tags import PICTURE_PLANES, Compression, Photometric, Tag
 from shared.errors import InputError
@@ -18,7 +19,7 @@ from shared.white_balance import normalised
 
 from .camera_colour import as_shot_or_estimated
 from .camera_raw import UNKNOWN_MATRIX, colour_matrix
-from .exif_reading import from_tags, tiff_tags
+from .exif_reading import raw_directories
 from .scene import Scene, check_size
 
 _LINEARIZATION_TABLE, _BLACK_DELTA_H, _BLACK_DELTA_V, _ACTIVE_AREA = 50712, 50715, 50716, 50829
@@ -58,9 +59,9 @@ def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             stated = _numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
     as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
     neutral, estimated, notes = as_shot_or_estimated(as_shot, rgb)
-    tags = tiff_tags(path)
-    matrix = colour_matrix(tags, neutral)
-    return Scene(rgb, name, matrix, neutral, from_tags(tags), notes if matrix else (*notes, UNKNOWN_MATRIX), estimated)
+    directories = raw_directories(path)
+    matrix = colour_matrix(directories.main, neutral)
+    return Scene(rgb, name, matrix, neutral, metadata_from(directories), notes if matrix else (*notes, UNKNOWN_MATRIX), estimated)
 
 
 def _main_picture(file: TiffFile) -> TiffPage | None:

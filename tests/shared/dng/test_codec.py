@@ -214,17 +214,18 @@ def test_preview_is_a_jpeg_of_its_size() -> None:
 
 def test_record_is_named_and_survives_padding() -> None:
     original = mosaic()
-    record = encode_record(original)
+    record = encode_record(original, b"digest", b"preview")
     assert record.startswith(RECORD_ID)
     assert RECORD_ID.startswith(b"Panchroma")
     assert RECORD_ID.endswith(b"\0")
-    assert decode_record(record) == (original.pattern, original.calibration)
-    assert decode_record(record + b"\0") == (original.pattern, original.calibration)  # exiftool pads
+    found = decode_record(record)
+    assert (found.pattern, found.calibration, found.shape) == (original.pattern, original.calibration, original.shape)
+    assert decode_record(record + b"\0") == found  # exiftool pads
     assert original.calibration.id.encode() in record
 
 
 def test_record_tells_any_change() -> None:
-    record = encode_record(mosaic())
+    record = encode_record(mosaic(), b"digest", b"preview")
     for changed in (
         record.replace(b'"W', b'"G'),
         record[:-1],

@@ -1,21 +1,24 @@
 """Files that are torn, flipped, foreign, or made to do harm: each is refused, or read as it was written."""
 
+import hashlib
+import json
 import struct
 import time
 import tracemalloc
 import zlib
+from itertools import product
 
 import numpy as np
 import pytest
 
-from shared import CfaPattern
+from shared import CfaPattern, Mosaic
 from shared.dng import codec, decode_dng, decode_preview, encode_dng, encode_picture_dng
 from shared.dng.container import main_directory, raw_digest, raw_directory
-from shared.dng.record import encode_record
+from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.dng.tags import Photometric, Tag
 from shared.errors import InputError
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
-from tests.shared.dng.examples import METADATA, mosaic, preview, same
+from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 
 LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
 
@@ -26,8 +29,36 @@ def tampered(raw_fields: Fields, strips: list[bytes] | None = None) -> bytes:
     raw = raw_directory(original.codes, 12, Photometric.LINEAR_RAW)
     raw.fields.update(raw_fields)
     raw.strips = raw.strips if strips is None else strips
-    main = main_directory(preview(), METADATA, "Panchroma", raw, raw_digest(original.codes))
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(original)
+    digest = raw_digest(original.codes)
+    main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(original, digest, main.strips[0])
+    return encode_tiff(main)
+
+
+def assembled(shots: list[Mosaic], samples: int = 0, record: int = 0, identity: int | None = 0) -> bytes:
+    """A file of ours with each part from another of these shots; identity: None = left out."""
+    parts = []
+    for shot in shots:
+        raw, digest = raw_directory(shot.codes, 12, Photometric.LINEAR_RAW), raw_digest(shot.codes)
+        main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
+        parts.append((main, encode_record(shot, digest, main.strips[0])))
+    main = parts[samples][0]
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, parts[record][1]
+    if identity is not None:
+        main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, decode_record(parts[identity][1]).id.encode()
+    return encode_tiff(main)
+
+
+def of_an_earlier_version(original: Mosaic) -> bytes:
+    """A file whose record names no samples and no size, as earlier versions wrote it."""
+    main = main_directory(
+        preview(), METADATA, "Panchroma", raw_directory(original.codes, 12, Photometric.LINEAR_RAW), raw_digest(original.codes)
+    )
+    document = json.loads(encode_record(original, b"", b"").removeprefix(RECORD_ID))
+    for name in ("shape", "samples", "preview", "digest"):
+        del document[name]
+    digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, RECORD_ID + json.dumps({**document, "digest": digest}).encode()
     return encode_tiff(main)
 
 
@@ -156,6 +187,80 @@ def test_changed_samples_are_told() -> None:
     other[5, 5] ^= 1
     with pytest.raises(InputError, match=r"damaged: the samples differ .*NewRawImageDigest"):
         decode_dng(tampered({}, list(raw_directory(other, 12, Photometric.LINEAR_RAW).strips)))
+
+
+def test_a_shot_is_not_put_together_from_two() -> None:
+    """The same camera, the same size: only the samples, or only the calibration, are of another shot."""
+    one = mosaic(CfaPattern.bayer(9))
+    for other in (
+        Mosaic(one.codes[::-1].copy(), one.pattern, one.calibration, one.metadata),
+        Mosaic(one.codes, one.pattern, calibration(gamma=(0.5, 0.6, 0.7)), one.metadata),
+        Mosaic(one.codes, CfaPattern.bayer(9, "BGGR"), one.calibration, one.metadata),
+    ):
+        shots = [one, other]
+        for samples, record, identity in product((0, 1), (0, 1), (0, 1, None)):
+            data = assembled(shots, samples, record, identity)
+            of_one_shot = np.array_equal(shots[samples].codes, shots[record].codes) and identity in (record, None)
+            if of_one_shot:
+                assert same(decode_dng(data), shots[record])
+            else:
+                with pytest.raises(InputError, match=r"damaged: (the record .* is that of another shot|its parts are not all)"):
+                    decode_dng(data)
+
+
+@pytest.mark.parametrize("shape", [(37, 53), (24, 36)])
+def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
+    """Up to 256 x 256 pixels NewRawImageDigest is that of the samples in a row, whatever their shape."""
+    original = mosaic(CfaPattern.bayer(9), shape)
+    rows, columns = shape
+    for changed in ((columns, rows), (rows * 2, columns // 2), (rows // 2, columns * 2), (1, rows * columns), (rows - 1, columns)):
+        fields = {**sides(*changed), Tag.COMPRESSION: (FieldType.SHORT, [1]), Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16])}
+        raw = raw_directory(original.codes, 12, Photometric.LINEAR_RAW)
+        raw.fields.update(fields)
+        raw.strips = [original.codes.tobytes()]
+        digest = raw_digest(original.codes)
+        main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
+        main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(original, digest, main.strips[0])
+        with pytest.raises(InputError, match="damaged"):
+            decode_dng(encode_tiff(main))
+
+
+def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
+    rgb = np.random.default_rng(4).random((8, 12, 3), np.float32)
+    data = encode_picture_dng(rgb, METADATA, None, None, preview())
+    assert codec.verify(data) == codec.Verified((8, 12), "shot")
+    turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
+    turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))
+    turned = turned.replace(_entry(Tag.ROWS_PER_STRIP, 8), _entry(Tag.ROWS_PER_STRIP, 12))
+    assert len(turned) == len(data)
+    assert turned != data
+    with pytest.raises(InputError, match="damaged"):
+        codec.verify(turned)
+
+
+def _entry(tag: int, value: int) -> bytes:
+    return struct.pack("<HHII", tag, FieldType.LONG, 1, value)
+
+
+def test_files_of_earlier_versions_are_read_and_known() -> None:
+    original = mosaic(CfaPattern.bayer(9))
+    data = of_an_earlier_version(original)
+    assert same(decode_dng(data), original)
+    assert codec.digest_kind(data) == "samples"
+    assert codec.verify(data) == codec.Verified(original.shape, "samples")
+    new = encode_dng(original, preview())
+    assert codec.digest_kind(new) == "shot"
+    assert codec.verify(new) == codec.Verified(original.shape, "shot")
+
+
+def test_an_exchanged_preview_is_told_by_verify_only() -> None:
+    original = mosaic()
+    data = bytearray(encode_dng(original, preview()))
+    place = data.index(decode_preview(bytes(data))) + 800  # far behind the tables: any bytes decode to some picture
+    data[place : place + 8] = bytes(byte ^ 0x11 for byte in data[place : place + 8])
+    assert same(decode_dng(bytes(data)), original)
+    with pytest.raises(InputError, match="damaged: the preview"):
+        codec.verify(bytes(data))
 
 
 def test_samples_of_another_kind_are_told() -> None:

@@ -63,7 +63,7 @@ def test_exiftool_shows_metadata_and_preview(tmp_path: Path) -> None:
     path = tmp_path / "shot.dng"
     write_dng(path, mosaic(), preview())
     shown = exiftool("-s3", "-Artist", "-LensModel", "-ExposureTime", "-ISO", "-SubSecDateTimeOriginal", path).decode()
-    assert shown.splitlines() == [METADATA.artist, METADATA.lens, "1/250", "640", "2014:03:09 07:05:01.020300"]
+    assert shown.splitlines() == [METADATA.artist, METADATA.lens, "1/250", "640", "2014:03:09 07:05:01.0203+05:30"]
     assert exiftool("-b", "-PreviewImage", path) == read_preview(path)
 
 

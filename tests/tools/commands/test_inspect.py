@@ -57,8 +57,11 @@ def test_machines_get_every_fact(tmp_path: Path) -> None:
     assert facts["preview_bytes"] == len(read_preview(path))
     assert METADATA.taken is not None
     assert facts["metadata"]["taken"] == METADATA.taken.isoformat()
-    known = {name: value for name, value in vars(METADATA).items() if name != "taken"}
+    known = {name: value for name, value in vars(METADATA).items() if name not in ("taken", "more")}
     assert {name: facts["metadata"][name] for name in known} == pytest.approx(known)
+    assert facts["metadata"]["place"] == pytest.approx([-33.857039, 151.211111], abs=1e-6)
+    assert facts["metadata"]["more"]["LensSpecification"] == [35, 35, 2.8, None]
+    assert facts["metadata"]["more"]["OffsetTimeOriginal"] == "+05:30"
 
 
 def test_people_get_them_with_their_units(tmp_path: Path) -> None:
@@ -83,6 +86,7 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
     assert shown["ISO"] == "640"
     assert shown["focal length"] == "34.56 mm"
     assert shown["orientation"] == "6 (of TIFF)"
+    assert shown["place"] == "-33.857039, 151.211111 (latitude, longitude)"
     assert (shown["make"], shown["lens"], shown["artist"]) == (METADATA.make, METADATA.lens, METADATA.artist)
 
 
@@ -146,7 +150,7 @@ def test_verify_says_no_more_than_needed(tmp_path: Path) -> None:
     outcome = run("inspect", "--verify", *paths)
     assert (outcome.code, outcome.out, outcome.err) == (0, "2 whole, 0 damaged\n", "")
     records: list[Any] = run("inspect", "--verify", "--json", *paths).records
-    assert records == [{"source": str(path), "ok": True, "width": 53, "height": 37} for path in paths]
+    assert records == [{"source": str(path), "ok": True, "width": 53, "height": 37, "digest": "shot"} for path in paths]
 
 
 def test_a_shot_from_simulate_as_json_is_one_line(tmp_path: Path) -> None:

@@ -95,8 +95,8 @@ def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: 
     assert outcome.code == 0, outcome.err
     path = out / f"shot.{name}"
     assert results(out) == {path.name}
-    assert outcome.out.startswith(f"{path}: 17 x 13, {bits} bits, {space}, ")
     upright = (13, 17) if space == "camera" else (17, 13)
+    assert outcome.out.startswith(f"{path}: {upright[1]} x {upright[0]}, {bits} bits, {space}, ")
     match name:
         case "tif":
             stored: Any = tifffile.imread(path)
@@ -135,6 +135,14 @@ def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: 
 )
 def test_what_is_left_open_is_the_formats_own(out: Path, shot: Path, options: tuple[str, ...], said: str) -> None:
     assert f", {said}, " in run("render", shot, "-o", out, *options).out
+
+
+def test_machines_get_the_size_of_the_file(out: Path, tmp_path: Path) -> None:
+    shot = save(tmp_path / "shot.dng")
+    (upright,) = run("render", shot, "-o", out, "-f", "png", "--json").records
+    assert (upright["width"], upright["height"]) == (13, 17)
+    (measured,) = run("render", shot, "-o", out, *MEASURED, "--json").records
+    assert (measured["width"], measured["height"]) == (17, 13)
 
 
 def test_displays_get_the_picture_upright_with_profile_and_capture_data(out: Path, tmp_path: Path) -> None:

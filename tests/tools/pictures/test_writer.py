@@ -238,8 +238,9 @@ def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     path = tmp_path / f"picture{kind.suffix}"
     path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
     (found,) = json.loads(exiftool("-j", "-n", "-G0", "-validate", "-warning", "-EXIF:all", path))
-    assert found["EXIF:Make"] == "Acme"
-    assert found["EXIF:Model"] == "Käthe 3"
+    # Raw developers would give a DNG the colours of the camera it names.
+    assert found["EXIF:Make"] == ("Panchroma" if kind.format == "dng" else "Acme")
+    assert found["EXIF:Model"] == ("Panchroma render" if kind.format == "dng" else "Käthe 3")
     assert found["EXIF:LensModel"] == "Acme 50mm"
     assert found["EXIF:Artist"] == "Ada Lovelace"
     assert found["EXIF:ImageDescription"] == "Zwei Bäume"
@@ -250,9 +251,7 @@ def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     assert found["EXIF:FocalLength"] == 50
     assert found["EXIF:Orientation"] == (6 if kind.space == CAMERA else 1)
     assert found["EXIF:Software"].startswith("Panchroma")
-    # Exif's own list of compressions ends before Deflate, which every TIFF reader has known for twenty years.
-    warnings = {text for key, text in found.items() if "Warning" in key} - {"Invalid value for IFD0 tag 0x0103 Compression"}
-    assert warnings == set()
+    assert [text for key, text in found.items() if "Warning" in key] == []
 
 
 def test_a_shot_of_which_nothing_is_known(tmp_path: Path) -> None:
