@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from shared.writing import own_file, short_name
 from tools.host.jobs import identity
 
 from .journal import exclusive
-
-_LONGEST = 100  # bytes of the output's name in the lock's name: together short enough for every file system
 
 
 @contextmanager
@@ -21,11 +20,10 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
     file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
     the lock file cannot be created.
     """
-    name = os.fsencode(output.name)
-    shown = name[:_LONGEST].decode(errors="ignore")
-    path = output.with_name(f".{shown}.{hashlib.sha256(name).hexdigest()[:8]}.panchroma.lock")
+    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    path = output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")
     while True:
-        with path.open("ab") as file:
+        with own_file(path, "ab") as file:
             try:
                 exclusive(file.fileno(), wait=wait)
             except BlockingIOError:

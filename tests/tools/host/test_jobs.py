@@ -188,7 +188,7 @@ def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> No
         (f"{folder}/a/b", f"the folder {folder}/a does not exist; create it first: mkdir -p '{folder}/a'"),
         (str(file), f"{file}: is not a folder"),
         (f"{file}/below", f"{file} is not a folder; choose another place"),
-        (f"{tmp_path}/link", "cannot be created (File exists)"),
+        (f"{tmp_path}/link", f"{tmp_path}/link: is a link to nowhere, which is not there; remove the link, or name another folder"),
         (f"{tmp_path}/{'x' * 300}", "cannot be created (File name too long)"),
         ("", "is empty"),
     ):
