@@ -299,7 +299,8 @@ def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path:
     script = (
         "import os, sys\nfrom pathlib import Path\nfrom shared.writing import write_durably\n"
         "folder = os.fsencode(sys.argv[1])\n"
-        "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', '\u5199'.encode() * 85): write_durably(os.fsdecode(folder + b'/' + name), b'')"
+        "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
+        "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
     )
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment)

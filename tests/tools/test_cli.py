@@ -179,7 +179,17 @@ def test_a_library_that_is_not_installed_is_named(shots: Path, tmp_path: Path, m
 
 @pytest.mark.parametrize(
     ("text", "line"),
-    [("two\nlines", "two lines"), ("a\r\n\tb", "a b"), ("\x1b[31mred\x9b", " [31mred "), ("two  blanks é", "two  blanks é")],
+    [
+        ("two\nlines", "two lines"),
+        ("a\r\n\tb", "a b"),
+        ("\x1b[31mred\x9b", r"\x1b[31mred\x9b"),
+        ("bell\a, delete\x7f, nul\0", r"bell\x07, delete\x7f, nul\x00"),
+        ("a\u2028b\u2029c\x85d", "a b c d"),
+        ("gpj\u202e.exe\u2066 \ufeff\u200b", r"gpj\u202e.exe\u2066 \ufeff\u200b"),
+        ("no text: \udcff", r"no text: \udcff"),
+        ("two  blanks é 写真 \u00a0", "two  blanks é 写真 \u00a0"),
+        ("می\u200cخواهم", "می\u200cخواهم"),
+    ],
 )
 def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) -> None:
     assert one_line(text) == line

@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.note(f"warning: {warning}")
     if folder is not None:
         page = report(outcome, session.skipped, provenance)
-        write_durably(folder / "report.html", page.encode(), overwrite=True)
+        write_durably(folder / "report.html", page.encode(errors="backslashreplace"), overwrite=True)
         if outcome.camera_rgb is not None and outcome.camera_rgb.shape[1] == 3:
             write_durably(folder / "chart.ti3", ti3(reference, outcome.camera_rgb).encode(), overwrite=True)
         console.say(f"{folder / 'report.html'}: {outcome.verdict}")

@@ -99,8 +99,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.report:
         page = build_page(figures, render_gallery(figures, team), program, failures)
-        write_durably(folder / _PAGE, page.encode(), overwrite=arguments.overwrite)
-    console.say(plain_text(figures))
+        write_durably(folder / _PAGE, page.encode(errors="backslashreplace"), overwrite=arguments.overwrite)
+    console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
         console.record(source=scene.source, ok=True, group=scene.group, width=scene.columns, height=scene.rows)

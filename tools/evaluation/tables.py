@@ -28,7 +28,7 @@ def encode_csv(figures: Figures) -> bytes:
     writer.writeheader()
     for row in found:
         writer.writerow({**row, "scene": row["scene"] or _POOLED})
-    return text.getvalue().encode()
+    return text.getvalue().encode(errors="backslashreplace")
 
 
 def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
@@ -57,7 +57,7 @@ def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:
         "figures": rows(figures),
         "failed": failures,
     }
-    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(errors="backslashreplace")
 
 
 def _verdict(figures: Figures, group: str) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """The verdict of an evaluation in words."""
 
+from tools.host.console import one_line
+
 from .figures import EVEN, HUE, TENTH, WHOLE, Figures
 from .methods import methods
 
@@ -28,7 +30,7 @@ def plain_text(figures: Figures) -> str:
         if best := periods(figures, group):
             lines.append(best)
         lines.append("")
-    return "\n".join(lines).rstrip()
+    return "\n".join(map(one_line, lines)).rstrip()
 
 
 def heading(figures: Figures, group: str) -> str:

@@ -1,6 +1,7 @@
 """Verify that shots, rendered DNGs and camera files are undamaged: single files and whole folders, several files at a time."""
 
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -12,13 +13,13 @@ from shared.dng import verify_dng
 from shared.errors import InputError
 
 from .console import Console
-from .jobs import fail, reason
+from .jobs import fail, file_status, reason
 
 _SUFFIX = ".dng"
 
 
 def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: int) -> int:
-    """Check each file against its own digest and report the damaged ones. Returns their number.
+    """Check each file against its own digest and report those that are damaged or cannot be read. Returns their number.
 
     sources: files, and folders with all DNGs in them and below.
     console: for lines, records and progress.
@@ -27,6 +28,7 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
     """
     files = list(dict.fromkeys(file for source in sources for file in _files(source)))
     damaged: list[str] = []
+    unread: list[str] = []
     with ThreadPoolExecutor(jobs) as pool, console.progress("verifying") as progress:
         try:
             progress.begin(len(files))
@@ -34,14 +36,21 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
                 progress.advance()
                 progress.remark(f"{len(damaged)} damaged")
                 if wrong:
-                    damaged.append(file)
+                    (damaged if _readable(file) else unread).append(file)
                     fail(file, (), wrong, console)
                 else:
                     console.record(source=file, ok=True, **facts)
         finally:
             pool.shutdown(cancel_futures=True)  # whoever interrupts does not wait for a whole archive
-    console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged))
-    return len(damaged)
+    count = f"{len(files) - len(damaged) - len(unread)} whole, {len(damaged)} damaged"
+    console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))
+    return len(damaged) + len(unread)
+
+
+def _readable(file: str) -> bool:
+    """Whether there is such a file, and it can be opened: otherwise nothing is known about damage."""
+    status = file_status(file)
+    return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
 
 
 def _files(source: str) -> Iterator[str]:

@@ -88,6 +88,7 @@ def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console
     jobs = list(jobs)
     inputs = {identity(job.source) for job in jobs} - {None}
     for job in jobs:
+        raise_lost_signal()
         try:
             refuse_loss(job.source, job.outputs, inputs, planned)
             if not overwrite:

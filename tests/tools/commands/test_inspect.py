@@ -114,7 +114,7 @@ def test_what_is_not_known_or_all_alike(tmp_path: Path, calibrated: SensorCalibr
         (CaptureMetadata(f_number=1.0), "aperture", "f/1"),
         (CaptureMetadata(iso=1), "ISO", "1"),
         (CaptureMetadata(taken=datetime(2014, 3, 9, 7, 5, 1)), "taken", "2014-03-09T07:05:01"),  # noqa: DTZ001  as Exif has it
-        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
+        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines \\x1b[31m"),
     ],
 )
 def test_capture_data_with_their_units(tmp_path: Path, metadata: CaptureMetadata, name: str, value: str) -> None:
