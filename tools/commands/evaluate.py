@@ -20,6 +20,7 @@ from tools.host.memory import allowed_memory
 from tools.host.options import add_json, add_max_memory, add_output_folder, add_scheduler, check_at_least_one, uses_scheduler
 from tools.host.processors import processors
 from tools.host.versions import program_version
+from tools.pictures.html import encode_page
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -99,7 +100,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.report:
         page = build_page(figures, render_gallery(figures, team), program, failures)
-        write_durably(folder / _PAGE, page.encode(errors="backslashreplace"), overwrite=arguments.overwrite)
+        write_durably(folder / _PAGE, encode_page(page), overwrite=arguments.overwrite)
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:

@@ -5,6 +5,8 @@ import io
 import json
 from typing import Any
 
+from tools.host.console import one_line
+
 from .figures import CRITERIA, Figure, Figures
 from .measures import PLANES
 from .methods import methods
@@ -27,8 +29,8 @@ def encode_csv(figures: Figures) -> bytes:
     writer = csv.DictWriter(text, list(found[0]) if found else list(_COLUMNS), lineterminator="\n")
     writer.writeheader()
     for row in found:
-        writer.writerow({**row, "scene": row["scene"] or _POOLED})
-    return text.getvalue().encode(errors="backslashreplace")
+        writer.writerow({**row, "scene": one_line(row["scene"] or _POOLED)})
+    return text.getvalue().encode()
 
 
 def encode_json(figures: Figures, program: str, failures: list[str]) -> bytes:

@@ -15,6 +15,7 @@ from shared.errors import PanchromaError
 from shared.writing import write_durably
 
 from .compilation import CACHE_REMEDY
+from .font_folder import temporary_font_folder
 from .memory import available_memory
 from .processors import THREAD_VARIABLES, processors
 from .versions import package_version, program_version
@@ -69,6 +70,7 @@ _PACKAGES = (
 
 
 def _packages() -> Iterator[Finding]:
+    temporary_font_folder()
     for name, module, least, needed_by in _PACKAGES:
         remedy = "pip install -e '.[rivals]'" if name == "bm3d" else _ALL if needed_by else "pip install -e ."
         state = MISSING if needed_by else BAD
@@ -173,8 +175,9 @@ _LEAST_MEMORY = 2**30
 
 def _writing() -> Iterator[Finding]:
     """Write a file as every result is written: a temporary file, fsync, rename."""
-    place = tempfile.gettempdir()
+    place = os.environ.get("TMPDIR", "the folder for temporary files")
     try:
+        place = tempfile.gettempdir()
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "written"
             write_durably(path, b"once")
