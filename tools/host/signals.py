@@ -36,6 +36,7 @@ def orderly_end() -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in _ENDING if _in_main_thread()}
     free = [number for number, handler in before.items() if handler in _DEFAULT]
     _received.clear()
+    hook = sys.unraisablehook
     for number in free:
         signal.signal(number, _terminate)
     try:
@@ -46,6 +47,7 @@ def orderly_end() -> Iterator[None]:
     finally:
         for number in free:
             signal.signal(number, before[number])
+        sys.unraisablehook = hook
 
 
 def _in_main_thread() -> bool:
@@ -63,7 +65,7 @@ def insist(number: int) -> None:
 
     Inside a callback from C (Numba loading a kernel) it is dropped, with a traceback.
     """
-    again = threading.Timer(_AGAIN, signal.raise_signal, (number,))
+    again = threading.Timer(_AGAIN, signal.pthread_kill, (threading.main_thread().ident, number))
     again.daemon = True
 
     def dropped(lost: "sys.UnraisableHookArgs") -> None:

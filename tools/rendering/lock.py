@@ -20,8 +20,7 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
     file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
     the lock file cannot be created.
     """
-    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
-    path = output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")
+    path = lock_path(output)
     while True:
         with own_file(path, "ab") as file:
             try:
@@ -36,3 +35,9 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
             finally:
                 path.unlink(missing_ok=True)
             return
+
+
+def lock_path(output: Path) -> Path:
+    """The name of the lock on an output."""
+    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    return output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")
