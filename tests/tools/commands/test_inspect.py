@@ -1,6 +1,7 @@
 """`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see test_render."""
 
 import json
+import re
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -208,6 +209,11 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
         f"{path}: damaged: the preview is not a whole JPEG; copy the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
+    assert outcome.out.splitlines() == [
+        "0 whole, 1 damaged, 1 that cannot be read",
+        f"  {path}",
+        f"  {tmp_path}/absent.dng",
+    ]
     (tmp_path / "empty").mkdir()
     assert run("inspect", "--verify", tmp_path / "empty").errors == [f"panchroma: {tmp_path}/empty: no DNG in this folder or below"]
 
@@ -217,3 +223,17 @@ def test_a_pattern_without_a_network_says_so(tmp_path: Path) -> None:
     path = save(tmp_path / "shot.dng", replace(plain, pattern=CfaPattern.bayer(5)))
     assert rows(run("inspect", path).out)["network"] == "none for this pattern: rendered without learned colour"
     assert run("inspect", path, "--json").records[0]["learned"] is None
+
+
+def test_nothing_in_a_camera_file_moves_the_cursor(tmp_path: Path) -> None:
+    path = tmp_path / "camera\x1b[2J\nall is well.json"
+    measured = {"noise": {"by\nall is well": ["\x9b2J", "\u202e"]}}
+    path.write_text(
+        json.dumps({"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000, "sensor": "\x1b]0;\a", "measured": measured})
+    )
+    shown = run("inspect", path).out
+    assert "\nall is well" not in shown
+    assert re.search(r"[^\n -~]", shown) is None
+    assert (r"sensor       \x1b]0;\x07, calibration" in shown, r"by all is well \x9b2J \u202e" in shown) == (True, True)
+    (record,) = run("inspect", path, "--json").records
+    assert record["camera"]["sensor"] == "\x1b]0;\a"

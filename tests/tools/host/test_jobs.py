@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from shared.errors import InputError, OutputError
+from tests.tools.command import run
 from tools.host.console import Console, StandardOutputError
 from tools.host.jobs import Job, output_folder, plan, run_jobs
 
@@ -201,3 +202,15 @@ def test_a_folder_without_permission_is_refused(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr("os.access", lambda *_: False)  # root may write everywhere
     with pytest.raises(OutputError, match="no permission to write in this folder; choose another"):
         output_folder(str(tmp_path))
+
+
+# --- what is not used is not left ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["simulate", "render", "preview"])
+def test_a_new_output_folder_without_results_is_not_left(tmp_path: Path, verb: str) -> None:
+    assert run(verb, tmp_path / "missing", "-o", tmp_path / "new").code == 1
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "old").mkdir()
+    assert run(verb, tmp_path / "missing", "-o", tmp_path / "old").code == 1
+    assert (tmp_path / "old").is_dir()
