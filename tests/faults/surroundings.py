@@ -13,12 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.faults.scenario import Process, Scenario
-from tests.faults.trials import PATIENCE, state
+from tests.faults.trials import state
 from tools.rendering.journal import NAME as JOURNAL
 from tools.rendering.lock import lock_path
 
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
+_PATIENCE = 1800.0  # seconds: without a place for kernels every process compiles them all
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
 
 
@@ -81,7 +82,7 @@ def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: flo
 
 def _ended(process: Process, *codes: int) -> list[str]:
     """Wait for the process, which must leave with one of `codes`, and show no traceback, no fault, and nothing a terminal obeys."""
-    shown, said = (stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=PATIENCE))
+    shown, said = (stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=_PATIENCE))
     found = [] if process.returncode in codes else [f"left with {process.returncode} instead of {codes}: {said[-300:]!r}"]
     if "Traceback" in said or "a fault of Panchroma" in said:
         found.append(f"a traceback or a fault: {said[-300:]!r}")

@@ -1,6 +1,5 @@
 """Signals that end a program: commands clean up, services finish their current work, workers end with their parent."""
 
-import multiprocessing
 import os
 import signal
 import sys
@@ -8,8 +7,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
-from multiprocessing.connection import wait
 from types import FrameType, TracebackType
 
 INTERRUPTED = 130
@@ -84,6 +81,8 @@ def held_back() -> Iterator[None]:
     Otherwise the new process would be left with half of its orders, and show a traceback. It never gets SIGINT, not even while it
     is importing: an interrupt at a terminal goes to all processes, but it is for this one, which stops the others.
     """
+    from multiprocessing import resource_tracker  # here: an interrupt while the command line is imported shows a traceback
+
     resource_tracker.ensure_running()  # when it starts, with the first process, it unblocks SIGINT
     held: list[int] = []
     others = [number for number in _ENDING if number != signal.SIGINT and _in_main_thread()]
@@ -116,9 +115,11 @@ def end_with_parent(patience: float = 0.0) -> None:
 
 
 def _watch_parent(patience: float) -> None:
+    import multiprocessing.connection
+
     parent = multiprocessing.parent_process()
     if parent is not None:
-        wait([parent.sentinel])
+        multiprocessing.connection.wait([parent.sentinel])
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(patience)
         os._exit(1)
