@@ -360,9 +360,9 @@ def test_results_and_records_cannot_forge_lines(capsys: pytest.CaptureFixture[st
 
 
 def test_wrong_arguments_are_shown_on_one_line() -> None:
-    outcome = run("inspect", "shot", "--\x1b[2J\nall is well")
+    outcome = run("inspect", "shot", "--\x1b[2J\nall_is_well")
     assert outcome.code == 2
-    assert outcome.err.splitlines()[-1] == r"panchroma: error: unrecognized arguments: --\x1b[2J all is well"
+    assert outcome.err.splitlines()[-1] == r"panchroma: error: unrecognized arguments: --\x1b[2J all_is_well"
 
 
 def test_no_command_leaves_anything_in_the_home_or_sends_anything(tmp_path: Path, shots: Path) -> None:
