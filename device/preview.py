@@ -9,7 +9,6 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from shared.arrays import ByteArray, CodeArray, FloatArray
@@ -19,6 +18,7 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.reading import read_whole
+from shared.runtime import onnxruntime
 
 from . import contract
 from .border import ExtendedFrame

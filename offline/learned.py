@@ -220,7 +220,7 @@ def learner_for(pattern: CfaPattern, gamma: tuple[float, ...], settings: Learned
 @cache
 def _session(path: Path) -> Any:
     """An onnxruntime session, which computes in the calling thread; any number of threads may call it."""
-    import onnxruntime
+    from shared.runtime import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # tiles run in parallel instead

@@ -5,12 +5,13 @@ import fcntl
 import os
 import re
 import secrets
+import shlex
 import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO
 
 from .errors import OutputError
 
@@ -37,7 +38,8 @@ def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnCo
 
     The temporary file (see `part_path`) is written beside `path`, fsynced and renamed, then the folder is fsynced: at any moment
     `path` is absent, old or new, never a part. An error in the block removes the temporary file; `sweep` removes those of killed
-    processes.
+    processes. A replaced file keeps its permissions and its owner (see `_keep_permissions`). A link in the place of `path` is
+    replaced itself: what it leads to is neither opened nor changed.
 
     path: the file to write.
     overwrite: replace an existing file.
@@ -48,13 +50,15 @@ def durable_file(path: Path | str, *, overwrite: bool = False, on_complete: OnCo
     path = Path(path)
     part = part_path(path)
     try:
-        if not overwrite and path.exists():
+        if not overwrite and os.path.lexists(path):
             raise FileExistsError
         try:
             # It stays open, and thus locked, until the rename: otherwise `sweep` would take it for a leftover.
             with _locked(part) as file:
                 yield file
                 file.flush()
+                if overwrite:
+                    _keep_permissions(path, file.fileno())
                 settled = on_complete(part) if on_complete is not None else None
                 os.fsync(file.fileno())
                 if settled is not None:
@@ -79,8 +83,41 @@ def sync_folder(folder: Path) -> None:
 
 def part_path(path: Path) -> Path:
     """A unique temporary name beside `path`: `.NAME.XXXXXXXX.panchroma.part`; a long NAME is shortened."""
-    name = os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore")
-    return path.with_name(f".{name}.{secrets.token_hex(4)}.panchroma.part")
+    return path.with_name(f".{short_name(path)}.{secrets.token_hex(4)}.panchroma.part")
+
+
+def short_name(path: Path) -> str:
+    """The beginning of a file's name: short enough to be a part of another name, and no character of UTF-8 is cut in two."""
+    return os.fsdecode(os.fsencode(path.name)[:_LONGEST_PART].decode(errors="ignore").encode())
+
+
+def own_file(path: Path, mode: str, *, buffering: int = -1) -> IO[bytes]:
+    """Open a file that this program keeps for itself (a journal, a lock, a kept result), as `open` does: a regular file only.
+
+    A link or a pipe under the name of such a file may have been put there by anyone, and a link may lead to an original. So
+    symbolic links are not followed, nothing waits for the other end of a pipe, and no device is read.
+
+    mode: binary, as for `open`.
+    Raises OSError, which says what to do.
+    """
+    return open(path, mode, buffering, opener=_open_regular)
+
+
+def _open_regular(path: str, flags: int) -> int:
+    try:
+        descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.ENXIO, errno.EISDIR, errno.ENODEV):
+            raise _stranger(path) from None
+        raise
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise _stranger(path)
+    return descriptor
+
+
+def _stranger(path: str) -> OSError:
+    return OSError(errno.EINVAL, f"{Path(path).name} is no file of Panchroma but a link, a pipe, a device or a folder; remove it")
 
 
 def sweep(folder: Path | str) -> int:
@@ -100,7 +137,7 @@ def sweep(folder: Path | str) -> int:
                     part.unlink()
                     removed += 1
                 elif stat.S_ISREG(status.st_mode):
-                    with part.open("rb") as file:
+                    with own_file(part, "rb") as file:
                         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                         part.unlink()
                         removed += 1
@@ -122,6 +159,33 @@ def _locked(part: Path) -> BinaryIO:
         file.close()  # another process removed it before it was locked
 
 
+def _keep_permissions(path: Path, descriptor: int) -> None:
+    """Give the new file the owner, the group and the permissions of the regular file that it will replace, if there is one.
+
+    Only root may give files away. Under a group that cannot be kept the new group may do no more than everybody may.
+    """
+    with suppress(FileNotFoundError):
+        old, new = path.lstat(), os.fstat(descriptor)
+        if not stat.S_ISREG(old.st_mode):
+            return
+        mode = stat.S_IMODE(old.st_mode) & 0o777
+        for owner, group in ((-1, old.st_gid), (old.st_uid, -1)):
+            if owner in (-1, new.st_uid) and group in (-1, new.st_gid):
+                continue
+            try:
+                os.fchown(descriptor, owner, group)
+            except OSError:
+                if group != -1:
+                    mode &= ~0o070 | (mode & 0o007) << 3
+        with suppress(OSError):  # a file system without permissions
+            os.fchmod(descriptor, mode)
+        with suppress(OSError, AttributeError):  # most files have no access control list, most systems not these functions
+            os.setxattr(descriptor, _ACL, os.getxattr(path, _ACL, follow_symlinks=False))
+
+
+_ACL = "system.posix_acl_access"
+
+
 def _move(part: Path, path: Path, overwrite: bool) -> None:
     """Rename `part` to `path`; without `overwrite` by a hard link, which cannot replace a file that has appeared meanwhile."""
     if overwrite:
@@ -132,11 +196,16 @@ def _move(part: Path, path: Path, overwrite: bool) -> None:
     except FileExistsError:
         raise
     except OSError:  # no hard links here (FAT, some network shares)
-        if path.exists():
+        if os.path.lexists(path):
             raise FileExistsError from None
         part.rename(path)
     else:
         part.unlink()
+
+
+def dangling_link(path: Path) -> str:
+    """What to say of a link that leads nowhere, in the place of a result."""
+    return f"is a link to {path.readlink()}, which is not there; remove the link"
 
 
 def _reason(error: OSError, path: Path) -> str:
@@ -148,7 +217,7 @@ def _reason(error: OSError, path: Path) -> str:
         case errno.EACCES | errno.EPERM | errno.EROFS:
             return f"no permission to write in {path.parent}; choose another folder"
         case errno.ENOENT:
-            return f"the folder {path.parent} does not exist; create it first"
+            return f"the folder {path.parent} does not exist; create it first: mkdir -p {shlex.quote(str(path.parent))}"
         case errno.ENOTDIR:
             return f"{path.parent} is not a folder"
         case errno.EISDIR:
@@ -156,5 +225,7 @@ def _reason(error: OSError, path: Path) -> str:
         case errno.ENAMETOOLONG:
             return "the file name is too long"
     if isinstance(error, FileExistsError):
+        if path.is_symlink() and not path.exists():
+            return dangling_link(path)
         return "exists already; use --overwrite to replace it"
     return f"cannot be written ({error.strerror or error})"

@@ -39,7 +39,12 @@ ROOMS = {
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
 # Packages that only these modules, and what is below them, may import.
-ONLY_IN = {"onnx": ("device.graph", "device.nodes", "tools"), "numba": ("offline.kernels",), "llvmlite": ("offline.kernels",)}
+ONLY_IN = {
+    "onnx": ("device.graph", "device.nodes", "tools"),
+    "numba": ("offline.kernels",),
+    "llvmlite": ("offline.kernels",),
+    "onnxruntime": ("shared.runtime",),
+}
 
 
 def sources() -> Iterator[tuple[str, str]]:
@@ -155,7 +160,7 @@ def test_a_planted_import_is_caught(module: str, text: str) -> None:
     [
         ("shared.dng.codec", "from ..mosaic import Mosaic\nfrom . import tags\nimport numpy as np\nimport tifffile"),
         ("device.graph", "import onnx\nfrom onnx import helper\nfrom shared import Mosaic"),
-        ("device.preview", "import onnxruntime"),
+        ("shared.runtime", "import onnxruntime"),
         ("offline.affinity", "import scipy.sparse\nfrom shared.arrays import FloatArray\nfrom .kernels import solver"),
         ("offline.kernels.solver", "import numba\nfrom numba import njit"),
         ("tools.cli", "import rich, rawpy\nimport device.graph, offline, shared\nimport onnx"),

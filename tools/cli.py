@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from tools.host.console import Console, StandardOutputError, fault
+from tools.host.console import Console, StandardOutputError, fault, one_line
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
 from tools.host.versions import program_version
 
@@ -31,6 +31,13 @@ VERBS = {
     "doctor": "check the installation, and say how to repair it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
 }
+
+
+class _Parser(argparse.ArgumentParser):
+    """Shows wrong arguments, whatever they contain, on one line."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(one_line(message))
 
 
 class _Help(argparse.ArgumentDefaultsHelpFormatter):
@@ -54,19 +61,21 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             from shared.errors import PanchromaError
             from tools.host.jobs import remove_unused_folders
 
+            code = FAILED
             try:
                 parsed = _parser(arguments).parse_args(arguments)
                 console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet)
                 _set_threads(parsed)
-                code: int = _module(parsed.verb).run(parsed, console)
+                code = _module(parsed.verb).run(parsed, console)
             finally:
+                if code:
+                    remove_unused_folders()
                 console.close()
     except KeyboardInterrupt as stop:
         console.error("interrupted; finished files are complete, and no partial file is left")
         code = stop.code if isinstance(stop, Terminated) else INTERRUPTED
     except PanchromaError as error:
         console.error(str(error))
-        remove_unused_folders()
         code = USAGE
     except StandardOutputError as error:
         code = _without_stdout(error, console)
@@ -82,7 +91,7 @@ def _open_streams() -> None:
         stream = getattr(sys, name)
         if stream is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
-        elif isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+        elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
@@ -97,7 +106,7 @@ def _without_stdout(error: StandardOutputError, console: Console) -> int:
 
 def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     """The parser with all verbs, but only with the options of the verb in `arguments`."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="panchroma",
         description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
         epilog="panchroma VERB --help shows the options of a verb.",

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,10 +22,25 @@ _called: list[Any] = []  # the kernels that stages call; the others are parts of
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed; this one, when any kernel file has."""
+    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed; this one, when any kernel file has.
+
+    A kernel that cannot be read from the disk, or not be kept there, is compiled.
+    """
 
     def _index_key(self, *args: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*args), _SOURCES)
+
+    def load_overload(self, *args: Any) -> Any:
+        try:
+            return super().load_overload(*args)
+        except Exception:  # what a damaged file raises when it is unpickled has no common base
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, *args: Any) -> None:
+        with suppress(OSError):
+            super().save_overload(*args)
 
 
 def kernel(function: F) -> F:
@@ -47,7 +62,8 @@ def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
 
 def _compiled(function: F, *, parallel: bool) -> F:
     dispatcher = numba.njit(parallel=parallel, **_OPTIONS)(function)
-    dispatcher._cache = _Cache(function)
+    with suppress(RuntimeError):  # no folder to keep it in: every program compiles it for itself
+        dispatcher._cache = _Cache(function)
     return dispatcher  # type: ignore[no-any-return]
 
 

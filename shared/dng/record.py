@@ -55,7 +55,7 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
         "calibration": mosaic.calibration.to_json(),
         "calibration_id": mosaic.calibration.id,
     }
-    return RECORD_ID + json.dumps({**document, "digest": _digest(document)}, ensure_ascii=False).encode()
+    return RECORD_ID + json.dumps({**document, "digest": _digest(document)}, ensure_ascii=False).encode(errors="backslashreplace")
 
 
 def is_record(data: bytes) -> bool:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from tests.faults import trials
+from tests.faults import surroundings, trials
 from tests.faults.scenario import Scenario
 from tests.faults.worlds import worlds
 
@@ -40,7 +40,16 @@ def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str,
             # SIGINT and SIGTERM end capture in order: only kill -9 interrupts it.
             among = scenarios if number == signal.SIGKILL else [each for each in scenarios if each.outputs]
             add(what, trials.interrupted, among[index % len(among)], number, chance, _SECONDS)
+    for index in range(-(-kills // 5)):
+        chance = random.Random(f"{seed} Ctrl-C {index}")
+        among = [each for each in scenarios if each.outputs]
+        add("Ctrl-C for all processes", surroundings.ctrl_c, among[index % len(among)], chance, _SECONDS)
     for scenario in [each for each in scenarios if each.outputs]:
+        for kind in ("symbolic link", "hard link", "pipe"):
+            add("links and pipes in the way", surroundings.planted, scenario, kind)
+        add("odd names", surroundings.odd_names, scenario, {})
+        add("odd names, no locale", surroundings.odd_names, scenario, {"LC_ALL": "C", "PYTHONUTF8": "0"})
+        add("nothing left in the home", surroundings.empty_home, scenario)
         for pages in (1, 5):
             add("disk full", trials.full_disk, scenario, pages)
         add("limit on file size", trials.file_limit, scenario, 2000)
@@ -50,6 +59,7 @@ def planned(scenarios: list[Scenario], kills: int, seed: int) -> list[tuple[str,
         if not scenario.before:
             add("two processes, one folder", trials.two_at_once, scenario)
             add("names that differ in case", trials.case_alone, scenario)
+            add("no place for caches", surroundings.no_place, scenario)
     return found
 
 

@@ -65,26 +65,38 @@ class Scenario:
         for name, data in self.before.items():
             (folder / "out" / name).write_bytes(data)
 
-    def start(self, folder: Path, point: int = 0, number: int = 9, extra: Sequence[str] = (), limit: int = 0) -> Process:
+    def start(
+        self,
+        folder: Path,
+        point: int = 0,
+        number: int = 9,
+        extra: Sequence[str] = (),
+        limit: int = 0,
+        environment: Mapping[str, str] | None = None,
+        group: bool = False,
+    ) -> Process:
         """Start the command, with `extra` arguments.
 
         point: it receives the signal `number` at its `point`-th operation on files; 0: never.
         limit: the largest file it may write, bytes; 0: any.
+        environment: variables that replace those of this process.
+        group: it leads a group of processes of its own.
         """
         limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n" if limit else ""
         script = limited + (_KILLED if point else "") + _PROGRAM
         killing = [str(folder / "out"), str(point)] if point else []
         feed = folder / "stdin"
         feed.write_bytes(self.stdin)
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "FAULT_SIGNAL": str(number)}
+        variables = {**os.environ, "PYTHONPATH": str(ROOT), "FAULT_SIGNAL": str(number), **(environment or {})}
         with feed.open("rb") as stdin:
             return subprocess.Popen(
                 [sys.executable, "-c", script, *killing, self.arguments[0], *extra, *self.arguments[1:]],
                 cwd=folder,
                 stdin=stdin,
-                stdout=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
-                env=environment,
+                env=variables,
+                start_new_session=group,
             )
 
     def faults(self, folder: Path, *, finished: bool) -> list[str]:

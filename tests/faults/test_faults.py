@@ -4,11 +4,12 @@ import random
 import signal
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from tests.faults import trials
+from tests.faults import surroundings, trials
 from tests.faults.scenario import Scenario, known, replacing
 from tests.faults.worlds import scene
 
@@ -50,6 +51,22 @@ def test_an_interruption_at_a_step_with_files_loses_nothing(
     ids=["full disk", "limit", "read-only", "two at once", "input", "case"],
 )
 def test_what_is_wrong_outside_leaves_everything_in_order(
+    scenario: Scenario, tmp_path: Path, trial: Callable[[Scenario, Path], list[str]]
+) -> None:
+    assert trial(scenario, tmp_path / "world") == []
+
+
+@pytest.mark.parametrize(
+    "trial",
+    [
+        *(partial(surroundings.planted, kind=kind) for kind in ("symbolic link", "hard link", "pipe")),
+        *(partial(surroundings.odd_names, environment=each) for each in ({}, {"LC_ALL": "C", "PYTHONUTF8": "0"})),
+        surroundings.no_place,
+        surroundings.empty_home,
+        partial(surroundings.ctrl_c, chance=random.Random(0), seconds=0.5),
+    ],
+)
+def test_hostile_surroundings_lose_nothing_and_show_nothing(
     scenario: Scenario, tmp_path: Path, trial: Callable[[Scenario, Path], list[str]]
 ) -> None:
     assert trial(scenario, tmp_path / "world") == []

@@ -16,7 +16,7 @@ from shared.dng import verify_dng
 from shared.errors import PanchromaError
 from tests.faults.scenario import Process, Scenario
 
-_PATIENCE = 300.0
+PATIENCE = 300.0
 _STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
 
 
@@ -29,7 +29,7 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
     codes = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}[signal.Signals(number)]
-    found = _ended(process, "", *codes) + _state(scenario, folder, finished=False)
+    found = _ended(process, "", *codes) + state(scenario, folder, finished=False)
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
         found.append("left a temporary file")
     if not found:
@@ -43,18 +43,19 @@ def _again(scenario: Scenario, folder: Path) -> list[str]:
     It refuses a scene of whose two results one exists, since that may have been made with other settings; --overwrite makes both.
     """
     whole = {path.name: path.stat().st_ino for path in (folder / "out").iterdir() if not path.name.startswith(".")}
-    scenario.start(folder).communicate(timeout=_PATIENCE)
+    scenario.start(folder).communicate(timeout=PATIENCE)
     found = []
     if "--overwrite" not in scenario.arguments:
         now = {path.name: path.stat().st_ino for path in (folder / "out").iterdir()}
         found = [f"{name} was made again" for name, inode in whole.items() if now.get(name) != inode]
         there, wanted = (Counter(name.partition(".")[0] for name in some) for some in (whole, scenario.outputs))
         if any(there[stem] < wanted[stem] for stem in there):
-            scenario.start(folder, extra=("--overwrite",)).communicate(timeout=_PATIENCE)
-    return found + _state(scenario, folder, finished=True)
+            scenario.start(folder, extra=("--overwrite",)).communicate(timeout=PATIENCE)
+    return found + state(scenario, folder, finished=True)
 
 
-def _state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
+def state(scenario: Scenario, folder: Path, *, finished: bool) -> list[str]:
+    """What is wrong in the folder. finished: every result must be there, and nothing else."""
     if scenario.outputs:
         return scenario.faults(folder, finished=finished)
     found = []
@@ -84,14 +85,14 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
 
 def _ended(process: Process, words: str, *codes: int) -> list[str]:
     """Wait for the process, which must say `words` and leave with one of `codes`."""
-    _, said = process.communicate(timeout=_PATIENCE)
+    _, said = process.communicate(timeout=PATIENCE)
     if process.returncode in codes and words in said.decode():
         return []
     return [f"left with {process.returncode} instead of {codes}, {words!r} expected: {said.decode()[-300:]}"]
 
 
 def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:
-    found = _ended(process, words, 1, 2) + _state(scenario, folder, finished=False)
+    found = _ended(process, words, 1, 2) + state(scenario, folder, finished=False)
     return found + ["left a temporary file"] * any((folder / "out").glob(".*.part"))
 
 
@@ -133,8 +134,8 @@ def two_at_once(scenario: Scenario, folder: Path) -> list[str]:
     scenario.lay_out(folder)
     both = [scenario.start(folder), scenario.start(folder)]
     for process in both:
-        process.communicate(timeout=_PATIENCE)
-    found = _state(scenario, folder, finished=True)
+        process.communicate(timeout=PATIENCE)
+    found = state(scenario, folder, finished=True)
     return found + [f"left with {process.returncode}" for process in both if process.returncode not in (0, 1)]
 
 

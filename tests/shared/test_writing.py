@@ -10,7 +10,7 @@ from typing import IO
 import pytest
 
 from shared.errors import OutputError
-from shared.writing import durable_file, sweep, write_durably
+from shared.writing import durable_file, own_file, sweep, write_durably
 from tests.data import ROOT
 
 
@@ -127,7 +127,7 @@ def test_the_longest_names_are_taken(tmp_path: Path, name: str) -> None:
 
 
 def test_errors_name_file_and_remedy(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"missing.*does not exist"):
+    with pytest.raises(OutputError, match=r"missing.*does not exist; create it first: mkdir -p '?/.*missing"):
         write_durably(tmp_path / "missing" / "shot.dng", b"")
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(OutputError, match="is not a folder"):
@@ -200,3 +200,108 @@ def test_a_temporary_file_swept_before_it_was_locked_is_made_again(tmp_path: Pat
     assert len(swept) == 1
     assert (tmp_path / "shot.dng").read_bytes() == b"whole"
     assert list(tmp_path.iterdir()) == [tmp_path / "shot.dng"]
+
+
+# --- links, pipes, permissions --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["rb", "ab", "ab+"])
+@pytest.mark.parametrize("kind", ["link", "dangling link", "pipe", "device", "folder"])
+def test_no_file_of_ours_is_opened_through_what_is_none(tmp_path: Path, kind: str, mode: str) -> None:
+    original, path = tmp_path / "original", tmp_path / "journal"
+    original.write_bytes(b"a photograph")
+    match kind:
+        case "link":
+            path.symlink_to(original)
+        case "dangling link":
+            path.symlink_to("new")
+        case "pipe":
+            os.mkfifo(path)
+        case "device":
+            path.symlink_to("/dev/zero")
+        case "folder":
+            path.mkdir()
+    with pytest.raises(OSError, match=r"journal is no file of Panchroma .*; remove it"):
+        own_file(path, mode)
+    assert original.read_bytes() == b"a photograph"
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_file_of_ours_is_opened_and_made(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    with pytest.raises(FileNotFoundError):
+        own_file(path, "rb")
+    with own_file(path, "ab") as file:
+        file.write(b"line")
+    with own_file(path, "rb") as file:
+        assert file.read() == b"line"
+
+
+@pytest.mark.parametrize("target", ["original", "nowhere"])
+def test_a_link_in_the_place_of_a_result_is_replaced_itself_or_stays(tmp_path: Path, target: str) -> None:
+    (tmp_path / "original").write_bytes(b"a photograph")
+    (tmp_path / "original").chmod(0o600)
+    path = tmp_path / "shot.dng"
+    path.symlink_to(target)
+    words = "exists already" if target == "original" else "is a link to nowhere, which is not there; remove the link"
+    with pytest.raises(OutputError, match=words):
+        write_durably(path, b"new")
+    assert path.is_symlink()
+    write_durably(path, b"new", overwrite=True)
+    assert (path.is_symlink(), path.read_bytes()) == (False, b"new")
+    assert path.stat().st_mode & 0o777 == 0o666 & ~umask()
+    assert (tmp_path / "original").read_bytes() == b"a photograph"
+    assert not (tmp_path / "nowhere").exists()
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o644, 0o444, 0o666, 0o755])
+def test_a_replaced_file_keeps_its_permissions(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "shot.dng"
+    write_durably(path, b"old")
+    assert path.stat().st_mode & 0o777 == 0o666 & ~umask()
+    path.chmod(mode)
+    write_durably(path, b"new", overwrite=True)
+    assert (path.read_bytes(), path.stat().st_mode & 0o777) == (b"new", mode)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may give files away")
+def test_a_replaced_file_keeps_its_owner(tmp_path: Path) -> None:
+    path = tmp_path / "shot.dng"
+    path.write_bytes(b"old")
+    os.chown(path, 1234, 4321)
+    write_durably(path, b"new", overwrite=True)
+    assert (path.stat().st_uid, path.stat().st_gid) == (1234, 4321)
+
+
+def test_a_group_that_cannot_be_kept_gains_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "shot.dng"
+    path.write_bytes(b"old")
+    path.chmod(0o664)
+    old = list(path.lstat())
+    old[4:6] = 1234, 4321  # owner and group
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "lstat", lambda _: os.stat_result(old))
+    monkeypatch.setattr(os, "fchown", refuse)
+    write_durably(path, b"new", overwrite=True)
+    assert path.stat().st_mode & 0o777 == 0o644
+
+
+def umask() -> int:
+    """The umask of this process."""
+    os.umask(before := os.umask(0o022))
+    return before
+
+
+def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path: Path) -> None:
+    script = (
+        "import os, sys\nfrom pathlib import Path\nfrom shared.writing import write_durably\n"
+        "folder = os.fsencode(sys.argv[1])\n"
+        "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
+        "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
+    )
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
+    subprocess.run([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment)
+    assert len(list(tmp_path.iterdir())) == 3

@@ -179,7 +179,17 @@ def test_a_library_that_is_not_installed_is_named(shots: Path, tmp_path: Path, m
 
 @pytest.mark.parametrize(
     ("text", "line"),
-    [("two\nlines", "two lines"), ("a\r\n\tb", "a b"), ("\x1b[31mred\x9b", " [31mred "), ("two  blanks é", "two  blanks é")],
+    [
+        ("two\nlines", "two lines"),
+        ("a\r\n\tb", "a b"),
+        ("\x1b[31mred\x9b", r"\x1b[31mred\x9b"),
+        ("bell\a, delete\x7f, nul\0", r"bell\x07, delete\x7f, nul\x00"),
+        ("a\u2028b\u2029c\x85d", "a b c d"),
+        ("gpj\u202e.exe\u2066 \ufeff\u200b", r"gpj\u202e.exe\u2066 \ufeff\u200b"),
+        ("no text: \udcff", r"no text: \udcff"),
+        ("two  blanks é 写真 \u00a0", "two  blanks é 写真 \u00a0"),
+        ("می\u200cخواهم", "می\u200cخواهم"),
+    ],
 )
 def test_a_line_stays_a_line_and_does_not_move_the_cursor(text: str, line: str) -> None:
     assert one_line(text) == line
@@ -360,3 +370,30 @@ def test_a_log_gets_a_line_per_stage_that_has_ended(capsys: pytest.CaptureFixtur
     failing.__exit__(ValueError, ValueError("odd"), None)
     lines = capsys.readouterr().err.splitlines()
     assert [line.rsplit(" ", 2)[0] for line in lines] == ["x.dng: luminance", "x.dng: writing"]
+
+
+# --- what is shown --------------------------------------------------------------------------------------------------------------
+
+
+def test_results_and_records_cannot_forge_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    Console().say("one\ntwo", "three\x1b[2J")
+    Console(json=True).say("one\ntwo")
+    Console(json=True).record(name="\x7f\x1b\n\x9b\udcff")
+    shown = capsys.readouterr()
+    assert shown.out == 'one two\nthree\\x1b[2J\n{"name": "\\u007f\\u001b\\n\\u009b\\udcff"}\n'
+    assert shown.err == "one two\n"
+
+
+def test_wrong_arguments_are_shown_on_one_line() -> None:
+    outcome = run("inspect", "shot", "--\x1b[2J\nall_is_well")
+    assert outcome.code == 2
+    assert outcome.err.splitlines()[-1] == r"panchroma: error: unrecognized arguments: --\x1b[2J all_is_well"
+
+
+def test_no_command_leaves_anything_in_the_home_or_sends_anything(tmp_path: Path, shots: Path) -> None:
+    """onnxruntime keeps a database of what it sends, matplotlib a list of fonts. The trials of tests/faults do this for all."""
+    (home := tmp_path / "home").mkdir()
+    environment = {**os.environ, "HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}
+    for verb in (["doctor"], ["preview", str(shots / SHOT), "-o", str(tmp_path / "out")]):
+        subprocess.run([*PROGRAM, *verb], env={**environment, "PYTHONPATH": str(ROOT)}, check=False, capture_output=True)
+        assert list(home.rglob("*")) == []

@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     sizes = [Material(frame_shape(megapixels)) for megapixels in arguments.megapixels]
     facts = environment(used)
-    console.say("\n".join(environment_lines(facts)))
+    console.say(*environment_lines(facts))
     if len(sizes) > 1:
         found = measure_growth(sizes, used, console)
     else:

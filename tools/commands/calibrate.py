@@ -14,9 +14,11 @@ from shared import Camera, Mosaic
 from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.writing import write_durably
+from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
+from tools.pictures.html import encode_page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reference", metavar="FILE", help="colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
     )
-    parser.add_argument("--sensor", help="name of the sensor (default: the name in the shots)")
+    parser.add_argument("--sensor", type=options.text, metavar="NAME", help="name of the sensor (default: the name in the shots)")
     parser.add_argument("--report", metavar="DIR", help="folder for report.html, and chart.ti3 for Argyll CMS; created if missing")
     parser.add_argument(
         "--update",
@@ -95,7 +97,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.note(f"warning: {warning}")
     if folder is not None:
         page = report(outcome, session.skipped, provenance)
-        write_durably(folder / "report.html", page.encode(), overwrite=True)
+        write_durably(folder / "report.html", encode_page(page), overwrite=True)
         if outcome.camera_rgb is not None and outcome.camera_rgb.shape[1] == 3:
             write_durably(folder / "chart.ti3", ti3(reference, outcome.camera_rgb).encode(), overwrite=True)
         console.say(f"{folder / 'report.html'}: {outcome.verdict}")

@@ -94,7 +94,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
         figure.save(buffer, "PNG", optimize=True)
         write_durably(path, buffer.getvalue(), overwrite=overwrite)
     compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
-    console.say(_table({name: quality(rgb, scene.rgb).median for name, rgb in compared.items()}, sigma))
+    console.say(*_table({name: quality(rgb, scene.rgb).median for name, rgb in compared.items()}, sigma))
 
 
 def _photograph(scene: Scene, sigma: float) -> Mosaic:
@@ -103,11 +103,10 @@ def _photograph(scene: Scene, sigma: float) -> Mosaic:
     return simulate_additive(scene.rgb, CfaPattern.bayer(), camera, sigma, rng, scene.metadata)
 
 
-def _table(medians: dict[str, tuple[float, float, float]], sigma: float) -> str:
+def _table(medians: dict[str, tuple[float, float, float]], sigma: float) -> list[str]:
     """Median PSNR of each method."""
     lines = [
         f"Median PSNR over all 10 x 10 patches, dB, at sigma {sigma:g}",
         f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
     ]
-    lines += [f"{name:18}{rgb:8.1f}{light:12.1f}{colour:13.1f}" for name, (rgb, light, colour) in medians.items()]
-    return "\n".join(lines)
+    return lines + [f"{name:18}{rgb:8.1f}{light:12.1f}{colour:13.1f}" for name, (rgb, light, colour) in medians.items()]

@@ -18,7 +18,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     findings = [finding for check in CHECKS for finding in check()]
     width = max(len(finding.name) for finding in findings)
     for finding in findings:
-        console.say(_line(finding, width))
+        console.say(*_lines(finding, width))
         console.record(check=finding.name, ok=finding.state != BAD, state=finding.state, found=finding.found, remedy=finding.remedy)
     wrong = sum(finding.state == BAD for finding in findings)
     missing = sum(finding.state == MISSING for finding in findings)
@@ -26,6 +26,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if wrong else 0
 
 
-def _line(finding: Finding, width: int) -> str:
+def _lines(finding: Finding, width: int) -> list[str]:
     line = f"{finding.state:8}{finding.name:{width + 2}}{finding.found}"
-    return f"{line}\n{'':{width + 10}}-> {finding.remedy}" if finding.remedy else line
+    return [line, f"{'':{width + 10}}-> {finding.remedy}"] if finding.remedy else [line]

@@ -30,6 +30,7 @@ from tools.host.options import (
 )
 from tools.host.processors import processors
 from tools.host.versions import program_version
+from tools.pictures.html import encode_page
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -113,8 +114,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.report:
         page = build_page(figures, render_gallery(figures, team), program, [*failures, *left_out])
-        write_durably(folder / _PAGE, page.encode(), overwrite=arguments.overwrite)
-    console.say(plain_text(figures))
+        write_durably(folder / _PAGE, encode_page(page), overwrite=arguments.overwrite)
+    console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:
         console.record(source=scene.source, ok=True, group=scene.group, width=scene.columns, height=scene.rows)

@@ -15,7 +15,7 @@ from shared.dng import read_digest_kind, read_preview
 from shared.dng.exif_reading import place, shown_fields
 from tools.host import options
 from tools.host.archive import verify
-from tools.host.console import Console, one_line
+from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, run_jobs
 from tools.host.processors import processors
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             return _camera(job.source, console)
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": read_digest_kind(job.source)}
-        console.say(_page(job.source, facts))
+        console.say(job.source, *_table(facts))
         return facts
 
     code = run_jobs([Job(source.name, found=source.found) for source in found.sources], work, console)
@@ -70,7 +70,7 @@ def _camera(source: str, console: Console) -> dict[str, Any]:
     rows["levels"] += f" ({calibration.bits} bits)"
     for part, how in camera.measured.items():
         rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items() if name != "kept")
-    console.say(f"{source}\n" + "\n".join(f"  {name:<13}{value}" for name, value in rows.items()))
+    console.say(source, *(f"  {name:<13}{value}" for name, value in rows.items()))
     return {"camera": camera.to_json(), "calibration_id": calibration.id}
 
 
@@ -108,23 +108,29 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
     }
 
 
-def _page(source: str, facts: dict[str, Any]) -> str:
-    """The facts as a table for people."""
+def _table(facts: dict[str, Any]) -> list[str]:
+    """The facts as the lines of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
-    rows = {
-        "size": f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"
-        + ("" if facts["digest"] == "shot" else ", which is an earlier version's and does not cover the size"),
-        "pattern": f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor",
-        "": "\n".join(f"  {'':{_COLUMN}}{' '.join(row)}" for row in pattern["letters"]).lstrip(),
-        "network": facts["learned"] or "none for this pattern: rendered without learned colour",
-        "luminance": f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated",
-        **_calibration(calibration),
-        "sensor": f"{one_line(calibration['sensor']) or 'unnamed'}, calibration {facts['calibration_id']}"
-        + (f", from camera file {calibration['camera']}" if calibration["camera"] else ""),
-        "preview": f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB",
-    }
-    rows |= _capture(facts["metadata"])
-    return f"{one_line(source)}\n" + "\n".join(f"  {name:<{_COLUMN}}{value}" for name, value in rows.items())
+    rows = [
+        (
+            "size",
+            f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"
+            + ("" if facts["digest"] == "shot" else ", which is an earlier version's and does not cover the size"),
+        ),
+        ("pattern", f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
+        *(("", " ".join(row)) for row in pattern["letters"]),
+        ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),
+        ("luminance", f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"),
+        *_calibration(calibration).items(),
+        (
+            "sensor",
+            f"{calibration['sensor'] or 'unnamed'}, calibration {facts['calibration_id']}"
+            + (f", from camera file {calibration['camera']}" if calibration["camera"] else ""),
+        ),
+        ("preview", f"JPEG, {facts['preview_bytes'] / 1000:.0f} kB"),
+        *_capture(facts["metadata"]).items(),
+    ]
+    return [f"  {name:<{_COLUMN}}{value}" for name, value in rows]
 
 
 def _calibration(document: dict[str, Any]) -> dict[str, str]:
@@ -153,7 +159,7 @@ def _capture(metadata: dict[str, Any]) -> dict[str, str]:
         "orientation": f"{metadata['orientation']} (of TIFF)" if metadata["orientation"] != 1 else "",
         "also": ", ".join(metadata["more"]),
     }
-    return {name: one_line(value) for name, value in rows.items() if value}
+    return {name: value for name, value in rows.items() if value}
 
 
 def _noise(noise: dict[str, Any] | None) -> str:

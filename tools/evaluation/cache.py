@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError, OutputError
-from shared.writing import write_durably
+from shared.writing import own_file, write_durably
 
 from .measures import Measures
 
@@ -28,7 +28,8 @@ class Cache:
     def get(self, name: str) -> Measures | None:
         """The result of this name; None when there is no such file or it is damaged."""
         try:
-            return Measures.decode(self._path(name).read_bytes())
+            with own_file(self._path(name), "rb") as file:
+                return Measures.decode(file.read())
         except (OSError, InputError):
             return None
 

@@ -6,6 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from tools.host.console import one_line
+
 from .claims import claims
 from .criteria import CRITERIA, EVEN
 from .figures import Figure, Figures
@@ -31,7 +33,7 @@ def encode_csv(figures: Figures) -> bytes:
     writer = csv.DictWriter(text, list(found[0]) if found else list(_COLUMNS), lineterminator="\n")
     writer.writeheader()
     for row in found:
-        writer.writerow({**row, "scene": row["scene"] or _POOLED})
+        writer.writerow({**row, "scene": one_line(row["scene"] or _POOLED)})
     return text.getvalue().encode()
 
 
@@ -65,7 +67,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
         "failed": failures,
         "left_out": left_out,
     }
-    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(errors="backslashreplace")
 
 
 def _verdict(figures: Figures, group: str) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from collections import Counter
 from dataclasses import dataclass
 
+from tools.host.console import one_line
+
 from .claims import FEW, ahead, claims
 from .criteria import CRITERIA, EVEN, HUE, RGB, TENTH, WHOLE
 from .figures import Comparison, Figures
@@ -50,7 +52,7 @@ def plain_text(figures: Figures) -> str:
         if best := periods(figures, group):
             lines.append(best)
         lines.append("")
-    return "\n".join(lines).rstrip()
+    return "\n".join(map(one_line, lines)).rstrip()
 
 
 def heading(figures: Figures, group: str) -> str:

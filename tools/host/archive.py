@@ -1,5 +1,7 @@
 """Verify that shots, rendered DNGs and camera files are undamaged, several files at a time."""
 
+import os
+import stat
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -9,13 +11,13 @@ from shared import read_camera
 from shared.dng import verify_dng
 
 from .console import Console
-from .jobs import fail, reason
+from .jobs import fail, file_status, reason
 
 _EARLIER = "were saved by an earlier version: their digests do not cover the size, nor that samples and calibration belong together"
 
 
 def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: int) -> int:
-    """Check each file against its own digest and report the damaged ones. Returns their number.
+    """Check each file against its own digest and report those that are damaged or cannot be read. Returns their number.
 
     sources: files; one that is named twice is checked once.
     console: for lines, records and progress.
@@ -25,6 +27,7 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
     files = list(dict.fromkeys(sources))
     damaged: list[str] = []
     earlier = 0
+    unread: list[str] = []
     with ThreadPoolExecutor(jobs) as pool, console.progress("verifying") as progress:
         try:
             progress.begin(len(files))
@@ -32,16 +35,24 @@ def verify(sources: Sequence[str], console: Console, *, jobs: int, max_pixels: i
                 progress.advance()
                 progress.remark(f"{len(damaged)} damaged")
                 if wrong:
-                    damaged.append(file)
+                    (damaged if _readable(file) else unread).append(file)
                     fail(file, (), wrong, console)
                 else:
                     earlier += facts.get("digest") == "samples"
                     console.record(source=file, ok=True, **facts)
         finally:
             pool.shutdown(cancel_futures=True)  # whoever interrupts does not wait for a whole archive
-    remark = f"\n{earlier} of the whole files {_EARLIER}" if earlier else ""
-    console.say(f"{len(files) - len(damaged)} whole, {len(damaged)} damaged" + "".join(f"\n  {file}" for file in damaged) + remark)
-    return len(damaged)
+    count = f"{len(files) - len(damaged) - len(unread)} whole, {len(damaged)} damaged"
+    console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))
+    if earlier:
+        console.say(f"{earlier} of the whole files {_EARLIER}")
+    return len(damaged) + len(unread)
+
+
+def _readable(file: str) -> bool:
+    """Whether there is such a file, and it can be opened: otherwise nothing is known about damage."""
+    status = file_status(file)
+    return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
 
 
 def _checked(file: str, max_pixels: int) -> tuple[dict[str, Any], str]:

@@ -8,6 +8,7 @@ from functools import cache
 from .progress import StageProgress
 
 _BETWEEN_NOTES = 10.0  # seconds
+CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 
 
 @contextmanager
@@ -17,13 +18,19 @@ def announced_compilation(note: Callable[[str], None], progress: StageProgress) 
     note: called with remarks.
     progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, `note` is called for that.
     """
-    from offline import compilation
+    from offline import compilation, kernel_cache
 
     note_once, said = cache(note), time.monotonic()
 
     def begins(number: int, most: int) -> None:
         nonlocal said
-        note_once("compiling the renderer for this processor; it takes a minute or two, once")
+        try:
+            kernel_cache()
+        except RuntimeError:
+            often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
+        else:
+            often = "once"
+        note_once(f"compiling the renderer for this processor; it takes a minute or two, {often}")
         how_far = f"compiling kernel {number} of at most {most}"
         if progress.shows:
             progress.remark(how_far)

@@ -4,6 +4,7 @@ import json as json_format
 import re
 import sys
 import traceback
+import unicodedata
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,26 +41,27 @@ class Console:
         self._quiet = quiet
         self._display: RichProgress | None = None
 
-    def say(self, text: str) -> None:
-        """Print a result, to stdout unless that is for machines. Raises StandardOutputError."""
+    def say(self, *lines: str) -> None:
+        """Print the lines of a result, to stdout unless that is for machines. Raises StandardOutputError."""
         if not self._json:
-            _to_stdout(text)
+            _to_stdout(*map(one_line, lines))
         elif not self._quiet:
-            to_stderr(text)
+            for line in lines:
+                to_stderr(line)
 
     def note(self, text: str) -> None:
         """Print a remark to stderr."""
         if not self._quiet:
-            to_stderr(one_line(text))
+            to_stderr(text)
 
     def error(self, text: str) -> None:
-        """Print one line that says what failed to stderr; line breaks in `text` are removed."""
-        to_stderr(f"panchroma: {one_line(text)}")
+        """Print one line that says what failed to stderr."""
+        to_stderr(f"panchroma: {text}")
 
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
         if self._json:
-            _to_stdout(json_format.dumps(facts))
+            _to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
 
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
@@ -109,9 +111,22 @@ def _to_stdout(*lines: str) -> None:
 def to_stderr(text: str) -> None:
     """Print a line for people, if anybody is left who could read it."""
     with suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
+        print(one_line(text), file=sys.stderr, flush=True)
 
 
 def one_line(text: str) -> str:
-    """`text` without line breaks and other control characters, which file names may contain."""
-    return re.sub(r"[\x00-\x1f\x7f-\x9f]+", " ", text)
+    r"""`text` as one line that only shows: names and values from files may hold what a terminal obeys.
+
+    Line breaks and tabs become a blank. Other control characters, those that reorder or hide text, and bytes of names that are no
+    text are spelled out (\x1b, \u202e, \udcff).
+    """
+    text = _BREAKS.sub(" ", text)
+    return text if text.isprintable() else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
+
+
+_BREAKS = re.compile(r"[\t-\r\x85\u2028\u2029]+")
+_JOINERS = "\u200c\u200d"  # needed to write Persian, and some languages of India; they only join letters or part them
+
+
+def _shows(character: str) -> bool:
+    return unicodedata.category(character) not in ("Cc", "Cf", "Cs") or character in _JOINERS

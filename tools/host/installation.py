@@ -14,6 +14,8 @@ from pathlib import Path
 from shared.errors import PanchromaError
 from shared.writing import write_durably
 
+from .compilation import CACHE_REMEDY
+from .font_folder import temporary_font_folder
 from .memory import available_memory
 from .processors import THREAD_VARIABLES, processors
 from .versions import package_version, program_version
@@ -53,7 +55,7 @@ _PACKAGES = (
     ("numpy", "numpy", (2, 0), ""),
     ("tifffile", "tifffile", (2025, 1, 10), ""),
     ("imagecodecs", "imagecodecs", (2024, 12, 30), ""),
-    ("onnxruntime", "onnxruntime", (1, 22, 1), ""),
+    ("onnxruntime", "shared.runtime", (1, 22, 1), ""),
     ("numba", "numba", (0, 61), "render, demo, evaluate, calibrate"),
     ("scipy", "scipy", (1, 14), "render, demo, evaluate, calibrate"),
     ("onnx", "onnx", (1, 17), "export-preview, previews of unusual patterns"),
@@ -68,6 +70,7 @@ _PACKAGES = (
 
 
 def _packages() -> Iterator[Finding]:
+    temporary_font_folder()
     for name, module, least, needed_by in _PACKAGES:
         remedy = "pip install -e '.[rivals]'" if name == "bm3d" else _ALL if needed_by else "pip install -e ."
         state = MISSING if needed_by else BAD
@@ -131,15 +134,15 @@ def _preview() -> Iterator[Finding]:
 
 def _kernels() -> Iterator[Finding]:
     """Numba keeps compiled kernels beside the sources, in NUMBA_CACHE_DIR, or in the user's cache folder."""
-    remedy = "set NUMBA_CACHE_DIR to a folder that you may write to: without it every run compiles again, for a minute"
+    remedy = f"{CACHE_REMEDY}: without it every run compiles again, for a minute"
     try:
         from offline import kernel_cache
 
         folder = kernel_cache()
     except ModuleNotFoundError:  # reported with the packages
         return
-    except Exception as error:  # Numba finds no place for its cache
-        yield Finding("kernel cache", BAD, f"{error}", remedy)
+    except RuntimeError:
+        yield Finding("kernel cache", BAD, "there is no folder that can be written to", remedy)
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -172,8 +175,9 @@ _LEAST_MEMORY = 2**30
 
 def _writing() -> Iterator[Finding]:
     """Write a file as every result is written: a temporary file, fsync, rename."""
-    place = tempfile.gettempdir()
+    place = os.environ.get("TMPDIR", "the folder for temporary files")
     try:
+        place = tempfile.gettempdir()
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "written"
             write_durably(path, b"once")

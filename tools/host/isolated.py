@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from .signals import end_with_parent
+from .signals import end_with_parent, held_back
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -28,7 +28,8 @@ def run_isolated(function: Callable[P, R], *arguments: P.args, **named: P.kwargs
     context = multiprocessing.get_context("spawn")
     receiving, sending = context.Pipe(duplex=False)
     child = context.Process(target=_work, args=(sending, function, arguments, named))
-    child.start()
+    with held_back():
+        child.start()
     sending.close()
     try:
         done, result = receiving.recv()

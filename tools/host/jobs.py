@@ -2,6 +2,7 @@
 
 import os
 import shlex
+import stat
 from collections.abc import Callable, Container, Iterable, MutableMapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
-from shared.writing import sweep
+from shared.writing import dangling_link, sweep
 
 from .console import Console, StandardOutputError, fault
 from .signals import raise_lost_signal
@@ -51,11 +52,14 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     if not folder:
         raise OutputError("the name of the output folder is empty; give -o (of a calibration report --report) a folder")
     if identity(path) is None:
-        if path.parent.exists() and not path.parent.is_dir():
-            raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results")
-        if not path.parent.is_dir():
+        if os.path.islink(path):  # noqa: PTH114 (Path takes no impossible names)
+            raise OutputError(f"{folder}: {dangling_link(path)}, or name another folder")
+        parent = file_status(path.parent)
+        if parent is None:
             advice = f"create it first: mkdir -p {shlex.quote(str(path.parent))}"
             raise OutputError(f"{folder}: the folder {path.parent} does not exist; {advice}")
+        if not stat.S_ISDIR(parent.st_mode):
+            raise OutputError(f"{folder}: {path.parent} is not a folder; choose another place for the results")
         if dry_run:
             return path
         try:
@@ -91,6 +95,7 @@ def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console
     jobs = list(jobs)
     inputs = {identity(job.source) for job in jobs} - {None}
     for job in jobs:
+        raise_lost_signal()
         try:
             refuse_loss(job.source, job.outputs, inputs, planned)
             if not overwrite:
@@ -163,6 +168,8 @@ def refuse_existing(outputs: Iterable[Path]) -> None:
     for output in outputs:
         if identity(output) is not None:
             raise OutputError(f"{output}: exists already; use --overwrite to replace it")
+        if os.path.islink(output):  # noqa: PTH114
+            raise OutputError(f"{output}: {dangling_link(output)}, or use --overwrite to replace it")
 
 
 def identity(path: str | Path | int) -> tuple[int, int] | None:

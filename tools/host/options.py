@@ -1,6 +1,7 @@
 """Options that several commands have, and the checks that belong to them."""
 
 import argparse
+import os
 from typing import Any
 
 from shared import Camera, CfaPattern, read_camera
@@ -139,3 +140,8 @@ def check_at_least_one(arguments: argparse.Namespace, *names: str) -> None:
         if number is not None and number < 1:
             option = "-j" if name in ("jobs", "threads") else f"--{name}"
             raise InputError(f"{option} is {number}, expected 1 or more")
+
+
+def text(argument: str) -> str:
+    """The text of an argument, which is UTF-8 even where the locale has another encoding, or none (LC_ALL=C)."""
+    return os.fsencode(argument).decode("utf-8", "replace")

@@ -1,22 +1,23 @@
 """Signals that end a program: commands clean up, services finish their current work, workers end with their parent."""
 
-import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing.connection import wait
 from types import FrameType, TracebackType
 
 INTERRUPTED = 130
-_ENDING = (signal.SIGTERM, signal.SIGHUP)
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_DEFAULT = (signal.SIG_DFL, signal.default_int_handler)
+_AGAIN = 0.05  # seconds until a signal that was dropped is sent again
 _received: list["Terminated"] = []  # raised since `orderly_end` began, even if something has caught it
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM or SIGHUP was received. A KeyboardInterrupt, so that all that cleans up after an interrupt does so here too."""
+    """SIGINT, SIGTERM or SIGHUP was received. A KeyboardInterrupt: what cleans up after an interrupt does so after each of them."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -25,13 +26,14 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def orderly_end() -> Iterator[None]:
-    """In the `with` block SIGTERM and SIGHUP raise Terminated; by default they would leave temporary files behind.
+    """In the `with` block SIGINT, SIGTERM and SIGHUP raise Terminated; by default the last two would leave temporary files behind.
 
     A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the main thread.
     """
-    main = threading.current_thread() is threading.main_thread()
-    free = [number for number in _ENDING if main and signal.getsignal(number) == signal.SIG_DFL]
+    before = {number: signal.getsignal(number) for number in _ENDING if _in_main_thread()}
+    free = [number for number, handler in before.items() if handler in _DEFAULT]
     _received.clear()
+    hook = sys.unraisablehook
     for number in free:
         signal.signal(number, _terminate)
     try:
@@ -41,12 +43,59 @@ def orderly_end() -> Iterator[None]:
         raise
     finally:
         for number in free:
-            signal.signal(number, signal.SIG_DFL)
+            signal.signal(number, before[number])
+        sys.unraisablehook = hook
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
+    insist(number)
     _received.append(Terminated(number))
     raise _received[-1]
+
+
+def insist(number: int) -> None:
+    """In the handler of a signal: send it again if the exception that the handler raises gets lost.
+
+    Inside a callback from C (Numba loading a kernel) it is dropped, with a traceback.
+    """
+    again = threading.Timer(_AGAIN, signal.pthread_kill, (threading.main_thread().ident, number))
+    again.daemon = True
+
+    def dropped(lost: "sys.UnraisableHookArgs") -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):
+            again.start()
+        else:
+            sys.__unraisablehook__(lost)
+
+    sys.unraisablehook = dropped
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """In the `with` block a process is started: signals that end this one wait until it is complete.
+
+    Otherwise the new process would be left with half of its orders, and show a traceback. It never gets SIGINT, not even while it
+    is importing: an interrupt at a terminal goes to all processes, but it is for this one, which stops the others.
+    """
+    from multiprocessing import resource_tracker  # here: an interrupt while the command line is imported shows a traceback
+
+    resource_tracker.ensure_running()  # when it starts, with the first process, it unblocks SIGINT
+    held: list[int] = []
+    others = [number for number in _ENDING if number != signal.SIGINT and _in_main_thread()]
+    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in others}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for received in held:
+            signal.raise_signal(received)
 
 
 def raise_lost_signal() -> None:
@@ -66,9 +115,11 @@ def end_with_parent(patience: float = 0.0) -> None:
 
 
 def _watch_parent(patience: float) -> None:
+    import multiprocessing.connection
+
     parent = multiprocessing.parent_process()
     if parent is not None:
-        wait([parent.sentinel])
+        multiprocessing.connection.wait([parent.sentinel])
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(patience)
         os._exit(1)

@@ -2,8 +2,6 @@
 
 import multiprocessing
 import signal
-import sys
-import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
@@ -16,7 +14,7 @@ from shared.errors import InputError, PanchromaError
 
 from .console import WorkerFault, fault
 from .processors import limited_threads
-from .signals import end_with_parent
+from .signals import end_with_parent, held_back, insist
 
 A = ParamSpec("A")
 P = TypeVar("P")
@@ -24,7 +22,6 @@ R = TypeVar("R")
 Note = Callable[[str], None]
 
 _DEATHS = 2  # a piece of work that has killed this many workers is given up
-_AGAIN = 0.05  # seconds until a signal that was dropped is sent again
 _PATIENCE = 10.0  # seconds that workers get to leave in order before they are killed
 
 
@@ -110,10 +107,8 @@ class _Worker(Generic[P, R]):
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
-        # An interrupt is for this process, which stops the others: a worker that is still importing would show a traceback.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        self.process.start()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        with held_back():
+            self.process.start()
         theirs.close()  # otherwise the pipe would stay open after the process has ended
 
     def give(self, number: int, piece: P) -> None:
@@ -151,7 +146,5 @@ def _serve(connection: Connection, work: Callable[[P, Note], R]) -> None:
 
 
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    # Inside a callback from C (Numba loading a kernel) the exception is dropped, with a traceback: then the signal comes again.
-    again = threading.Timer(_AGAIN, signal.raise_signal, (number,))
-    sys.unraisablehook = lambda lost: again.start() if lost.exc_type is SystemExit else sys.__unraisablehook__(lost)
+    insist(number)
     raise SystemExit(128 + number)  # runs every `finally` on its way: nothing stays half-written

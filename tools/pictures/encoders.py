@@ -177,7 +177,7 @@ def encode_exr(pixels: FloatArray, channels: str, bits: int, attributes: Mapping
             OpenEXR.File(header, planes).write(str(path))
             return path.read_bytes()
     except (OSError, RuntimeError) as error:
-        raise OutputError(f"no temporary file in {tempfile.gettempdir()} for OpenEXR: {error}") from error
+        raise OutputError(f"no temporary file for OpenEXR ({error}); set TMPDIR to a folder with free space") from error
 
 
 def encode_npy(pixels: FloatArray) -> bytes:

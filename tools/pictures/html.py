@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from tools.host.console import one_line
+
 if TYPE_CHECKING:
     from PIL.Image import Image
 
@@ -48,3 +50,8 @@ def data_address(image: "Image", format_: str, **options: Any) -> str:
     file = io.BytesIO()
     image.save(file, format_, **options)
     return f"data:image/{format_.lower()};base64,{base64.b64encode(file.getvalue()).decode()}"
+
+
+def encode_page(page: str) -> bytes:
+    """Return the content of a page's file. What may not be in a text, but was in a name or a value from a file, is spelled out."""
+    return "\n".join(map(one_line, page.split("\n"))).encode()

@@ -45,15 +45,17 @@ def _make(order: Order, share: Share, shot: Shot, note: Note, progress: StagePro
         raise OutputError(f"{order.folder}: the output folder is not there; every machine at work has to see it under this name")
     if _state(shot.source) is None:
         order.read(shot.source)  # says what is wrong with it, before a folder is made for its picture
-    if order.dry_run:
-        if _existing(order, shot, digest(shot.source)).current is None:
-            order.read(shot.source)
-            return Outcome("planned", f"{shot.source} -> {output}", {"output": str(output), "dry_run": True})
-        return Outcome("current", f"{output}: is up to date", {"output": str(output), "current": True, "dry_run": True})
     try:
+        if order.dry_run:
+            if _existing(order, shot, digest(shot.source)).current is None:
+                order.read(shot.source)
+                return Outcome("planned", f"{shot.source} -> {output}", {"output": str(output), "dry_run": True})
+            return Outcome("current", f"{output}: is up to date", {"output": str(output), "current": True, "dry_run": True})
         output.parent.mkdir(parents=True, exist_ok=True)
         with output_lock(output, wait=share.last) as free:
             return _make_locked(order, share, shot, note, progress) if free else Outcome("postponed")
+    except FileExistsError:
+        raise OutputError(f"{output}: {output.parent} is not a folder; remove it, or use another output folder") from None
     except OSError as error:
         raise OutputError(f"{output}: cannot be written ({error.strerror or error})") from error
 
@@ -169,10 +171,10 @@ def _set_aside(path: Path) -> Path:
         try:
             os.link(path, spare)
         except FileExistsError:
-            if not spare.samefile(path):
+            if spare.is_symlink() or not spare.samefile(path):  # a link to the picture would lead to the new one
                 continue
         except OSError:  # no hard links here (FAT, some network shares)
-            if spare.exists():
+            if os.path.lexists(spare):
                 continue
             path.rename(spare)
         break

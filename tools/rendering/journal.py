@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from shared.writing import sync_folder
+from shared.writing import own_file, sync_folder
 
 NAME = ".panchroma-journal.jsonl"
 _FORMAT = 1
@@ -56,7 +56,9 @@ class Journal:
     def append(self, entry: Entry) -> None:
         """Add an entry, and wait until it is on the disk. Raises OSError; the torn line that may be left then is ignored."""
         line = json.dumps({"format": _FORMAT, **asdict(entry)}).encode() + b"\n"
-        with self._path.open("ab+", buffering=0) as file:
+        with own_file(self._path, "ab+", buffering=0) as file:
+            if os.fstat(file.fileno()).st_nlink > 1:  # the other name may be that of an original, or of a copy in a backup
+                raise OSError(errno.EMLINK, f"{NAME} has a second name (a hard link); replace it by a copy")
             exclusive(file.fileno())
             size = file.seek(0, os.SEEK_END)
             if size and os.pread(file.fileno(), 1, size - 1) != b"\n":
@@ -70,7 +72,7 @@ class Journal:
     def _catch_up(self) -> None:
         """Read what has been appended since."""
         try:
-            with self._path.open("rb") as file:
+            with own_file(self._path, "rb") as file:
                 if file.seek(0, os.SEEK_END) < self._read:  # it was replaced by another journal
                     self._entries, self._read = {}, 0
                 file.seek(self._read)

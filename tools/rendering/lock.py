@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from shared.writing import own_file, short_name
 from tools.host.jobs import identity
 
 from .journal import exclusive
-
-_LONGEST = 100  # bytes of the output's name in the lock's name: together short enough for every file system
 
 
 @contextmanager
@@ -21,11 +20,9 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
     file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
     the lock file cannot be created.
     """
-    name = os.fsencode(output.name)
-    shown = name[:_LONGEST].decode(errors="ignore")
-    path = output.with_name(f".{shown}.{hashlib.sha256(name).hexdigest()[:8]}.panchroma.lock")
+    path = lock_path(output)
     while True:
-        with path.open("ab") as file:
+        with own_file(path, "ab") as file:
             try:
                 exclusive(file.fileno(), wait=wait)
             except BlockingIOError:
@@ -38,3 +35,9 @@ def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
             finally:
                 path.unlink(missing_ok=True)
             return
+
+
+def lock_path(output: Path) -> Path:
+    """The name of the lock on an output."""
+    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    return output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")

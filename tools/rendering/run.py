@@ -14,6 +14,7 @@ from tools.host.jobs import fail, file_status, identity, refuse_existing, refuse
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 from tools.host.progress import StageProgress
+from tools.host.signals import raise_lost_signal
 
 from .attempt import attempt
 from .order import Order, Outcome, Share
@@ -77,6 +78,7 @@ def passes(order: Order, resources: Resources, console: Console, count: int) -> 
 
     def one_by_one(last: bool, shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:
         for shot in shots:
+            raise_lost_signal()
             with console.progress(shot.source) if count == 1 else StageProgress() as progress:
                 outcome = attempt(order, Share(resources.memory, last), shot, console.note, progress)
             yield shot, outcome

@@ -28,6 +28,7 @@ from tools.host.limited import run_limited
 from .camera_colour import as_shot_or_estimated, camera_to_xyz
 from .ciff import crw_metadata
 from .decoders import guarded
+from .exif_reading import raw_directories
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"
@@ -79,9 +80,9 @@ def _scene(path: Path, name: str, max_pixels: int) -> Scene:
             raw.unpack()
             rgb = _quads(raw, rawpy)
             neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
-            tags = tiff_tags(path)
-            matrix = colour_matrix(tags, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
-            metadata = _metadata(raw, tags)
+            directories = raw_directories(path)
+            matrix = colour_matrix(directories.main, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
+            metadata = _metadata(raw, directories, path)
     except rawpy.LibRawFileUnsupportedError:
         raise InputError(
             "neither a picture nor a camera RAW that LibRaw knows; expected CR2, NEF, ARW, DNG, ... "

@@ -122,7 +122,7 @@ def decode_jpeg(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
     header.check(max_pixels)
     # Pillow would parse every Exif directory when it opens the file.
     picture = _with_pillow(jpeg.replace(b"Exif\0\0", b"Read\0\0"), max_pixels)
-    return replace(picture, metadata=from_tags(exif_tags(header.exif)))
+    return replace(picture, metadata=picture_metadata({"exif": header.exif}))
 
 
 def decode_webp(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:

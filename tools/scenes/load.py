@@ -2,8 +2,11 @@
 
 import codecs
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from shared.dng.tags import MAKER, Tag
@@ -70,6 +73,9 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     if is_drawn(source):
         return _draw(source, max_pixels)
     path = Path(source)
+    if not _has_text_name(source):
+        with _text_name(path) as link:
+            return replace(load_scene(str(link), linear=linear, max_pixels=max_pixels), name=path.stem)
     start = _first_bytes(path)
     suffix = path.suffix.lower()
     for kind, pattern, suffixes, decode in _KINDS:
@@ -115,6 +121,23 @@ def _draw(source: str, max_pixels: int) -> Scene:
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
     return _DRAWN[kind](width, height)
+
+
+def _has_text_name(name: str) -> bool:
+    """Whether a name has no bytes that the locale's encoding does not have (LC_ALL=C), or that are no UTF-8."""
+    return name == name.encode(errors="ignore").decode()
+
+
+@contextmanager
+def _text_name(path: Path) -> Iterator[Path]:
+    """In the `with` block, a link to the file whose name is text: LibRaw and OpenEXR take no other names."""
+    try:
+        with TemporaryDirectory() as folder:
+            link = Path(folder, "scene" + path.suffix.encode("ascii", "ignore").decode())
+            link.symlink_to(path.absolute())
+            yield link
+    except OSError as error:
+        raise InputError(f"its name is no text, and a link to it cannot be made ({error.strerror or error}); rename it") from None
 
 
 def _first_bytes(path: Path) -> bytes:

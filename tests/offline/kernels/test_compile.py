@@ -1,10 +1,12 @@
 """Compiling once per machine, and telling who waits."""
 
+import errno
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from numba.core.caching import CacheImpl, IndexDataCacheFile
 
 from offline.kernels import compile as product
 from tests.data import ROOT
@@ -67,3 +69,39 @@ def test_threads_are_what_was_asked_for(each_thread_count: Iterator[int]) -> Non
         assert product.threads() == count
     with pytest.raises(ValueError, match="number of threads"):
         product.use_threads(product.available_threads() + 1)
+
+
+@pytest.mark.parametrize("damaged", ["nbi", "nbc"])
+def test_a_kernel_that_was_kept_badly_is_compiled_again(tmp_path: Path, damaged: str) -> None:
+    for package in ("offline", "shared"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    run_python(SCRIPT, folder=tmp_path)
+    for path in tmp_path.rglob(f"*.{damaged}"):
+        path.write_bytes(path.read_bytes()[:-9])
+    assert run_python(SCRIPT, folder=tmp_path) == "compiling mirrored\n3\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "3\n"
+
+
+def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+
+    @product.kernel
+    def following(number: int) -> int:
+        return number + 1
+
+    assert following(3) == 4
+    with pytest.raises(RuntimeError):
+        product.kernel_cache()
+
+
+def test_a_full_disk_behind_the_cache_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+
+    @product.kernel
+    def preceding(number: int) -> int:
+        return number - 1
+
+    assert preceding(3) == 2

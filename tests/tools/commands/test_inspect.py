@@ -1,6 +1,7 @@
 """`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see test_render."""
 
 import json
+import re
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -118,7 +119,7 @@ def test_what_is_not_known_or_all_alike(tmp_path: Path, calibrated: SensorCalibr
         (CaptureMetadata(f_number=1.0), "aperture", "f/1"),
         (CaptureMetadata(iso=1), "ISO", "1"),
         (CaptureMetadata(taken=datetime(2014, 3, 9, 7, 5, 1)), "taken", "2014-03-09T07:05:01"),  # noqa: DTZ001  as Exif has it
-        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
+        (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines \\x1b[31m"),
     ],
 )
 def test_capture_data_with_their_units(tmp_path: Path, metadata: CaptureMetadata, name: str, value: str) -> None:
@@ -212,6 +213,11 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
         f"{path}: damaged: the preview is not a whole JPEG; copy the file again",
         f"{tmp_path}/absent.dng: there is no such file; check the name",
     ]
+    assert outcome.out.splitlines() == [
+        "0 whole, 1 damaged, 1 that cannot be read",
+        f"  {path}",
+        f"  {tmp_path}/absent.dng",
+    ]
     (tmp_path / "empty").mkdir()
     outcome = run("inspect", "--verify", tmp_path / "empty")
     assert_refused(outcome, "no .dng file is in this folder or below it", name=str(tmp_path / "empty"))
@@ -222,3 +228,17 @@ def test_a_pattern_without_a_network_says_so(tmp_path: Path) -> None:
     path = save(tmp_path / "shot.dng", replace(plain, pattern=CfaPattern.bayer(5)))
     assert rows(run("inspect", path).out)["network"] == "none for this pattern: rendered without learned colour"
     assert run("inspect", path, "--json").records[0]["learned"] is None
+
+
+def test_nothing_in_a_camera_file_moves_the_cursor(tmp_path: Path) -> None:
+    path = tmp_path / "camera\x1b[2J\nall is well.json"
+    measured = {"noise": {"by\nall is well": ["\x9b2J", "\u202e"]}}
+    path.write_text(
+        json.dumps({"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000, "sensor": "\x1b]0;\a", "measured": measured})
+    )
+    shown = run("inspect", path).out
+    assert "\nall is well" not in shown
+    assert re.search(r"[^\n -~]", shown) is None
+    assert (r"sensor       \x1b]0;\x07, calibration" in shown, r"by all is well \x9b2J \u202e" in shown) == (True, True)
+    (record,) = run("inspect", path, "--json").records
+    assert record["camera"]["sensor"] == "\x1b]0;\a"

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from shared.errors import InputError, OutputError
+from tests.tools.command import run
 from tools.host.console import Console, StandardOutputError
 from tools.host.folders import Source, plan
 from tools.host.jobs import Job, output_folder, run_jobs
@@ -189,7 +190,7 @@ def test_the_output_folder_is_made_where_its_parent_exists(tmp_path: Path) -> No
         (f"{folder}/a/b", f"the folder {folder}/a does not exist; create it first: mkdir -p '{folder}/a'"),
         (str(file), f"{file}: is not a folder"),
         (f"{file}/below", f"{file} is not a folder; choose another place"),
-        (f"{tmp_path}/link", "cannot be created (File exists)"),
+        (f"{tmp_path}/link", f"{tmp_path}/link: is a link to nowhere, which is not there; remove the link, or name another folder"),
         (f"{tmp_path}/{'x' * 300}", "cannot be created (File name too long)"),
         ("", "is empty"),
     ):
@@ -202,3 +203,15 @@ def test_a_folder_without_permission_is_refused(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr("os.access", lambda *_: False)  # root may write everywhere
     with pytest.raises(OutputError, match="no permission to write in this folder; choose another"):
         output_folder(str(tmp_path))
+
+
+# --- what is not used is not left ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["simulate", "render", "preview"])
+def test_a_new_output_folder_without_results_is_not_left(tmp_path: Path, verb: str) -> None:
+    assert run(verb, tmp_path / "missing", "-o", tmp_path / "new").code == 1
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "old").mkdir()
+    assert run(verb, tmp_path / "missing", "-o", tmp_path / "old").code == 1
+    assert (tmp_path / "old").is_dir()

@@ -1,18 +1,21 @@
 """Signals that end a program, in order. What a command in the middle of its work does: see tests/faults."""
 
+import ctypes
 import os
 import signal
 import threading
+import time
+from contextlib import suppress
 from typing import Any
 
 import pytest
 
 from tools.host.console import Console
 from tools.host.jobs import Job, run_jobs
-from tools.host.signals import Terminated, orderly_end
+from tools.host.signals import Terminated, held_back, orderly_end
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_becomes_an_interruption_with_its_code(number: signal.Signals, code: int) -> None:
     before = signal.getsignal(number)
     with pytest.raises(Terminated) as caught, orderly_end():
@@ -22,13 +25,14 @@ def test_a_signal_becomes_an_interruption_with_its_code(number: signal.Signals, 
     assert signal.getsignal(number) == before
 
 
-def test_a_signal_that_an_import_turns_into_an_error_still_ends_the_run() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_an_import_turns_into_an_error_still_ends_the_run(number: signal.Signals) -> None:
     begun = []
 
     def work(job: Job) -> dict[str, Any]:
         begun.append(job.source)
         try:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), number)
         except Terminated:
             raise ImportError("initialization failed") from None
         return {}
@@ -38,6 +42,36 @@ def test_a_signal_that_an_import_turns_into_an_error_still_ends_the_run() -> Non
     assert begun == ["one"]
     with pytest.raises(ImportError), orderly_end():  # the next run starts without it
         raise ImportError
+
+
+def test_a_signal_that_is_swallowed_ends_the_run_before_the_next_file() -> None:
+    begun = []
+
+    def work(job: Job) -> dict[str, Any]:
+        begun.append(job.source)
+        with suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        return {}
+
+    with pytest.raises(Terminated), orderly_end():
+        run_jobs([Job("one", ()), Job("two", ())], work, Console())
+    assert begun == ["one"]
+
+
+def test_a_signal_inside_a_callback_from_c_is_not_lost() -> None:
+    callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(Terminated), orderly_end():  # noqa: PT012
+        callback()
+        time.sleep(10)
+
+
+def test_a_process_is_complete_before_a_signal_arrives() -> None:
+    arrived = []
+    with pytest.raises(Terminated), orderly_end(), held_back():  # noqa: PT012
+        for number in (signal.SIGTERM, signal.SIGINT):
+            os.kill(os.getpid(), number)
+        arrived.append("complete")
+    assert arrived == ["complete"]
 
 
 def test_who_has_decided_otherwise_is_obeyed() -> None:

@@ -392,5 +392,5 @@ def test_no_format_overwrites_unasked_or_leaves_parts(kind: PictureKind, tmp_pat
 
 def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-    with pytest.raises(OutputError, match="no temporary file in"):
+    with pytest.raises(OutputError, match="no temporary file for OpenEXR"):
         encoded(scene((4, 4)), PictureKind.of("exr"))

@@ -57,6 +57,28 @@ def test_another_journal_in_its_place_is_read_anew(tmp_path: Path) -> None:
     assert (journal.of("a.tif"), journal.of("b.tif")) == ([], [entry("b.tif")])
 
 
+@pytest.mark.parametrize("kind", ["symbolic", "hard"])
+def test_a_link_in_the_place_of_the_journal_changes_no_original(tmp_path: Path, kind: str) -> None:
+    original = tmp_path / "shot.dng"
+    original.write_bytes(b"a photograph")
+    if kind == "symbolic":
+        (tmp_path / NAME).symlink_to(original)
+    else:
+        (tmp_path / NAME).hardlink_to(original)
+    with pytest.raises(OSError, match=r"remove it|replace it by a copy"):
+        Journal(tmp_path).append(entry())
+    assert original.read_bytes() == b"a photograph"
+
+
+def test_a_link_in_the_place_of_a_lock_makes_nothing(tmp_path: Path) -> None:
+    with output_lock(tmp_path / "a.tif", wait=False):
+        (lock,) = tmp_path.iterdir()
+    lock.symlink_to("elsewhere")
+    with pytest.raises(OSError, match="remove it"), output_lock(tmp_path / "a.tif", wait=False):
+        pass
+    assert not (tmp_path / "elsewhere").exists()
+
+
 def test_a_key_tells_every_part_and_a_digest_every_byte(tmp_path: Path) -> None:
     assert len({key(a=1, b=2), key(a=1, b=3), key(a=2, b=1), key(a=1)}) == 4
     assert key(a=1, b=2) == key(b=2, a=1)

@@ -13,6 +13,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
+from tools.host.compilation import announced_compilation
 from tools.host.memory import allowed_memory, available_memory, format_bytes
 from tools.host.progress import LineProgress, StageProgress
 from tools.pictures.writer import POSSIBLE, PictureKind
@@ -175,3 +176,22 @@ def test_the_first_run_on_a_machine_says_that_it_compiles(tmp_path: Path, out: P
     for times in (1, 0):
         assert run("render", shot, "-o", out, "--overwrite").err.count(words) == times
     assert [text for text in shown if "compiling" in text] == ["compiling fresh", "compiling fresh"]
+
+
+def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere() -> Path:
+        raise RuntimeError("no locator available")
+
+    @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
+    def fresh(a: float) -> float:
+        return a + 2
+
+    monkeypatch.setattr("offline.kernel_cache", nowhere)
+    said: list[str] = []
+    with announced_compilation(said.append, StageProgress()):
+        fresh(1.0)
+        fresh(1)
+    (line,) = said
+    assert line.endswith(
+        "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR to a folder that you may write to"
+    )

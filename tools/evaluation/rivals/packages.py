@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
+from tools.host.font_folder import temporary_font_folder
 
 from .bayer import check_mosaic
 from .integers import Levels
@@ -16,6 +17,7 @@ from .integers import Levels
 def demosaic_malvar(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
     """Malvar, He, Cutler 2004 by colour-demosaicing: linear 5 x 5 filters; float32 (H, W, 3)."""
     check_mosaic(mosaic, order)
+    temporary_font_folder()
     from colour_demosaicing import demosaicing_CFA_Bayer_Malvar2004
 
     return np.asarray(demosaicing_CFA_Bayer_Malvar2004(mosaic, order), np.float32)
@@ -24,6 +26,7 @@ def demosaic_malvar(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
 def demosaic_menon(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
     """Menon, Andriani, Calvagno 2007 by colour-demosaicing: directional filters, decision, refinement; float32 (H, W, 3)."""
     check_mosaic(mosaic, order)
+    temporary_font_folder()
     from colour_demosaicing import demosaicing_CFA_Bayer_Menon2007
 
     return np.asarray(demosaicing_CFA_Bayer_Menon2007(mosaic, order), np.float32)

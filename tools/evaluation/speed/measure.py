@@ -53,7 +53,7 @@ def measure_speeds(material: Material, rounds: int, threads: int, console: Conso
     rivals = {rival.name: timings.get(rival.name) for rival in RIVALS}
     rows, columns = material.shape
     title = f"{columns} x {rows}, {material.pixels / 1e6:.1f} megapixels, {rounds} rounds, arrays in memory"
-    console.say("\n".join(["", title, *speed_lines({name: timings[name] for name in ours}, stage_timings, rivals)]))
+    console.say("", title, *speed_lines({name: timings[name] for name in ours}, stage_timings, rivals))
     return {
         "pixels": material.pixels,
         "seconds": seconds,
@@ -74,7 +74,7 @@ def measure_previews(material: Material, frames: int, threads: int, console: Con
     with console.progress("bench") as progress:
         progress.stage("preview", 1)
         found = measure_preview(material, _SCALES, frames, threads)
-    console.say("\n".join(["", *preview_lines(found)]))
+    console.say("", *preview_lines(found))
     return {"preview": [asdict(each) for each in found]}
 
 
@@ -86,5 +86,5 @@ def measure_growth(sizes: Sequence[Material], threads: int, console: Console) ->
             for material in sizes:
                 progress.stage(f"{preset}, {material.pixels / 1e6:.1f} MP", 1)
                 timings[preset].append(measure_files(material, preset, threads))
-    console.say("\n".join(["", *scaling_lines(timings)]))
+    console.say("", *scaling_lines(timings))
     return {"scaling": {preset: [asdict(each) for each in found] for preset, found in timings.items()}}
