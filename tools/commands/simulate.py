@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
     options.add_light(light, default=1.0, help="amount of light of --protocol sensor, 2 is one stop more")
     light.add_argument(
-        "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its file name"
+        "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"
     )
     parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
     parser.add_argument("--truth", action="store_true", help="also write the scene as STEM.truth.tif: float32, scene units")
@@ -94,7 +94,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels)
             progress.stage("sampling", 1)
             shot, *truth = job.outputs
-            mosaic = photograph(scene, pattern, camera, arguments, noise_of(arguments.seed, shot.name))
+            mosaic = photograph(scene, pattern, camera, arguments, noise_of(arguments.seed, shot.relative_to(folder)))
+            job.make_folders()
             progress.stage("writing", 1)
             write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
             for path in truth:
@@ -113,8 +114,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return code if searched else FAILED
 
 
-def noise_of(seed: int, name: str) -> np.random.Generator:
-    """The source of noise of one shot: the same for the same seed and file name, another one for any other.
+def noise_of(seed: int, name: str | Path) -> np.random.Generator:
+    """The source of noise of one shot: the same for the same seed and name below the output folder, another one for any other.
 
     Do not draw all shots of a run from one generator: the noise of a shot would depend on the shots before it.
     """

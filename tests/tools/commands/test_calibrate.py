@@ -240,7 +240,7 @@ def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: P
         to = tmp_path / f"{kind}{light}-{seed}"
         options = ["--protocol", "sensor", "--seed", str(seed), *camera]
         if light != 1:
-            options += ["--exposure", str(light)]
+            options += ["--light", str(light)]
         outcome = run("simulate", f"{kind}:720x480", "-o", to, *options)
         assert outcome.code == 0, outcome.err
         frames[kind] += to.iterdir()
@@ -255,9 +255,7 @@ def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: P
     np.testing.assert_allclose(known.noise.shot, typical.shot, rtol=0.05)
     np.testing.assert_allclose(known.noise.read, typical.read, rtol=0.05)
     again = tmp_path / "again"
-    assert (
-        run("simulate", "flat:720x480", "-o", again, "--protocol", "sensor", "--exposure", "0.3", "--seed", "1", *camera).code == 0
-    )
+    assert run("simulate", "flat:720x480", "-o", again, "--protocol", "sensor", "--light", "0.3", "--seed", "1", *camera).code == 0
     copies = [tmp_path / "flat0.3-1" / "flat-720x480.dng", again / "flat-720x480.dng"]
     outcome = run("calibrate", "--flat", *copies, "--dark", *frames["dark"], "-o", tmp_path / "none.json")
     assert outcome.code == 1

@@ -21,6 +21,7 @@ from shared.sensor import simulate_additive
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, file_limit, names, results, run, spawn
+from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
 from tools.pictures.writer import POSSIBLE
 from tools.scenes.drawn.builtin import builtin_scene
@@ -66,7 +67,7 @@ def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, perio
     calibration = SensorCalibration.of_bits(16)
     scene = builtin_scene(*SCENE)
     mosaic = simulate_additive(
-        scene.rgb, CfaPattern.bayer(period, origin=(2, 1)), calibration, sigma, np.random.default_rng(5), scene.metadata
+        scene.rgb, CfaPattern.bayer(period, origin=(2, 1)), calibration, sigma, noise_of(5, f"{STEM}.dng"), scene.metadata
     )
     quantised = Mosaic(mosaic.codes, mosaic.pattern, mosaic.calibration)
     assert np.array_equal(rendered, render(quantised, PAPER).rgb)
