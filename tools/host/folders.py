@@ -87,14 +87,14 @@ def _search(top: str, endings: Collection[str], output: tuple[int, int] | None, 
     errors: list[OSError] = []
     fitting: list[Source] = []
     others: list[str] = []
-    counts = {"hidden": 0, "of results": 0, "linked": 0}
+    counts = {"hidden": 0, "result": 0, "linked": 0}
     for place, folders, files in os.walk(top, onerror=errors.append):
         searched = []
         for name in sorted(folders):
             path = os.path.join(place, name)  # noqa: PTH118  keeps the folder as the user wrote it: pathlib drops "./"
             reason = "hidden" if name.startswith(".") else "linked" if os.path.islink(path) else ""  # noqa: PTH114
             if output is not None and identity(path) == output:
-                reason = "of results"
+                reason = "result"
             if reason:
                 counts[reason] += 1
             else:

@@ -74,7 +74,7 @@ def test_folders_stand_for_their_files(tmp_path: Path) -> None:
     others = ["builtin:60x60", "chart:240x180", "missing"]
     found, remarks = expand([single, str(tmp_path), *others], tmp_path / "out")
     assert found == [single, str(tmp_path / "a.CR2"), str(tmp_path / "deep/deeper/c.npy"), *others]
-    assert remarks == [f"{tmp_path}: left out a.txt, deep/x.xmp; 1 hidden folder; 1 folder of results; 1 linked folder"]
+    assert remarks == [f"{tmp_path}: left out a.txt, deep/x.xmp; 1 hidden folder; 1 result folder; 1 linked folder"]
 
 
 def test_a_folder_without_scenes_says_what_it_has(tmp_path: Path) -> None:
