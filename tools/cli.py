@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     _open_streams()
     console = Console()
     try:
-        with orderly_end():
+        with orderly_end(last=argv is None):
             # Not at the top: this imports NumPy, and an interrupt meanwhile must not show a traceback.
             from shared.errors import PanchromaError
             from tools.host.jobs import remove_unused_folders

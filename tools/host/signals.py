@@ -25,8 +25,10 @@ class Terminated(KeyboardInterrupt):
 
 
 @contextmanager
-def orderly_end() -> Iterator[None]:
+def orderly_end(*, last: bool = False) -> Iterator[None]:
     """In the `with` block SIGINT, SIGTERM and SIGHUP raise Terminated; by default the last two would leave temporary files behind.
+
+    last: the program ends after the block: from then on they end it at once. All files are written, and a traceback helps nobody.
 
     A signal that is ignored or handled already (nohup) is left as it is, and so are all outside the main thread.
     """
@@ -43,7 +45,7 @@ def orderly_end() -> Iterator[None]:
         raise
     finally:
         for number in free:
-            signal.signal(number, before[number])
+            signal.signal(number, _leave if last else before[number])
         sys.unraisablehook = hook
 
 
@@ -55,6 +57,10 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     insist(number)
     _received.append(Terminated(number))
     raise _received[-1]
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    os._exit(128 + number)
 
 
 def insist(number: int) -> None:

@@ -34,7 +34,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     found = search([str(tmp_path)], DNGS, output=tmp_path / "out")
     assert [source.name for source in found.sources] == [f"{tmp_path}/a.dng"]
     assert found.left_out == [
-        f"{tmp_path}: left out .hidden.dng, b.txt, c.txt and 3 more files; 1 hidden folder; 1 of results folder; 1 linked folder"
+        f"{tmp_path}: left out .hidden.dng, b.txt, c.txt and 3 more files; 1 hidden folder; 1 result folder; 1 linked folder"
     ]
 
 

@@ -3,6 +3,8 @@
 import ctypes
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
@@ -10,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from tests.data import ROOT
 from tools.host.console import Console
 from tools.host.jobs import Job, run_jobs
 from tools.host.signals import Terminated, held_back, orderly_end
@@ -95,3 +98,18 @@ def test_another_thread_changes_nothing() -> None:
     thread.start()
     thread.join()
     assert seen == [signal.getsignal(signal.SIGTERM)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_program_leaves_shows_nothing(number: signal.Signals) -> None:
+    """After its work: while threads are joined, and modules are taken down."""
+    script = f"""
+import os, signal
+from tools.host.signals import orderly_end
+with orderly_end(last=True):
+    pass
+os.kill(os.getpid(), {int(number)})
+raise SystemExit(0)
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert (ended.returncode, ended.stderr) == (128 + number, "")
