@@ -91,9 +91,9 @@ def held_back() -> Iterator[None]:
 
     resource_tracker.ensure_running()  # when it starts, with the first process, it unblocks SIGINT
     held: list[int] = []
-    others = [number for number in _ENDING if number != signal.SIGINT and _in_main_thread()]
-    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in others}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    numbers = _ENDING if _in_main_thread() else ()
+    before = {number: signal.signal(number, lambda number, _: held.append(number)) for number in numbers}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the process inherits it; threads of ours may still get it
     try:
         yield
     finally:
