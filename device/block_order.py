@@ -7,6 +7,7 @@ from shared.pattern import CfaPattern
 
 _BLOCKS = 5  # of a group, each way; colours of a scene differ from group to group
 _LARGER = 4.0  # times the energy of the difference on the other diagonal
+_GROUPS = 16  # fewer do not tell how uncertain their mean is
 _CERTAIN = 5.0  # standard errors
 
 
@@ -25,7 +26,7 @@ def green_diagonal_is_wrong(codes: CodeArray, pattern: CfaPattern, white_level: 
     if sum(same) != 1:
         return False
     ours, others = (_difference(codes, pattern, pairs[place], white_level) for place in (same.index(True), same.index(False)))
-    if ours.size < 2:
+    if ours.size < _GROUPS:
         return False
     error = ours.std(ddof=1) / ours.size**0.5
     return bool(ours.mean() > _CERTAIN * error and ours.mean() > _LARGER * max(others.mean(), 0.0))

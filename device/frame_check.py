@@ -56,17 +56,23 @@ class FrameCheck:
         self._looked += 1
         pattern, layout = self._sensor.pattern, self._sensor.layout
         codes = layout.unpack(frame.data)
-        self._check_levels(codes)
+        wrong_levels = self._wrong_levels(codes)
         found = find_pattern(codes, self._sites)
         confirmed = self._is_declared(found)
+        if found and not (confirmed or found.sure):
+            found = None
         # The stride is searched for where it may matter; a frame that shows nothing is searched the less often, the more there are.
-        if self._confirmed or not (found or self._looked & (self._looked - 1) == 0):
+        if self._confirmed or not (found or wrong_levels or self._looked & (self._looked - 1) == 0):
             strides = [layout.stride]
         else:
             strides = likely_strides(frame.data, layout.stride)
+        # What repeats after a row also repeats after several.
+        aligned = bool(strides) and strides[0] % layout.stride == 0
         others = [stride for stride in strides if stride != layout.stride]
-        if others and (not confirmed or layout.stride not in strides):
-            self._check_stride(frame, found, others, aligned=layout.stride in strides)
+        if others and not (confirmed and aligned):
+            self._check_stride(frame, found, others, aligned=aligned)
+        if wrong_levels and (confirmed or not aligned):
+            raise wrong_levels
         if confirmed:
             if green_diagonal_is_wrong(codes, pattern, self._sensor.calibration.white_level):
                 raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
@@ -74,9 +80,11 @@ class FrameCheck:
             return True
         if found:
             raise self._elsewhere(found)
-        if layout.stride in strides:
+        if aligned:
             if reading := best_reading(frame.data, layout, pattern, [layout.stride]):
                 raise self._misread(reading)
+            if wrong_levels:
+                raise wrong_levels
             self._check_filters(codes)
         return False
 
@@ -91,23 +99,27 @@ class FrameCheck:
         if reading and (found is None or reading.found.explained > clearer * found.explained):
             raise self._misread(reading)
 
-    def _check_levels(self, codes: CodeArray) -> None:
+    def _wrong_levels(self, codes: CodeArray) -> InputError | None:
+        """What the levels of the samples prove wrong, if anything."""
         calibration, layout = self._sensor.calibration, self._sensor.layout
         highest = int(codes.max())
         black = float(np.mean(calibration.black_level))
         bits = max(highest.bit_length(), 10)
-        likely = f"--bits {bits}" if layout.format == "u16" and bits != calibration.bits else "another --format, or --camera with its levels"
+        # Sensors have 10 bits or 12; one of 10 has its black at 64, and no dim frame lies twice as high.
+        stored = 12 if bits < 12 and np.percentile(codes[::8, ::8], 1) > 2 << (bits - 4) else bits
+        likely = f"--bits {stored}" if layout.format == "u16" and stored != calibration.bits else "another --format, or --camera with its levels"
         if bits > calibration.bits:
-            raise _misfit(f"a sample is {highest}, more than {calibration.bits} bits hold", likely)
+            return _misfit(f"a sample is {highest}, more than {calibration.bits} bits hold", likely)
         if codes.mean() < black * (1 - _MARGIN):
-            raise _misfit(f"the mean of all samples is {codes.mean():.0f}, darker than black, which is {black:.0f}", likely)
+            return _misfit(f"the mean of all samples is {codes.mean():.0f}, darker than black, which is {black:.0f}", likely)
         darkest = float(Tiles.of(codes).parts.mean(axis=(1, 2)).min())
         if darkest < black * _DEEP:
-            raise _misfit(f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f}", likely)
+            return _misfit(f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f}", likely)
         if bits < calibration.bits and highest == (1 << bits) - 1:
             clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
             if clipped > 4 * below + _PILE:
-                raise _misfit(f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}", likely)
+                return _misfit(f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}", likely)
+        return None
 
     def _check_filters(self, codes: CodeArray) -> None:
         """Refuse a lit frame in which the colour sites are as bright as the panchromatic ones, so that they have no filters."""

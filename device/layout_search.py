@@ -43,7 +43,7 @@ def best_reading(data: bytes | bytearray | memoryview, layout: FrameLayout, patt
     best: Reading | None = None
     for name, stride, skipped in _candidates(layout, strides):
         codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
-        if min(codes.shape) < 2 * pattern.period or (found := find_pattern(codes, sites)) is None:
+        if min(codes.shape) < 2 * pattern.period or not ((found := find_pattern(codes, sites)) and found.sure):
             continue
         if best is None or found.explained > best.found.explained:
             best = Reading(name, stride, skipped, codes.shape[1], found)

@@ -18,7 +18,8 @@ _TILES = 64  # enough for a frame of any size, and folded in a tenth of a second
 _REACH = 8  # pixels: local means are those of 17 x 17
 _FLAT = 0.25  # codes: differences below this are rounding
 _LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
-_CERTAIN = 6.0  # standard errors; some 1,500 places are compared
+_CERTAIN = 6.0  # standard errors
+_FEW = 8  # tiles: with so few the standard error is itself uncertain, and among 1,500 places twice as many are asked for
 _BETTER = 1.5  # the best place explains this many times the variance that the next one does; in photographs 2.7 times and more
 _BAYER = 2
 
@@ -30,11 +31,13 @@ class Found:
     period: K; 2 for an ordinary Bayer sensor.
     block_origin: sensor (row, column) of the top left pixel of a block, each 0 to K - 1; (0, 0) for period 2.
     explained: part of the variance of the samples, about their local mean, that this explains.
+    sure: whether it is certain even if it was not expected here, one place among many that were tried.
     """
 
     period: int
     block_origin: tuple[int, int]
     explained: float
+    sure: bool
 
 
 @dataclass(frozen=True)
@@ -80,31 +83,35 @@ def find_pattern(codes: CodeArray, sites: tuple[tuple[int, int], ...]) -> Found 
     variance = float(np.square(tiles.parts).mean())
     if len(tiles.parts) < 4 or not variance:  # the spread over the tiles is what certainty is measured by
         return None
-    certain = [(_bayer(tiles) / variance, _BAYER, (0, 0))]
+    bayer, certainty = _bayer(tiles)
+    certain = [(bayer / variance, _BAYER, (0, 0), certainty)] if certainty > _CERTAIN else []
     rival = 0.0
     for period in (period for period in PERIODS if period <= tiles.parts.shape[1]):
-        explained, sure = _explained(tiles.folded(period), sites)
+        explained, certainties = _explained(tiles.folded(period), sites)
         row, column = np.unravel_index(int(explained.argmax()), explained.shape)
         best = float(explained[row, column]) / variance
         explained[row, column] = 0.0
         rival = max(rival, float(explained.max()) / variance)
-        if sure[row, column]:
-            certain.append((best, period, (int(row), int(column))))
+        if certainties[row, column] > _CERTAIN:
+            certain.append((best, period, (int(row), int(column)), float(certainties[row, column])))
         else:
             rival = max(rival, best)
-    *others, (best, period, origin) = sorted(certain)
+    if not certain:
+        return None
+    *others, (best, period, origin, certainty) = sorted(certain)
     rival = max([rival, *(each[0] for each in others)])
-    return Found(period, origin, best) if best > _BETTER * rival else None
+    sure = certainty > _CERTAIN * (1 + _FEW / len(tiles.parts))
+    return Found(period, origin, best, sure) if best > _BETTER * rival else None
 
 
-def _explained(folded: DoubleArray, sites: tuple[tuple[int, int], ...]) -> tuple[DoubleArray, NDArray[np.bool_]]:
-    """Variance that a block at each place explains, (K, K), 0 where it is not darker than the rest; and whether that is certain."""
+def _explained(folded: DoubleArray, sites: tuple[tuple[int, int], ...]) -> tuple[DoubleArray, DoubleArray]:
+    """Variance that a block at each place explains, (K, K), 0 where it is not darker than the rest; its contrast in standard errors."""
     period = folded.shape[1]
     block = np.zeros((period, period))
     for row, column in sites:
         block[row % period, column % period] = 1.0
     if block.all():
-        return np.zeros((period, period)), np.zeros((period, period), bool)
+        return np.zeros((period, period)), np.zeros((period, period))
     contrasts, certainties = [], []
     # Once as it is, and once without the means of rows and columns, so that stripes of the same period are not taken for blocks.
     for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
@@ -116,14 +123,14 @@ def _explained(folded: DoubleArray, sites: tuple[tuple[int, int], ...]) -> tuple
         certainties.append(contrast.mean(axis=0) / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
     darker = np.maximum(-np.max(contrasts, axis=0), 0.0)
     filled = block.mean()
-    return darker**2 * filled * (1 - filled), np.max(certainties, axis=0) < -_CERTAIN
+    return darker**2 * filled * (1 - filled), -np.max(certainties, axis=0)
 
 
-def _bayer(tiles: Tiles) -> float:
-    """Variance that the two diagonals of 2 x 2 pixels explain; 0 if it is not certain."""
+def _bayer(tiles: Tiles) -> tuple[float, float]:
+    """Variance that the difference between the diagonals of 2 x 2 pixels explains, and that difference in standard errors."""
     diagonals = (tiles.folded(_BAYER) * ((1, -1), (-1, 1))).mean(axis=(1, 2))
     error = diagonals.std(ddof=1) / len(diagonals) ** 0.5 + 1e-3
-    return float(diagonals.mean() ** 2) if abs(diagonals.mean()) > _CERTAIN * error else 0.0
+    return float(diagonals.mean() ** 2), float(abs(diagonals.mean()) / error)
 
 
 def _centred(means: DoubleArray) -> DoubleArray:

@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.record(source=arguments.source, ok=False, error=reason)
 
     with Stopping() as stopping:
-        frames = source.frames(stopping, lambda error: refused(str(error)))
+        frames = source.frames(stopping, lambda error: refused(str(error)), console.note)
         queue = FrameQueue(frames, _DEPTH, wait=source.waits or arguments.wait, stopped=stopping)
         try:
             for each in capture(queue, source.sensor, preview, shots):
