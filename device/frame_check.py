@@ -76,10 +76,13 @@ class FrameCheck:
         if confirmed:
             if green_diagonal_is_wrong(codes, pattern, self._sensor.calibration.white_level):
                 raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
+            self._check_below(codes)
             self._confirmed += 1
             return True
         if found:
             raise self._elsewhere(found)
+        if self._is_declared(find_pattern(codes[: len(codes) // 2], self._sites)):
+            self._check_below(codes)
         if aligned:
             if reading := best_reading(frame.data, layout, pattern, [layout.stride]):
                 raise self._misread(reading)
@@ -91,6 +94,19 @@ class FrameCheck:
     def _is_declared(self, found: Found | None) -> bool:
         pattern = self._sensor.pattern
         return found is not None and (found.period, found.block_origin) == (pattern.period, pattern.block_origin)
+
+    def _check_below(self, codes: CodeArray) -> None:
+        """Refuse a frame in whose lower part the pattern is at another row: the next frame begins in this one."""
+        pattern = self._sensor.pattern
+        for part in (2, 4):
+            top = len(codes) * (part - 1) // part
+            found = find_pattern(codes[top:], self._sites)
+            if found and found.sure and found.period == pattern.period and (found.block_origin[0] + top) % found.period != pattern.block_origin[0]:
+                raise self._too_tall()
+
+    def _too_tall(self) -> InputError:
+        height = self._sensor.layout.height
+        return _misfit(f"a frame ends and the next begins at another row than after {height}", "another --height")
 
     def _check_stride(self, frame: RawFrame, found: Found | None, others: list[int], *, aligned: bool) -> None:
         layout = self._sensor.layout
@@ -141,10 +157,7 @@ class FrameCheck:
 
     def _elsewhere(self, found: Found) -> InputError:
         if self._confirmed:
-            return _misfit(
-                "its colour sites are at another place than those of the first frame",
-                f"another --height than {self._sensor.layout.height}, so that a frame ends where the next begins",
-            )
+            return self._too_tall()
         if found.period == 2:
             return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
         period = self._sensor.pattern.period

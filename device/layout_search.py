@@ -43,7 +43,10 @@ def best_reading(data: bytes | bytearray | memoryview, layout: FrameLayout, patt
     best: Reading | None = None
     for name, stride, skipped in _candidates(layout, strides):
         codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
-        if min(codes.shape) < 2 * pattern.period or not ((found := find_pattern(codes, sites)) and found.sure):
+        # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
+        parts = (part for part in (codes, codes[: len(codes) // 2]) if min(part.shape) > pattern.period)
+        found = next((seen for part in parts if (seen := find_pattern(part, sites)) and seen.sure), None)
+        if found is None:
             continue
         if best is None or found.explained > best.found.explained:
             best = Reading(name, stride, skipped, codes.shape[1], found)
