@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from shared.arrays import CodeArray
+from shared.arrays import CodeArray, DoubleArray
 from shared.pattern import CfaPattern
 
 _BLOCKS = 5  # of a group, each way; colours of a scene differ from group to group
 _LARGER = 4.0  # times the energy of the difference on the other diagonal
 _GROUPS = 16  # fewer do not tell how uncertain their mean is
+_BRIGHTER = 4.0  # times the energy that a difference has at a colour site; without colour 9, with one channel alone 1
+_LEAST = 3  # period in which no panchromatic pixels lie on a diagonal
 _CERTAIN = 5.0  # standard errors
 
 
@@ -25,18 +27,24 @@ def green_diagonal_is_wrong(codes: CodeArray, pattern: CfaPattern, white_level: 
     same = [channels[one] == channels[other] for one, other in pairs]
     if sum(same) != 1:
         return False
-    ours, others = (_difference(codes, pattern, pairs[place], white_level) for place in (same.index(True), same.index(False)))
+    ours, others, scene = (
+        _difference(codes, pattern, pair, white_level)
+        for pair in (pairs[same.index(True)], pairs[same.index(False)], tuple((row + 2, column + 2) for row, column in pairs[same.index(True)]))
+    )
+    # Two panchromatic samples next to the block differ as much if it is the scene that differs, as stripes do that repeat with K.
+    known = max(float(others.mean()), float(scene.mean()) / _BRIGHTER if pattern.period > _LEAST else 0.0, 0.0)
     if ours.size < _GROUPS:
         return False
     error = ours.std(ddof=1) / ours.size**0.5
-    return bool(ours.mean() > _CERTAIN * error and ours.mean() > _LARGER * max(others.mean(), 0.0))
+    return bool(ours.mean() > _CERTAIN * error and ours.mean() > _LARGER * known)
 
 
-def _difference(codes, pattern, pair, white_level):
+def _difference(codes: CodeArray, pattern: CfaPattern, pair: tuple[tuple[int, int], ...], white_level: int) -> DoubleArray:
     """Squared difference of two sites, mean of each group of blocks, without the part that noise has in it."""
     planes = [codes[pattern.block_origin[0] + row :: pattern.period, pattern.block_origin[1] + column :: pattern.period] for row, column in pair]
     rows, columns = (min(sizes) // _BLOCKS * _BLOCKS for sizes in zip(*(plane.shape for plane in planes), strict=True))
     one, other = (plane[:rows, :columns].astype(np.float64) for plane in planes)
     difference = np.where((one < white_level) & (other < white_level), one - other, 0.0)
     groups = difference.reshape(rows // _BLOCKS, _BLOCKS, columns // _BLOCKS, _BLOCKS).swapaxes(1, 2).reshape(-1, _BLOCKS**2)
-    return np.square(groups.mean(axis=1)) - groups.var(axis=1, ddof=1) / _BLOCKS**2
+    energy: DoubleArray = np.square(groups.mean(axis=1)) - groups.var(axis=1, ddof=1) / _BLOCKS**2
+    return energy

@@ -6,6 +6,7 @@ one place only, the two greens of a block are equal, and no picture is darker th
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from math import gcd
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +69,9 @@ class FrameCheck:
             strides = likely_strides(frame.data, layout.stride)
         # What repeats after a row also repeats after several.
         aligned = bool(strides) and strides[0] % layout.stride == 0
-        others = [stride for stride in strides if stride != layout.stride]
+        # A part of the rows has the same period as all, if the two have no divisor in common.
+        others = [stride for stride in strides if stride % layout.stride or gcd(stride // layout.stride, pattern.period) > 1]
+        others = [stride for stride in others if stride != layout.stride]
         if others and not (confirmed and aligned):
             self._check_stride(frame, found, others, aligned=aligned)
         if wrong_levels and (confirmed or not aligned):
@@ -159,12 +162,14 @@ class FrameCheck:
         if self._confirmed:
             return self._too_tall()
         if found.period == 2:
-            return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
+            return _bayer()
         period = self._sensor.pattern.period
         where = f"its colour sites repeat every {found.period} pixels, from row {found.block_origin[0]} and column {found.block_origin[1]} on"
         return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
 
     def _misread(self, reading: Reading) -> InputError:
+        if reading.found.period == 2:
+            return _bayer()
         layout = self._sensor.layout
         seen = f"its rows repeat every {reading.stride} bytes, not {layout.stride}" if reading.stride != layout.stride else "its samples"
         if reading.format == BIG_ENDIAN:
@@ -219,6 +224,10 @@ def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], 
             if not number and not confirmed:
                 note(_UNPROVEN)
         yield frame
+
+
+def _bayer() -> InputError:
+    return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
 
 
 def _misfit(seen: str, likely: str) -> InputError:
