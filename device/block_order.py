@@ -29,7 +29,11 @@ def green_diagonal_is_wrong(codes: CodeArray, pattern: CfaPattern, white_level: 
         return False
     ours, others, scene = (
         _difference(codes, pattern, pair, white_level)
-        for pair in (pairs[same.index(True)], pairs[same.index(False)], tuple((row + 2, column + 2) for row, column in pairs[same.index(True)]))
+        for pair in (
+            pairs[same.index(True)],
+            pairs[same.index(False)],
+            tuple((row + 2, column + 2) for row, column in pairs[same.index(True)]),
+        )
     )
     # Two panchromatic samples next to the block differ as much if it is the scene that differs, as stripes do that repeat with K.
     known = max(float(others.mean()), float(scene.mean()) / _BRIGHTER if pattern.period > _LEAST else 0.0, 0.0)
@@ -41,7 +45,10 @@ def green_diagonal_is_wrong(codes: CodeArray, pattern: CfaPattern, white_level: 
 
 def _difference(codes: CodeArray, pattern: CfaPattern, pair: tuple[tuple[int, int], ...], white_level: int) -> DoubleArray:
     """Squared difference of two sites, mean of each group of blocks, without the part that noise has in it."""
-    planes = [codes[pattern.block_origin[0] + row :: pattern.period, pattern.block_origin[1] + column :: pattern.period] for row, column in pair]
+    planes = [
+        codes[pattern.block_origin[0] + row :: pattern.period, pattern.block_origin[1] + column :: pattern.period]
+        for row, column in pair
+    ]
     rows, columns = (min(sizes) // _BLOCKS * _BLOCKS for sizes in zip(*(plane.shape for plane in planes), strict=True))
     one, other = (plane[:rows, :columns].astype(np.float64) for plane in planes)
     difference = np.where((one < white_level) & (other < white_level), one - other, 0.0)

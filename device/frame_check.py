@@ -23,9 +23,7 @@ from .stride_search import likely_strides
 if TYPE_CHECKING:
     from .capture import Sensor
 
-_UNPROVEN = (
-    "the first frame does not show whether size, format and pattern are right (it is too dark, even or noisy); the next ones are looked at"
-)
+_UNPROVEN = "the first frame does not show whether size, format and pattern are right (it is too dark, even or noisy); the next ones are looked at"
 _MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
 _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _CLEARER = 1.3  # times as much variance explained: one reading is better than another
@@ -74,6 +72,10 @@ class FrameCheck:
         others = [stride for stride in others if stride != layout.stride]
         if others and not (confirmed and aligned):
             self._check_stride(frame, found, others, aligned=aligned)
+        if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
+            swapped = find_pattern(codes.byteswap(), self._sites)
+            if swapped and swapped.explained > _CLEARER * found.explained:
+                raise self._misread(Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped))
         if wrong_levels and (confirmed or not aligned):
             raise wrong_levels
         if confirmed:
@@ -104,7 +106,12 @@ class FrameCheck:
         for part in (2, 4):
             top = len(codes) * (part - 1) // part
             found = find_pattern(codes[top:], self._sites)
-            if found and found.sure and found.period == pattern.period and (found.block_origin[0] + top) % found.period != pattern.block_origin[0]:
+            if (
+                found
+                and found.sure
+                and found.period == pattern.period
+                and (found.block_origin[0] + top) % found.period != pattern.block_origin[0]
+            ):
                 raise self._too_tall()
 
     def _too_tall(self) -> InputError:
@@ -126,7 +133,11 @@ class FrameCheck:
         bits = max(highest.bit_length(), 10)
         # Sensors have 10 bits or 12; one of 10 has its black at 64, and no dim frame lies twice as high.
         stored = 12 if bits < 12 and np.percentile(codes[::8, ::8], 1) > 2 << (bits - 4) else bits
-        likely = f"--bits {stored}" if layout.format == "u16" and stored != calibration.bits else "another --format, or --camera with its levels"
+        likely = (
+            f"--bits {stored}"
+            if layout.format == "u16" and stored != calibration.bits
+            else "another --format, or --camera with its levels"
+        )
         if bits > calibration.bits:
             return _misfit(f"a sample is {highest}, more than {calibration.bits} bits hold", likely)
         if codes.mean() < black * (1 - _MARGIN):
@@ -137,7 +148,9 @@ class FrameCheck:
         if bits < calibration.bits and highest == (1 << bits) - 1:
             clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
             if clipped > 4 * below + _PILE:
-                return _misfit(f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}", likely)
+                return _misfit(
+                    f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}", likely
+                )
         return None
 
     def _check_filters(self, codes: CodeArray) -> None:
@@ -150,7 +163,7 @@ class FrameCheck:
         for part, (top, left) in zip(tiles.parts - black, tiles.places.tolist(), strict=True):
             panchromatic = pattern.panchromatic_mask((side, side), (top, left))
             level = part[panchromatic].mean()
-            if _LIT < level / (calibration.white_level - black) and part.max() < calibration.white_level - black:
+            if level / (calibration.white_level - black) > _LIT and part.max() < calibration.white_level - black:
                 ratios.append(part[~panchromatic].mean() / level)
         if len(ratios) > _PILE and np.mean(ratios) - 4 * np.std(ratios) / len(ratios) ** 0.5 > _SAME:
             raise _misfit(
@@ -171,12 +184,17 @@ class FrameCheck:
         if reading.found.period == 2:
             return _bayer()
         layout = self._sensor.layout
-        seen = f"its rows repeat every {reading.stride} bytes, not {layout.stride}" if reading.stride != layout.stride else "its samples"
+        seen = (
+            f"its rows repeat every {reading.stride} bytes, not {layout.stride}"
+            if reading.stride != layout.stride
+            else "its samples"
+        )
         if reading.format == BIG_ENDIAN:
             return _misfit(f"{seen} are words with the high byte first", "a source with little-endian words (swap the bytes)")
         if reading.format == BYTES:
             return _misfit(
-                f"{seen} are single bytes", "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
+                f"{seen} are single bytes",
+                "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U",
             )
         options = []
         if reading.format != layout.format:

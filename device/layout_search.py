@@ -33,7 +33,9 @@ class Reading:
     found: Found
 
 
-def best_reading(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, strides: list[int]) -> Reading | None:
+def best_reading(
+    data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, strides: list[int]
+) -> Reading | None:
     """The reading that shows the pattern most clearly; None if none does.
 
     data: a frame, in the declared `layout`.

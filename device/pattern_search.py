@@ -98,6 +98,8 @@ def find_pattern(codes: CodeArray, sites: tuple[tuple[int, int], ...]) -> Found 
             rival = max(rival, best)
     if not certain:
         return None
+    # A Bayer sensor has no place where 2 x 2 samples are darker; a scene of fine checks may have its period as well.
+    certain = [each for each in certain if each[1] != _BAYER] or certain
     *others, (best, period, origin, certainty) = sorted(certain)
     rival = max([rival, *(each[0] for each in others)])
     sure = certainty > _CERTAIN * (1 + _FEW / len(tiles.parts))

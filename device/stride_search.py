@@ -8,7 +8,9 @@ from shared.arrays import DoubleArray
 _BYTES = 1 << 19  # of the middle of a frame
 _SMOOTH = 61  # samples of the running mean that is subtracted
 _BAND = 2049  # frequencies over which the spectrum is evened out
-_LINE = 30.0  # a frequency counts at most this many times its surroundings: the lower bits of packed samples come at regular distances
+_LINE = (
+    30.0  # a frequency counts at most this many times its surroundings: the lower bits of packed samples come at regular distances
+)
 _CLEAR = 8.0  # a peak stands out by this many times the usual deviation
 _HALF = 0.4  # of the height of another peak
 _WORDS = (("u1", 1), ("<u2", 2), (">u2", 2))
@@ -27,7 +29,9 @@ def likely_strides(data: bytes | bytearray | memoryview, stride: int) -> list[in
         for lag, height in _repeats(part.view(kind), stride // size):
             found[lag * size] = max(height, found.get(lag * size, 0.0))
     # Two rows further down the picture resembles itself too, and may even do so a little more.
-    single = [lag for lag in found if not any(lag > other and lag % other == 0 and found[other] > _HALF * found[lag] for other in found)]
+    single = [
+        lag for lag in found if not any(lag > other and lag % other == 0 and found[other] > _HALF * found[lag] for other in found)
+    ]
     return sorted(single, key=lambda lag: -found[lag])
 
 

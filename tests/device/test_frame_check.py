@@ -21,7 +21,9 @@ PATTERN = CfaPattern.bayer(6, origin=(2, 1))
 
 
 @cache
-def codes(pattern: CfaPattern = PATTERN, bits: int = 12, light: float = 1.0, sigma: float = 0.01, size: tuple[int, int] = SIZE) -> CodeArray:
+def codes(
+    pattern: CfaPattern = PATTERN, bits: int = 12, light: float = 1.0, sigma: float = 0.01, size: tuple[int, int] = SIZE
+) -> CodeArray:
     """The built-in scene through a sensor."""
     scene = np.minimum(builtin_scene(size[1], size[0]).rgb * light, 1.0).astype(np.float32)
     calibration = SensorCalibration.of_bits(bits, headroom=False)
@@ -62,7 +64,8 @@ def test_what_is_described_rightly_is_believed(name: str, period: int, light: fl
 
 
 @pytest.mark.parametrize(
-    "dark", [np.full(SIZE, 256, np.uint16), np.full(SIZE, 4095, np.uint16), random_codes(SIZE, 12), (random_codes(SIZE, 3) + 252).astype(np.uint16)]
+    "dark",
+    [np.full(SIZE, 256, np.uint16), np.full(SIZE, 4095, np.uint16), random_codes(SIZE, 12), random_codes(SIZE, 3) + np.uint16(252)],
 )
 def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_at(dark: CodeArray) -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
@@ -100,7 +103,8 @@ def test_a_wrong_height(height: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("right", "wrong"), [("raw10", "raw12"), ("raw12", "raw10"), ("raw10", "u16"), ("raw12", "u16"), ("u16", "raw12"), ("u16", "raw10")]
+    ("right", "wrong"),
+    [("raw10", "raw12"), ("raw12", "raw10"), ("raw10", "u16"), ("raw12", "u16"), ("u16", "raw12"), ("u16", "raw10")],
 )
 def test_a_wrong_format(right: str, wrong: str) -> None:
     frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
@@ -161,7 +165,9 @@ def stripes() -> Iterator[CodeArray]:
     for phase in (rows + columns, rows - 2 * columns, 2 * rows + columns, 6 * rows + columns, rows, columns):
         for length in (5, 6, 12, 31):
             light = np.repeat((0.55 + 0.4 * np.sin(2 * np.pi * phase / length))[..., None], 3, axis=2).astype(np.float32)
-            yield simulate_additive(light, PATTERN, SensorCalibration.of_bits(12, headroom=False), 0.01, np.random.default_rng(1)).codes
+            yield simulate_additive(
+                light, PATTERN, SensorCalibration.of_bits(12, headroom=False), 0.01, np.random.default_rng(1)
+            ).codes
     checks = np.repeat(((rows // 3 + columns // 3) % 2 * 0.8 + 0.1)[..., None], 3, axis=2).astype(np.float32)
     yield simulate_additive(checks, PATTERN, SensorCalibration.of_bits(12, headroom=False), 0.01, np.random.default_rng(1)).codes
 
