@@ -1,8 +1,8 @@
 """Whether frames are what their description says: the first that shows its filter pattern proves it, or proves it wrong.
 
 Raw frames have no header. In a wrong layout, or with a wrong pattern, they would be saved as pictures that look like noise or have
-false colours. The samples themselves tell: rows resemble the next ones, colour sites are darker than their neighbours at one period and
-one place only, the two greens of a block are equal, and no picture is darker than black.
+false colours. The samples themselves tell: rows resemble the next ones, colour sites are darker than their neighbours at one
+period and one place only, the two greens of a block are equal, and no picture is darker than black.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -23,7 +23,7 @@ from .stride_search import likely_strides
 if TYPE_CHECKING:
     from .capture import Sensor
 
-_UNPROVEN = "the first frame does not show whether size, format and pattern are right (it is too dark, even or noisy); the next ones are looked at"
+_UNPROVEN = "the first frame does not show whether size, format and pattern are right (too dark, even or noisy); the next ones are looked at"
 _MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
 _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _CLEARER = 1.3  # times as much variance explained: one reading is better than another
@@ -177,7 +177,7 @@ class FrameCheck:
         if found.period == 2:
             return _bayer()
         period = self._sensor.pattern.period
-        where = f"its colour sites repeat every {found.period} pixels, from row {found.block_origin[0]} and column {found.block_origin[1]} on"
+        where = f"its colour sites repeat every {found.period} pixels, from row and column {found.block_origin} on"
         return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
 
     def _misread(self, reading: Reading) -> InputError:

@@ -146,10 +146,10 @@ class FrameLayout:
         return f"{message}; a stride of {stride} would fit" if not rest and stride > self.line_bytes else message
 
     def check_recording(self, length: int) -> None:
-        """Raise InputError if a recording of `length` bytes has whole frames of another stride or height, and none of this layout."""
+        """Raise InputError if a recording of `length` bytes has whole frames of another stride, and not of this one."""
         if length % self.frame_bytes and (likely := self._likely(length)):
             raise InputError(
-                f"a recording of {length} bytes has no whole number of frames: {self.width} x {self.height} pixels in {self.format} "
+                f"{length} bytes are no whole number of frames: {self.width} x {self.height} pixels in {self.format} "
                 f"with a stride of {self.stride} have {self.frame_bytes}; likely {likely}. If they are right, add --unchecked"
             )
 

@@ -1,7 +1,7 @@
 """Finding the filter pattern in the samples of a frame: the period and the place at which samples are darker than their neighbours.
 
-A colour filter passes a part of the light that its panchromatic neighbours receive, so the colour sites are darker wherever there is
-light. Folding a frame with the right period puts all blocks on one place, where their differences add up, while scene and noise
+A colour filter passes a part of the light that its panchromatic neighbours receive, so the colour sites are darker wherever there
+is light. Folding a frame with the right period puts all blocks on one place, where their differences add up, while scene and noise
 average out. With another period, or in rows that do not line up, nothing adds up.
 """
 
