@@ -23,7 +23,9 @@ from .stride_search import likely_strides
 if TYPE_CHECKING:
     from .capture import Sensor
 
-_UNPROVEN = "the first frame does not show whether size, format and pattern are right (too dark, even or noisy); the next ones are looked at"
+_UNPROVEN = (
+    "the first frame does not show whether size, format and pattern are right (too dark, even or noisy): the next are looked at"
+)
 _MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
 _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _CLEARER = 1.3  # times as much variance explained: one reading is better than another
@@ -175,14 +177,12 @@ class FrameCheck:
         if self._confirmed:
             return self._too_tall()
         if found.period == 2:
-            return _bayer()
+            return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
         period = self._sensor.pattern.period
         where = f"its colour sites repeat every {found.period} pixels, from row and column {found.block_origin} on"
         return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
 
     def _misread(self, reading: Reading) -> InputError:
-        if reading.found.period == 2:
-            return _bayer()
         layout = self._sensor.layout
         seen = (
             f"its rows repeat every {reading.stride} bytes, not {layout.stride}"
@@ -242,10 +242,6 @@ def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], 
             if not number and not confirmed:
                 note(_UNPROVEN)
         yield frame
-
-
-def _bayer() -> InputError:
-    return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
 
 
 def _misfit(seen: str, likely: str) -> InputError:

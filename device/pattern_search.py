@@ -70,7 +70,8 @@ class Tiles:
             chosen.append(of_place.transpose(1, 0, 2) / of_place.sum(axis=2).T[..., None])
         down, across = chosen
         means = down @ self.parts @ across.transpose(0, 2, 1)
-        return means - means.mean(axis=(1, 2), keepdims=True)
+        folded: DoubleArray = means - means.mean(axis=(1, 2), keepdims=True)
+        return folded
 
 
 def find_pattern(codes: CodeArray, sites: tuple[tuple[int, int], ...]) -> Found | None:
@@ -107,7 +108,7 @@ def find_pattern(codes: CodeArray, sites: tuple[tuple[int, int], ...]) -> Found 
 
 
 def _explained(folded: DoubleArray, sites: tuple[tuple[int, int], ...]) -> tuple[DoubleArray, DoubleArray]:
-    """Variance that a block at each place explains, (K, K), 0 where it is not darker than the rest; its contrast in standard errors."""
+    """Variance that a block at each place explains, (K, K), 0 where it is not darker; its contrast in standard errors."""
     period = folded.shape[1]
     block = np.zeros((period, period))
     for row, column in sites:
@@ -148,4 +149,5 @@ def _local_mean(parts: FloatArray) -> FloatArray:
     sums = wide.cumsum(axis=1, dtype=np.float64).cumsum(axis=2)
     size = 2 * reach + 1
     box = sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
-    return (box / size**2).astype(np.float32)
+    mean: FloatArray = (box / size**2).astype(np.float32)
+    return mean
