@@ -23,9 +23,7 @@ from .stride_search import likely_strides
 if TYPE_CHECKING:
     from .capture import Sensor
 
-_UNPROVEN = (
-    "the first frame does not show whether size, format and pattern are right (too dark, even or noisy): the next are looked at"
-)
+_UNPROVEN = "the first frame does not show whether size, format and pattern are right (dark, even or noisy): the next are looked at"
 _MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
 _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _CLEARER = 1.3  # times as much variance explained: one reading is better than another

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.arrays import CodeArray
-from shared.pattern import PERIODS, CfaPattern
+from shared.pattern import CfaPattern
 
 from .frames import FORMATS, FrameLayout
 from .pattern_search import Found, find_pattern
@@ -47,8 +47,11 @@ def best_reading(
         codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
         # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
         parts = (part for part in (codes, codes[: len(codes) // 2]) if min(part.shape) > pattern.period)
-        found = next((seen for part in parts if (seen := find_pattern(part, sites)) and seen.sure and seen.period in PERIODS), None)
-        if found is None:
+        found = next((seen for part in parts if (seen := find_pattern(part, sites)) and seen.sure), None)
+        if found is None or found.period != pattern.period:
+            continue
+        # Stripes may repeat in a wrong format too, but hardly at the declared place.
+        if name != layout.format and found.block_origin != pattern.block_origin:
             continue
         if best is None or found.explained > best.found.explained:
             best = Reading(name, stride, skipped, codes.shape[1], found)
