@@ -14,22 +14,20 @@ import numpy as np
 from shared.arrays import CodeArray
 from shared.errors import InputError
 
-from .block_order import green_diagonal_is_wrong
+from .block_order import greens_are_on_their_diagonal
 from .frames import RawFrame
 from .layout_search import BIG_ENDIAN, BYTES, Reading, best_reading
-from .pattern_search import Found, Tiles, find_pattern
+from .level_check import Levels
+from .pattern_search import Found, find_pattern
 from .stride_search import likely_strides
 
 if TYPE_CHECKING:
     from .capture import Sensor
 
-_UNPROVEN = "the first frame does not show whether size, format and pattern are right (dark, even or noisy): the next are looked at"
-_MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
-_DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
+_NEXT = "; the next frames are looked at"
+_UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
+_GREENS = f"the frame does not show whether the greens are on the diagonal that --order says (it has little colour){_NEXT}"
 _CLEARER = 1.3  # times as much variance explained: one reading is better than another
-_PILE = 8  # samples at the highest code that show that light was clipped there
-_LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
-_SAME = 0.85  # a colour filter that passes more than this, of what all filters pass together, is none
 _TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
 
 
@@ -42,26 +40,46 @@ class FrameCheck:
     def __init__(self, sensor: "Sensor") -> None:
         self._sensor = sensor
         self._sites = tuple((row, column) for row, column, _ in sensor.pattern.sites)
-        self._looked = 0
+        self._seen = 0
         self._confirmed = 0
+        self._greens = self._bits = False
 
-    @property
-    def done(self) -> bool:
-        """Whether enough frames have confirmed the description."""
-        return self._confirmed == _TWICE
+    def look(self, frame: RawFrame) -> list[str]:
+        """What the frame leaves open, a sentence each.
 
-    def look(self, frame: RawFrame) -> bool:
-        """Whether the frame confirms the description. Raises InputError, with the likely right one, if it proves it wrong."""
-        self._looked += 1
-        pattern, layout = self._sensor.pattern, self._sensor.layout
+        Frames are looked at until two have shown the pattern, and then the less often, the more have left something open.
+        Raises InputError, with the likely right value, if the frame proves something wrong.
+        """
+        self._seen += 1
+        rarely = self._seen & (self._seen - 1) == 0
+        if self._confirmed >= _TWICE and (not rarely or (self._greens and self._bits)):
+            return []
+        layout, calibration = self._sensor.layout, self._sensor.calibration
         codes = layout.unpack(frame.data)
-        wrong_levels = self._wrong_levels(codes)
+        levels = Levels(codes, calibration, are_words=layout.format == "u16")
+        if not self._shows_pattern(frame, codes, levels, rarely=rarely):
+            return [_UNPROVEN]
+        self._confirmed += 1
+        black = float(np.mean(calibration.black_level))
+        greens = greens_are_on_their_diagonal(codes, self._sensor.pattern, black, calibration.white_level)
+        if greens is False:
+            raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
+        self._greens |= greens is True
+        unsettled = levels.unsettled()
+        self._bits |= not unsettled
+        left = [] if self._greens else [_GREENS]
+        return left if self._bits else [*left, f"{unsettled}{_NEXT}"]
+
+    def _shows_pattern(self, frame: RawFrame, codes: CodeArray, levels: Levels, *, rarely: bool) -> bool:
+        pattern, layout = self._sensor.pattern, self._sensor.layout
+        proven = levels.wrong()
+        wrong_levels = _misfit(*proven) if proven else None
         found = find_pattern(codes, self._sites)
         confirmed = self._is_declared(found)
         if found and not (confirmed or found.sure):
             found = None
-        # The stride is searched for where it may matter; a frame that shows nothing is searched the less often, the more there are.
-        if self._confirmed or not (found or wrong_levels or self._looked & (self._looked - 1) == 0):
+        # The stride is searched for where it may matter; a frame that shows nothing is searched rarely.
+        if self._confirmed or not (found or wrong_levels or rarely):
             strides = [layout.stride]
         else:
             strides = likely_strides(frame.data, layout.stride)
@@ -79,10 +97,7 @@ class FrameCheck:
         if wrong_levels and (confirmed or not aligned):
             raise wrong_levels
         if confirmed:
-            if green_diagonal_is_wrong(codes, pattern, self._sensor.calibration.white_level):
-                raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
             self._check_below(codes)
-            self._confirmed += 1
             return True
         if found:
             raise self._elsewhere(found)
@@ -93,7 +108,11 @@ class FrameCheck:
                 raise self._misread(reading)
             if wrong_levels:
                 raise wrong_levels
-            self._check_filters(codes)
+            if levels.show_no_filters(pattern):
+                raise _misfit(
+                    "the samples at the places of the colour filters are as bright as their neighbours",
+                    "a sensor without colour filters, or another --period and --origin",
+                )
         return False
 
     def _is_declared(self, found: Found | None) -> bool:
@@ -124,52 +143,6 @@ class FrameCheck:
         clearer = _CLEARER if aligned else 1 / _CLEARER
         if reading and (found is None or reading.found.explained > clearer * found.explained):
             raise self._misread(reading)
-
-    def _wrong_levels(self, codes: CodeArray) -> InputError | None:
-        """What the levels of the samples prove wrong, if anything."""
-        calibration, layout = self._sensor.calibration, self._sensor.layout
-        highest = int(codes.max())
-        black = float(np.mean(calibration.black_level))
-        bits = max(highest.bit_length(), 10)
-        # Sensors have 10 bits or 12; one of 10 has its black at 64, and no dim frame lies twice as high.
-        stored = 12 if bits < 12 and np.percentile(codes[::8, ::8], 1) > 2 << (bits - 4) else bits
-        likely = (
-            f"--bits {stored}"
-            if layout.format == "u16" and stored != calibration.bits
-            else "another --format, or --camera with its levels"
-        )
-        if bits > calibration.bits:
-            return _misfit(f"a sample is {highest}, more than {calibration.bits} bits hold", likely)
-        if codes.mean() < black * (1 - _MARGIN):
-            return _misfit(f"the mean of all samples is {codes.mean():.0f}, darker than black, which is {black:.0f}", likely)
-        darkest = float(Tiles.of(codes).parts.mean(axis=(1, 2)).min())
-        if darkest < black * _DEEP:
-            return _misfit(f"a part of it has a mean of {darkest:.0f}, darker than black, which is {black:.0f}", likely)
-        if bits < calibration.bits and highest == (1 << bits) - 1:
-            clipped, below = (int((codes == code).sum()) for code in (highest, highest - 1))
-            if clipped > 4 * below + _PILE:
-                return _misfit(
-                    f"its light is clipped at {highest}, the highest code of {bits} bits, not at {calibration.white_level}", likely
-                )
-        return None
-
-    def _check_filters(self, codes: CodeArray) -> None:
-        """Refuse a lit frame in which the colour sites are as bright as the panchromatic ones, so that they have no filters."""
-        calibration, pattern = self._sensor.calibration, self._sensor.pattern
-        black = calibration.black_level[-1]
-        tiles = Tiles.of(codes)
-        side = tiles.parts.shape[1]
-        ratios = []
-        for part, (top, left) in zip(tiles.parts - black, tiles.places.tolist(), strict=True):
-            panchromatic = pattern.panchromatic_mask((side, side), (top, left))
-            level = part[panchromatic].mean()
-            if level / (calibration.white_level - black) > _LIT and part.max() < calibration.white_level - black:
-                ratios.append(part[~panchromatic].mean() / level)
-        if len(ratios) > _PILE and np.mean(ratios) - 4 * np.std(ratios) / len(ratios) ** 0.5 > _SAME:
-            raise _misfit(
-                "the samples at the places of the colour filters are as bright as their neighbours",
-                "a sensor without colour filters, or another --period and --origin",
-            )
 
     def _elsewhere(self, found: Found) -> InputError:
         if self._confirmed:
@@ -227,18 +200,20 @@ class FrameCheck:
 def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], None]) -> Iterator[RawFrame]:
     """Pass frames on, and look at them until some have confirmed the description of their sensor.
 
-    note: called with a sentence if the first frame shows nothing.
+    note: called with each sentence on what a frame leaves open, once.
     Raises InputError, before the frame is passed on, at the first that proves the description wrong; it names the likely right one.
     """
     check = FrameCheck(sensor)
-    for number, frame in enumerate(frames):
-        if not check.done:
-            try:
-                confirmed = check.look(frame)
-            except InputError as error:
-                raise InputError(f"{frame.source}: {error}" if frame.source else str(error)) from None
-            if not number and not confirmed:
-                note(_UNPROVEN)
+    told: set[str] = set()
+    for frame in frames:
+        try:
+            remarks = check.look(frame)
+        except InputError as error:
+            raise InputError(f"{frame.source}: {error}" if frame.source else str(error)) from None
+        for remark in remarks:
+            if remark not in told:
+                note(remark)
+                told.add(remark)
         yield frame
 
 

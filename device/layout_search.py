@@ -12,6 +12,7 @@ from .frames import FORMATS, FrameLayout
 from .pattern_search import Found, find_pattern
 
 BIG_ENDIAN, BYTES = "big-endian u16", "8 bits"
+_ENOUGH = 1 << 20  # samples, of which half show the pattern as well as all
 _FOREIGN = {BIG_ENDIAN: ">u2", BYTES: "u1"}  # not supported, but recognised, so that the right remedy can be named
 
 
@@ -46,7 +47,8 @@ def best_reading(
     for name, stride, skipped in _candidates(layout, strides):
         codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
         # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
-        parts = (part for part in (codes, codes[: len(codes) // 2]) if min(part.shape) > pattern.period)
+        parts = [codes[: len(codes) // 2]] if codes.size > _ENOUGH else [codes, codes[: len(codes) // 2]]
+        parts = [part for part in parts if min(part.shape, default=0) > pattern.period]
         found = next((seen for part in parts if (seen := find_pattern(part, sites)) and seen.sure), None)
         if found is None or found.period != pattern.period:
             continue
