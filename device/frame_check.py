@@ -16,7 +16,7 @@ from shared.errors import InputError
 
 from .block_order import greens_are_on_their_diagonal
 from .frames import RawFrame
-from .layout_search import BIG_ENDIAN, BYTES, Reading, best_reading
+from .layout_search import BIG_ENDIAN, BYTES, Reading, best_reading, refined
 from .level_check import Levels
 from .pattern_search import Found, find_pattern
 from .stride_search import likely_strides
@@ -28,6 +28,7 @@ _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
 _GREENS = f"the frame does not show whether the greens are on the diagonal that --order says (it has little colour){_NEXT}"
 _CLEARER = 1.3  # times as much variance explained: one reading is better than another
+_TRIED = 2  # strides; the right one is the likeliest or the next
 _TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
 
 
@@ -78,6 +79,8 @@ class FrameCheck:
         confirmed = self._is_declared(found)
         if found and not (confirmed or found.sure):
             found = None
+        if not found and levels.are_dark():
+            return False
         # The stride is searched for where it may matter; a frame that shows nothing is searched rarely.
         if self._confirmed or not (found or wrong_levels or rarely):
             strides = [layout.stride]
@@ -87,7 +90,7 @@ class FrameCheck:
         aligned = bool(strides) and strides[0] % layout.stride == 0
         # A part of the rows has the same period as all, if the two have no divisor in common.
         others = [stride for stride in strides if stride % layout.stride or gcd(stride // layout.stride, pattern.period) > 1]
-        others = [stride for stride in others if stride != layout.stride]
+        others = [stride for stride in others if stride != layout.stride][:_TRIED]
         if others and not (confirmed and aligned):
             self._check_stride(frame, found, others, aligned=aligned)
         if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
@@ -100,7 +103,7 @@ class FrameCheck:
             self._check_below(codes)
             return True
         if found:
-            raise self._elsewhere(found)
+            raise self._elsewhere(frame, found)
         if self._is_declared(find_pattern(codes[: len(codes) // 2], self._sites)):
             self._check_below(codes)
         if aligned:
@@ -144,12 +147,16 @@ class FrameCheck:
         if reading and (found is None or reading.found.explained > clearer * found.explained):
             raise self._misread(reading)
 
-    def _elsewhere(self, found: Found) -> InputError:
+    def _elsewhere(self, frame: RawFrame, found: Found) -> InputError:
         if self._confirmed:
             return self._too_tall()
         if found.period == 2:
             return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
-        period = self._sensor.pattern.period
+        layout, pattern = self._sensor.layout, self._sensor.pattern
+        reading = refined(frame.data, layout, pattern, Reading(layout.format, layout.stride, 0, layout.width, found))
+        if reading.stride != layout.stride:
+            return self._misread(reading)
+        period = pattern.period
         where = f"its colour sites repeat every {found.period} pixels, from row and column {found.block_origin} on"
         return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import gcd
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from .pattern_search import Found, find_pattern
 
 BIG_ENDIAN, BYTES = "big-endian u16", "8 bits"
 _ENOUGH = 1 << 20  # samples, of which half show the pattern as well as all
+_CLEARER = 1.3  # times as much variance explained: another reading is better
+_NEAR = 12  # periods by which a row may be longer or shorter
+_PARTS = (2, 3)  # rows that may be taken for one
 _FOREIGN = {BIG_ENDIAN: ">u2", BYTES: "u1"}  # not supported, but recognised, so that the right remedy can be named
 
 
@@ -42,24 +46,59 @@ def best_reading(
     data: a frame, in the declared `layout`.
     strides: those to try, such as `likely_strides` finds.
     """
-    sites = tuple((row, column) for row, column, _ in pattern.sites)
     best: Reading | None = None
     for name, stride, skipped in _candidates(layout, strides):
-        codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
-        # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
-        parts = [codes[: len(codes) // 2]] if codes.size > _ENOUGH else [codes, codes[: len(codes) // 2]]
-        parts = [part for part in parts if min(part.shape, default=0) > pattern.period]
-        found = next((seen for part in parts if (seen := find_pattern(part, sites)) and seen.sure), None)
-        if found is None or found.period != pattern.period:
+        reading = _reading(data, layout, pattern, name, stride, skipped)
+        if reading is None:
             continue
+        place = reading.found.block_origin
         # Stripes may repeat in a wrong format too, but hardly at the declared place.
-        if name != layout.format and found.block_origin != pattern.block_origin:
+        if name != layout.format and place != pattern.block_origin:
             continue
-        if best is None or found.explained > best.found.explained:
-            best = Reading(name, stride, skipped, codes.shape[1], found)
-        if name == layout.format and (found.period, found.block_origin) == (pattern.period, pattern.block_origin):
+        if best is None or reading.found.explained > best.found.explained:
+            best = reading
+        if name == layout.format and place == pattern.block_origin:
             break
+    return best and refined(data, layout, pattern, best)
+
+
+def refined(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, reading: Reading) -> Reading:
+    """The reading, or one that shows the pattern more clearly among those that resemble it.
+
+    Rows that are some whole periods too long, or several rows in one, show the pattern too, but at drifting places.
+    """
+    packing = FORMATS.get(reading.format)
+    if packing is None or reading.skipped or reading.found.period != pattern.period:
+        return reading
+    step = pattern.period * packing.length // gcd(pattern.period * packing.length, packing.pixels)
+    near = [reading.stride + step * count for count in range(-_NEAR, _NEAR + 1) if count]
+    multiples = [reading.stride * factor for factor in _PARTS]
+    parts = [reading.stride // factor for factor in _PARTS if reading.stride % factor == 0]
+    best = reading
+    for stride in (*near, *multiples, *parts):
+        if stride <= 0 or (stride, reading.format) == (layout.stride, layout.format):
+            continue
+        other = _reading(data, layout, pattern, reading.format, stride, 0)
+        # Of several rows in one the part is right that shows the pattern as well.
+        if other and other.found.explained > best.found.explained * (1 / _CLEARER if stride in parts else _CLEARER):
+            best = other
     return best
+
+
+def _reading(
+    data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, name: str, stride: int, skipped: int
+) -> Reading | None:
+    """The frame in one format and stride, if it shows the pattern's period there."""
+    sites = tuple((row, column) for row, column, _ in pattern.sites)
+    codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
+    # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
+    parts = [codes[: len(codes) // 2]] if codes.size > _ENOUGH else [codes, codes[: len(codes) // 2]]
+    for part in parts:
+        if min(part.shape, default=0) > pattern.period:
+            found = find_pattern(part, sites)
+            if found and found.sure:
+                return Reading(name, stride, skipped, codes.shape[1], found) if found.period == pattern.period else None
+    return None
 
 
 def _candidates(layout: FrameLayout, strides: list[int]) -> Iterator[tuple[str, int, int]]:

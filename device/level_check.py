@@ -58,6 +58,10 @@ class Levels:
                 return f"its light is clipped at {self._highest}, {limits}"
         return ""
 
+    def are_dark(self) -> bool:
+        """Whether all are near black, as in no wrong layout of a lit frame."""
+        return abs(float(self._codes.mean()) - self._black) < _MARGIN * self._black and self._highest < _HIGH * self._black
+
     def unsettled(self) -> str:
         """A remark on what they leave open; "" if nothing. Packed samples always have the bits of their format."""
         declared = self._calibration.bits

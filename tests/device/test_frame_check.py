@@ -18,6 +18,7 @@ from tools.scenes.drawn.builtin import builtin_scene
 
 SIZE = (192, 256)
 PATTERN = CfaPattern.bayer(6, origin=(2, 1))
+OPEN = "the frame does not show whether size, format and pattern are right"
 
 
 @cache
@@ -60,7 +61,10 @@ def test_what_is_described_rightly_is_believed(name: str, period: int, light: fl
     pattern = CfaPattern.bayer(period, "GBRG", (1, 2))
     layout = FrameLayout(SIZE[1], SIZE[0], name, 544)
     frame = pack(codes(pattern, min(layout.bits, 12), light, sigma), name, 544)
-    assert look(frame * 3, sensor(layout, pattern)) == []
+    remarks = look(frame * 3, sensor(layout, pattern))
+    assert not any(OPEN in remark for remark in remarks)
+    if light >= 1.0 and period < 16:  # so few blocks show no diagonal
+        assert remarks == []
 
 
 @pytest.mark.parametrize(
@@ -70,7 +74,7 @@ def test_what_is_described_rightly_is_believed(name: str, period: int, light: fl
 def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_at(dark: CodeArray) -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
     (note,) = look(pack(dark, "u16") * 3, sensor(layout))
-    assert note.startswith("the first frame does not show whether size, format and pattern are right")
+    assert note.startswith(OPEN)
     assert "--origin 2 1." in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), sensor(layout, CfaPattern.bayer(6)))
 
 
@@ -146,6 +150,50 @@ def test_the_green_diagonal() -> None:
     for order, likely in (("GRBG", "RGGB or BGGR"), ("GBRG", "RGGB or BGGR")):
         assert f"likely --order {likely}." in refusal(frame, sensor(layout, CfaPattern.bayer(6, order, PATTERN.origin)))
     assert look(frame, sensor(layout, CfaPattern.bayer(6, "BGGR", PATTERN.origin))) == []  # only a chart tells red from blue
+
+
+def test_greens_that_a_scene_without_colour_does_not_show_are_told_and_looked_at_again() -> None:
+    grey = np.repeat(builtin_scene(SIZE[1], SIZE[0]).rgb.mean(axis=2, keepdims=True), 3, axis=2).astype(np.float32)
+    calibration = SensorCalibration.of_bits(12, headroom=False)
+    frame = pack(simulate_additive(grey, PATTERN, calibration, 0.01, np.random.default_rng(0)).codes, "raw12")
+    layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
+    for order in ("RGGB", "GRBG"):
+        described = sensor(layout, CfaPattern.bayer(6, order, PATTERN.origin))
+        (note,) = look(frame * 6, described)
+        assert "whether the greens are on the diagonal that --order says" in note
+    # The fourth and the eighth are looked at although two have shown the pattern.
+    assert "other diagonal" in refusal(frame * 3 + pack(codes(), "raw12"), described)
+    assert "other diagonal" in refusal(frame * 7 + pack(codes(), "raw12"), described)
+
+
+def test_greens_that_differ_by_the_sensor_are_no_proof() -> None:
+    tinted = codes().astype(np.float64) - 256
+    tinted[PATTERN.block_origin[0] :: 6, PATTERN.block_origin[1] + 1 :: 6] *= 1.03
+    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
+    assert look(pack((tinted + 256).clip(0, 4095).astype(np.uint16), "u16"), sensor(layout)) == []
+
+
+@pytest.mark.parametrize(
+    ("frame", "bits", "words"),
+    [
+        (codes(light=0.1) << np.uint16(4), 14, "never use the lowest 4 bits: they may be shifted up; then --bits 16"),
+        (codes(light=0.05, sigma=0.0) + np.uint16(256), 12, "never use the highest of 12 bits"),
+        (codes(light=0.1) // 2 + np.uint16(128), 10, "far brighter than black, which is 64: is --bits 10 right?"),
+    ],
+)
+def test_bits_that_are_open_are_told(frame: CodeArray, bits: int, words: str) -> None:
+    remarks = look(pack(frame, "u16") * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), bits=bits))
+    assert any(words in remark for remark in remarks), remarks
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+@pytest.mark.parametrize("light", [0.1, 1.0])
+def test_samples_that_are_shifted_up(bits: int, light: float) -> None:
+    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
+    shifted = pack(codes(bits=bits, light=light) << np.uint16(16 - bits), "u16") * 2
+    assert not any(OPEN in remark for remark in look(shifted, sensor(layout, bits=16)))
+    if light == 1.0 or bits < 14:
+        assert "likely --bits 16." in refusal(shifted, sensor(layout, bits=bits))
 
 
 def test_sensors_of_another_kind() -> None:
