@@ -96,7 +96,7 @@ class FrameCheck:
         if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
             swapped = find_pattern(codes.byteswap(), self._sites)
             if swapped and swapped.explained > _CLEARER * found.explained:
-                raise self._misread(Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped))
+                raise self._misread(frame, Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped))
         if wrong_levels and (confirmed or not aligned):
             raise wrong_levels
         if confirmed:
@@ -108,7 +108,7 @@ class FrameCheck:
             self._check_below(codes)
         if aligned:
             if reading := best_reading(frame.data, layout, pattern, [layout.stride]):
-                raise self._misread(reading)
+                raise self._misread(frame, reading)
             if wrong_levels:
                 raise wrong_levels
             if levels.show_no_filters(pattern):
@@ -145,7 +145,7 @@ class FrameCheck:
         reading = best_reading(frame.data, layout, self._sensor.pattern, others)
         clearer = _CLEARER if aligned else 1 / _CLEARER
         if reading and (found is None or reading.found.explained > clearer * found.explained):
-            raise self._misread(reading)
+            raise self._misread(frame, reading)
 
     def _elsewhere(self, frame: RawFrame, found: Found) -> InputError:
         if self._confirmed:
@@ -155,13 +155,14 @@ class FrameCheck:
         layout, pattern = self._sensor.layout, self._sensor.pattern
         reading = refined(frame.data, layout, pattern, Reading(layout.format, layout.stride, 0, layout.width, found))
         if reading.stride != layout.stride:
-            return self._misread(reading)
+            return self._misread(frame, reading)
         period = pattern.period
         where = f"its colour sites repeat every {found.period} pixels, from row and column {found.block_origin} on"
         return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
 
-    def _misread(self, reading: Reading) -> InputError:
+    def _misread(self, frame: RawFrame, reading: Reading) -> InputError:
         layout = self._sensor.layout
+        reading = refined(frame.data, layout, self._sensor.pattern, reading)
         seen = (
             f"its rows repeat every {reading.stride} bytes, not {layout.stride}"
             if reading.stride != layout.stride

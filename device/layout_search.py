@@ -59,11 +59,11 @@ def best_reading(
             best = reading
         if name == layout.format and place == pattern.block_origin:
             break
-    return best and refined(data, layout, pattern, best)
+    return best
 
 
 def refined(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, reading: Reading) -> Reading:
-    """The reading, or one that shows the pattern more clearly among those that resemble it.
+    """The reading, or one that shows the pattern more clearly among those that resemble it: the likely right one.
 
     Rows that are some whole periods too long, or several rows in one, show the pattern too, but at drifting places.
     """

@@ -133,8 +133,8 @@ def test_a_wrongly_described_file_of_a_folder_ends_the_command(out: Path, tmp_pa
 
 def test_a_recording_whose_size_tells_another_stride_is_refused(out: Path, tmp_path: Path) -> None:
     recording = tmp_path / "recording"
-    recording.write_bytes(bytes(224 * 96))
-    for options, code, words in (([], 2, "likely --stride 224"), (["--unchecked"], 1, "whole frames with --stride 224: discard")):
+    recording.write_bytes(bytes(256 * 96))
+    for options, code, words in (([], 2, "likely --stride 256"), (["--unchecked"], 1, "whole frames with --stride 256: discard")):
         with recording.open("rb") as file:
             outcome = spawn("capture", "-", "-o", out, *DESCRIBED, *options, stdin=file)
         assert outcome.code == code
