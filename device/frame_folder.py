@@ -1,5 +1,6 @@
 """Watching a folder into which another program writes raw frames, one per file."""
 
+import stat
 import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -68,11 +69,11 @@ def _scan(folder: Path) -> dict[Path, _State]:
             if path.name.startswith(".") or path.suffix in _UNFINISHED:
                 continue
             try:
-                if path.is_file():
-                    status = path.stat()
-                    found[path] = status.st_size, status.st_mtime_ns
-            except FileNotFoundError:  # renamed or removed between the two calls
+                status = path.stat()
+            except OSError:  # removed meanwhile, or a link that leads nowhere
                 continue
+            if stat.S_ISREG(status.st_mode):
+                found[path] = status.st_size, status.st_mtime_ns
     except OSError as error:
         raise InputError(f"{folder}: cannot be listed ({error.strerror or error})") from None
     return found
@@ -85,4 +86,10 @@ def _read(path: Path, state: _State, refused: Callable[[InputError], None]) -> R
     except OSError as error:
         refused(InputError(f"{path}: cannot be read ({error.strerror or error})"))
         return None
-    return RawFrame(data, datetime.fromtimestamp(state[1] / 1e9, UTC), time.monotonic(), str(path))
+    try:
+        taken = datetime.fromtimestamp(state[1] / 1e9, UTC)
+        taken.astimezone()  # local time, which the file states too, may lie beyond the last year
+    except (ValueError, OverflowError, OSError):
+        refused(InputError(f"{path}: its time of change is in no year from 1 to 9999; set it: touch {path.name}"))
+        return None
+    return RawFrame(data, taken, time.monotonic(), str(path))

@@ -21,6 +21,7 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 _MOST_BYTES = 4  # per pixel of the largest frame, with all padding
+_ALIGNMENTS = (1, 16, 32, 64, 128, 256)  # bytes, to a multiple of which drivers pad lines
 _STRIP = 16  # rows unpacked at a time; they fit into the cache, which doubles the speed
 
 
@@ -144,6 +145,28 @@ class FrameLayout:
             return f"{message}; {length // self.frame_bytes} frames in one are a stream: give it on standard input"
         return f"{message}; a stride of {stride} would fit" if not rest and stride > self.line_bytes else message
 
+    def check_recording(self, length: int) -> None:
+        """Raise InputError if a recording of `length` bytes has whole frames of another stride, and not of this one."""
+        if length % self.frame_bytes and (likely := self._likely(length)):
+            raise InputError(
+                f"{length} bytes are no whole number of frames: {self.width} x {self.height} pixels in {self.format} "
+                f"with a stride of {self.stride} have {self.frame_bytes}; likely {likely}. If they are right, add --unchecked"
+            )
+
+    def advice(self, count: int, rest: int) -> str:
+        """A sentence for a stream that ended `rest` bytes after `count` whole frames."""
+        if likely := self._likely(count * self.frame_bytes + rest):
+            return f"All its bytes are whole frames with {likely}: discard the shots of this stream"
+        return "If the camera was not stopped, its frames have another size, and the shots of this stream are wrong"
+
+    def _likely(self, length: int) -> str:
+        """The options with which `length` bytes are whole frames; "" if there are none, or if they would say little."""
+        for unit in _ALIGNMENTS:
+            stride = -(-self.line_bytes // unit) * unit
+            if stride != self.stride and length % (stride * self.height) == 0:
+                return f"--stride {stride}"
+        return ""
+
     @cached_property
     def _lower_bits(self) -> np.ndarray[tuple[int], np.dtype[np.unsignedinteger]]:
         """Lower bits of all samples of a group, as one integer, for each of the 256 values of its last byte."""
@@ -206,7 +229,7 @@ def read_frames(stream: ByteStream, layout: FrameLayout) -> Iterator[RawFrame]:
     if filled:
         raise InputError(
             f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones; a frame has {len(data)}: "
-            f"{layout.width} x {layout.height} in {layout.format} with a stride of {layout.stride}"
+            f"{layout.width} x {layout.height} in {layout.format} with a stride of {layout.stride}. {layout.advice(count, filled)}"
         )
     if not count:
         raise InputError("the stream ended before the first frame: did the camera start?")

@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+import stat
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -21,17 +22,16 @@ class ShotFolder:
     TIME is UTC to the millisecond. COUNTER continues from the highest one in the folder, so that names are unique and the order of
     the shots is known even if the clock is wrong: many cameras have no clock that runs while they are off.
 
-    folder: an existing folder.
+    folder: an existing folder; also the attribute `path`.
     latest: a symbolic link that always points to a whole file, the one saved last; None = no link.
-    Raises InputError when `latest` exists and is not a link, OutputError when the folder cannot be listed.
+    Raises InputError when `latest` exists and is not a link, or can be none, OutputError when the folder cannot be listed.
     """
 
     def __init__(self, folder: Path, latest: Path | None = None) -> None:
-        self._folder = folder
+        self.path = folder
         self._latest = latest
-        if latest is not None and not latest.is_symlink() and latest.exists():
-            raise InputError(f"{latest}: exists and is no link; choose another name for the link to the latest shot")
         if latest is not None:
+            _check_link(latest)
             sweep(latest.parent)
         try:
             names = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
@@ -48,7 +48,7 @@ class ShotFolder:
         """
         while True:
             time = taken.astimezone(UTC)
-            path = self._folder / f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}.dng"
+            path = self.path / f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}.dng"
             try:
                 write_dng(path, mosaic, picture)
             except OutputError as error:
@@ -59,6 +59,19 @@ class ShotFolder:
         if self._latest is not None:
             _point(self._latest, path)
         return path
+
+
+def _check_link(link: Path) -> None:
+    try:
+        if not link.parent.is_dir():
+            raise InputError(f"{link}: there is no such folder for the link to the latest shot")
+        if not stat.S_ISLNK(link.lstat().st_mode):
+            raise InputError(f"{link}: exists and is no link; choose another name for the link to the latest shot")
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:  # ValueError: a null character
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{link}: cannot be the name of the link to the latest shot ({reason})") from None
 
 
 def _point(link: Path, path: Path) -> None:

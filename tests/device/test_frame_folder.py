@@ -166,3 +166,21 @@ def test_what_has_left_the_folder_is_forgotten(tmp_path: Path) -> None:
             (tmp_path / "other.raw").unlink()
 
     assert list(take_and_remove()) == [str(tmp_path / "frame.raw")] * 3
+
+
+def test_a_link_that_leads_nowhere_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "long").symlink_to("a" * 300)
+    (tmp_path / "loop").symlink_to("loop")
+    put(tmp_path, "good.raw")
+    watch = Watch(tmp_path)
+    assert [Path(frame.source).name for frame in watch.take(1)] == ["good.raw"]
+    assert watch.rest() == []
+    assert watch.refused == []
+
+
+def test_a_time_in_no_year_is_told(tmp_path: Path) -> None:
+    """Not every file system can store the year 10000: the state of the file is made up."""
+    path = put(tmp_path, "late.raw")
+    told: list[InputError] = []
+    assert frame_folder._read(path, (len(FRAME), 253_402_300_800 * 10**9), told.append) is None
+    assert [str(error) for error in told] == [f"{path}: its time of change is in no year from 1 to 9999; set it: touch late.raw"]

@@ -167,6 +167,20 @@ def test_a_stream_that_ends_in_a_frame_says_so_after_the_whole_ones(rest: int) -
     assert f"{rest} bytes after 2 whole ones; a frame has 36: 5 x 3 in raw10 with a stride of 12" in message
 
 
+def test_a_stream_that_ends_in_a_frame_is_told_the_stride_that_fits() -> None:
+    _, message = collect(Pieces(bytes(3 * 16 * 4), 10))
+    assert message.endswith("All its bytes are whole frames with --stride 16: discard the shots of this stream")
+    _, message = collect(Pieces(bytes(3 * 16 * 4 + 1), 10))
+    assert message.endswith("its frames have another size, and the shots of this stream are wrong")
+
+
+def test_a_recording_of_another_stride_is_refused() -> None:
+    LAYOUT.check_recording(36 * 4)
+    LAYOUT.check_recording(36 * 4 + 1)  # was cut
+    with pytest.raises(InputError, match=r"192 bytes are no whole number of frames: .* likely --stride 16\. .* add --unchecked"):
+        LAYOUT.check_recording(3 * 16 * 4)
+
+
 def test_a_stream_without_a_frame_says_so() -> None:
     read, message = collect(Pieces(b"", 10))
     assert not read

@@ -123,3 +123,9 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_
     assert names(tmp_path) == []
     shots.save(mosaic(), preview(), TAKEN)
     assert names(tmp_path) == ["20260309T070501.020Z-000002.dng", "latest.dng"]
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x/" * 3000, "missing/link"])
+def test_a_link_that_cannot_be_made_is_told_before_the_first_shot(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="the link to the latest shot"):
+        ShotFolder(tmp_path, tmp_path / name)

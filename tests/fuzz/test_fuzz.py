@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from shared.errors import InputError
-from tests.fuzz import bombs, campaign
+from tests.fuzz import bombs, campaign, descriptions
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
 from tests.python import run_python
@@ -74,3 +74,14 @@ def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
         "print(max(measure(Path(name))[2] for name in sys.argv[1:]))"
     )
     assert int(run_python(script, *paths)) < bombs.LIMIT_BYTES
+
+
+def test_no_wrong_description_of_a_stream_passes_silently() -> None:
+    found = [descriptions.case(2014, number) for number in range(45)]
+    assert {wrong for wrong, _ in found} == {*descriptions.WRONG, descriptions.RIGHT}
+    assert [(number, *each) for number, each in enumerate(found) if descriptions.is_fault(*each)] == []
+
+
+def test_a_description_that_passes_silently_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(descriptions, "checked", lambda frames, sensor, note: frames)
+    assert all(descriptions.is_fault(*descriptions.case(0, number)) for number in range(len(descriptions.WRONG)))

@@ -1,8 +1,8 @@
 """Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside.
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, or builtin:WIDTHxHEIGHT@FPS, a
-simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 --mode 4056:3040:12:P -o - | panchroma capture - -o
-shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112.
+simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o
+shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112. The first frames are compared with these options.
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
 SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.record(source=arguments.source, ok=False, error=reason)
 
     with Stopping() as stopping:
-        frames = source.frames(stopping, lambda error: refused(str(error)))
+        frames = source.frames(stopping, lambda error: refused(str(error)), console.note)
         queue = FrameQueue(frames, _DEPTH, wait=source.waits or arguments.wait, stopped=stopping)
         try:
             for each in capture(queue, source.sensor, preview, shots):

@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.error(str(error))
 
     with Stopping() as stopping:
-        queue = FrameQueue(source.frames(stopping, refused), 1, stopped=stopping)
+        queue = FrameQueue(source.frames(stopping, refused, console.note), 1, stopped=stopping)
         finder = Viewfinder(preview, lambda: queue.dropped, shots)
         with ViewfinderServer((arguments.bind, arguments.port), finder) as server:
             threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()

@@ -2,9 +2,11 @@
 
 import ipaddress
 import json
+import os
 import socket
 import sys
 import threading
+import time
 from functools import cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
@@ -14,6 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from shared.errors import InputError, OutputError, PanchromaError
+from tools.host.console import fault, one_line, to_stderr
 
 from .viewfinder import Viewfinder
 
@@ -35,6 +38,7 @@ _HEADERS = {
 }
 _BOUNDARY = "frame"
 _VIEWERS = 8
+_PAUSE = 0.2  # seconds before a connection is accepted again where no descriptor is free
 _TIMEOUT = 10.0  # seconds for a client to send its request, or to accept data
 _SEND_BUFFER = 1 << 17  # bytes: whatever waits in the buffer makes a slow client's picture older
 
@@ -54,6 +58,7 @@ class ViewfinderServer(ThreadingTCPServer):
 
     def __init__(self, address: tuple[str, int], finder: Viewfinder) -> None:
         self.finder = finder
+        _page()  # read while descriptors are free
         self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
             if ipaddress.ip_address(address[0]).version == 6:
@@ -71,10 +76,19 @@ class ViewfinderServer(ThreadingTCPServer):
         host, port = map(str, self.server_address[:2])
         return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
+    def get_request(self) -> tuple[Any, Any]:
+        """Accept a connection. Raises OSError if that fails, after a pause: the one that waits would be tried again at once."""
+        try:
+            return super().get_request()
+        except OSError:
+            time.sleep(_PAUSE)
+            raise
+
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore disconnects and timeouts of clients; report everything else."""
-        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
-            super().handle_error(request, client_address)
+        """Ignore disconnects and timeouts of clients; report everything else in one line."""
+        error = sys.exception()
+        if error is not None and not isinstance(error, ConnectionError | TimeoutError):
+            to_stderr(f"panchroma: {one_line(fault(error))}")
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -91,7 +105,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.OK, self.server.finder.status())
         elif path in _FILES:  # file names never come from the request
             name, kind = _FILES[path]
-            self._send(HTTPStatus.OK, (_PAGE / name).read_bytes(), kind)
+            self._send(HTTPStatus.OK, _page()[name], kind)
         else:
             self._answer(HTTPStatus.NOT_FOUND, {"error": "there is nothing here"})
 
@@ -111,7 +125,8 @@ class _Handler(BaseHTTPRequestHandler):
             shot = self.server.finder.shoot()
         except PanchromaError as error:
             status = HTTPStatus.INSUFFICIENT_STORAGE if isinstance(error, OutputError) else HTTPStatus.CONFLICT
-            self._answer(status, {"error": str(error)})
+            # Clients need not know where on this machine the shots are.
+            self._answer(status, {"error": str(error).replace(f"{self.server.finder.folder}{os.sep}", "")})
         else:
             facts = {"file": shot.path.name, "preview_ms": 1e3 * shot.preview, "write_ms": 1e3 * shot.write}
             self._answer(HTTPStatus.OK, facts)
@@ -176,6 +191,11 @@ def _is_own(host: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+@cache
+def _page() -> dict[str, bytes]:
+    return {name: (_PAGE / name).read_bytes() for name, _ in _FILES.values()}
 
 
 @cache

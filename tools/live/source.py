@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from device.capture import Sensor
+from device.frame_check import checked
 from device.frame_folder import watch_folder
 from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import SensorCalibration
@@ -22,8 +23,9 @@ from tools.host.options import add_camera, camera_of
 _STREAM, _BUILTIN = "-", "builtin:"
 _BUILTIN_BITS = 12
 
-Frames = Callable[[Callable[[], bool], Callable[[InputError], None]], Iterator[RawFrame]]
-"""Opens a source. Arguments: `stopped()`, polled between frames; `refused(error)`, called for each file that is not a frame."""
+Frames = Callable[[Callable[[], bool], Callable[[InputError], None], Callable[[str], None]], Iterator[RawFrame]]
+"""Opens a source. Arguments: `stopped()`, polled between frames; `refused(error)`, called for each file that is not a frame;
+`note(remark)`, called when the first frame does not show whether its description is right."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,11 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
     frames.add_argument(
         "--bits", type=int, metavar="N", help=f"bits used in u16, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)"
     )
+    frames.add_argument(
+        "--unchecked",
+        action="store_true",
+        help="do not compare the first frames with these options; without it, frames that prove one of them wrong are refused",
+    )
     frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
     add_camera(parser)
 
@@ -71,7 +78,7 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
     is_builtin, is_stream = source.startswith(_BUILTIN), source == _STREAM
     _refuse(arguments, is_builtin or is_stream, "--new", "only a folder can already contain frames")
     if is_builtin:
-        for option in ("--width", "--height", "--format", "--stride", "--bits"):
+        for option in ("--width", "--height", "--format", "--stride", "--bits", "--unchecked"):
             _refuse(arguments, True, option, "the built-in sensor has its own")
         return _builtin(source, arguments)
     sensor, notes = _described(arguments)
@@ -79,18 +86,30 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
     if is_stream:
         if sys.stdin is None or sys.stdin.isatty():
             raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
+        status = os.fstat(sys.stdin.fileno())
         # A pipe may come from a sensor, which does not wait.
-        waits = stat.S_ISREG(os.fstat(sys.stdin.fileno()).st_mode)
-        # Unbuffered: a buffered reader that is interrupted in a read would keep the interpreter from ending.
-        return FrameSource(
-            sensor, lambda *_: read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout), waits, notes
-        )
-    folder = Path(source)
-    if not folder.is_dir():
-        raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
-    return FrameSource(
-        sensor, lambda stopped, refused: watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped), True, notes
-    )
+        waits = stat.S_ISREG(status.st_mode)
+        if waits and not arguments.unchecked:
+            layout.check_recording(status.st_size)
+
+        def opened(stopped: Callable[[], bool], refused: Callable[[InputError], None]) -> Iterator[RawFrame]:
+            # Unbuffered: a buffered reader that is interrupted in a read would keep the interpreter from ending.
+            return read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout)
+    else:
+        folder, waits = Path(source), True
+        if not folder.is_dir():
+            raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
+
+        def opened(stopped: Callable[[], bool], refused: Callable[[InputError], None]) -> Iterator[RawFrame]:
+            return watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped)
+
+    def frames(
+        stopped: Callable[[], bool], refused: Callable[[InputError], None], note: Callable[[str], None]
+    ) -> Iterator[RawFrame]:
+        raw = opened(stopped, refused)
+        return raw if arguments.unchecked else checked(raw, sensor, note)
+
+    return FrameSource(sensor, frames, waits, notes)
 
 
 def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str) -> None:
@@ -116,7 +135,7 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False)
     black, white = calibration.black_level[0], calibration.white_level
-    note = f"no --camera: black is taken to be {black:.0f}, white {white}, and white is estimated from the frames"
+    note = f"no --camera: black level {black:.0f} and white level {white} are assumed, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
 
 

@@ -4,6 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
 
@@ -57,6 +58,11 @@ class Viewfinder:
         self._closed = False
         self._shown: deque[float] = deque()
         self._shooting = threading.Lock()
+
+    @property
+    def folder(self) -> Path | None:
+        """Where `shoot` saves."""
+        return self._shots[0].path if self._shots else None
 
     def show(self, frame: RawFrame, mosaic: Mosaic) -> None:
         """Show a frame: make its picture the latest view."""

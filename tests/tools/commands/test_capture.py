@@ -15,6 +15,7 @@ from device import frame_folder
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview
+from shared.sensor import simulate_additive
 from tests.data import ROOT
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
@@ -23,6 +24,7 @@ from tests.tools.command import PROGRAM, file_limit, spawn
 from tests.tools.command import run as command
 from tools.cli import main
 from tools.commands import capture as verb
+from tools.scenes.drawn.builtin import builtin_scene
 
 SIZE = (20, 30)
 LAYOUT = ["--width", "30", "--height", "20", "--format", "SRGGB12_CSI2P", "--stride", "64"]
@@ -89,6 +91,56 @@ def test_a_recording_in_a_file_waits_by_itself(out: Path, tmp_path: Path) -> Non
     assert outcome.code == 0
     assert len(shots(out)) == 12
     assert "12 saved, 0 dropped" in outcome.err
+
+
+SHOWN = (96, 128)
+DESCRIBED = ["--width", "128", "--height", "96", "--format", "raw12"]
+
+
+def shown(stride: int = 0) -> bytes:
+    """A frame of a scene, which shows the pattern."""
+    scene = builtin_scene(SHOWN[1], SHOWN[0]).rgb
+    calibration = SensorCalibration.of_bits(12, headroom=False)
+    codes = simulate_additive(scene, CfaPattern.bayer(6), calibration, 0.01, np.random.default_rng(0)).codes
+    return pack(codes, "raw12", stride)
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "words"),
+    [
+        (shown(224) * 6, [], "rows repeat every 224 bytes, not 192; likely --stride 224."),
+        (shown() * 2, ["--period", "5"], "likely --period 6"),
+        (shown() * 2, ["--origin", "1", "2"], "likely --origin 0 0."),
+        (shown() * 2, ["--order", "GRBG"], "likely --order RGGB or BGGR."),
+    ],
+)
+def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
+    done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait")
+    assert done.returncode == 1
+    assert words in done.stderr.decode()
+    assert b"If the description is right, add --unchecked" in done.stderr
+    assert shots(out) == []
+    done = piped(data, "-o", str(out), *DESCRIBED, *options, "--wait", "--unchecked")
+    assert done.returncode == 0
+    assert len(shots(out)) == len(data) // (96 * 192)
+
+
+def test_a_wrongly_described_file_of_a_folder_ends_the_command(out: Path, tmp_path: Path) -> None:
+    (tmp_path / "0001.raw").write_bytes(shown())
+    outcome = spawn("capture", tmp_path, "-o", out, *DESCRIBED, "--period", "5", "--frames", "1")
+    assert outcome.code == 1
+    assert f"{tmp_path / '0001.raw'}: the frame is not as described" in outcome.err
+    assert shots(out) == []
+
+
+def test_a_recording_whose_size_tells_another_stride_is_refused(out: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "recording"
+    recording.write_bytes(bytes(256 * 96))
+    for options, code, words in (([], 2, "likely --stride 256"), (["--unchecked"], 1, "whole frames with --stride 256: discard")):
+        with recording.open("rb") as file:
+            outcome = spawn("capture", "-", "-o", out, *DESCRIBED, *options, stdin=file)
+        assert outcome.code == code
+        assert words in outcome.err
 
 
 def test_a_camera_that_is_too_fast_loses_whole_frames(out: Path) -> None:

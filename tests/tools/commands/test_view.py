@@ -1,3 +1,4 @@
+import errno
 import json
 import os
 import re
@@ -6,8 +7,9 @@ import socket
 import subprocess
 import threading
 from collections.abc import Callable, Iterator
-from http.client import HTTPConnection, HTTPResponse
+from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import imagecodecs
@@ -20,12 +22,16 @@ from device.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
+from shared.sensor import simulate_additive
 from tests.browser import Browser
+from tests.data import ROOT
 from tests.device.packer import random_codes
 from tests.tools.command import run, start
 from tools.commands.view import _scale
+from tools.live import server
 from tools.live.server import ViewfinderServer
 from tools.live.viewfinder import Viewfinder
+from tools.scenes.drawn.builtin import builtin_scene
 
 SIZE = (20, 30)
 SENSOR = Sensor(
@@ -151,6 +157,7 @@ def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, full_disk:
     status, facts = served.facts("/capture", "POST")
     assert status == 507
     assert "the disk is full" in facts["error"]
+    assert str(tmp_path) not in facts["error"]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -360,6 +367,54 @@ def test_a_camera_that_breaks_off_ends_it() -> None:
         code, told = command.wait()
     assert code == 1
     assert "ended in the middle of a frame, 5 bytes after 1 whole ones" in told
+
+
+@pytest.mark.parametrize(("options", "code", "words"), [([], 1, "likely --origin 0 0."), (["--unchecked"], 0, "")])
+def test_a_wrong_description_ends_it_unless_unchecked(tmp_path: Path, options: list[str], code: int, words: str) -> None:
+    scene = builtin_scene(128, 96).rgb
+    frame = simulate_additive(
+        scene, CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False), 0.01, np.random.default_rng(0)
+    ).codes
+    recording = tmp_path / "recording"
+    recording.write_bytes(frame.tobytes() * 2)
+    described = ["--width", "128", "--height", "96", "--format", "u16", "--bits", "12", "--origin", "1", "2"]
+    with recording.open("rb") as file, Command(*described, *options, source="-", stdin=file) as command:
+        ended, told = command.wait()
+    assert ended == code
+    assert words in told
+
+
+def test_without_descriptors_it_waits_quietly_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Connections are accepted again a few times a second, not without end, and the page needs no file."""
+    refused: list[socket.socket] = []
+    pauses: list[float] = []
+    running = Served(tmp_path)
+    real = socket.socket.accept
+
+    def accept(self: socket.socket) -> Any:
+        if len(refused) < 3:
+            refused.append(self)
+            raise OSError(errno.EMFILE, "Too many open files")
+        return real(self)
+
+    monkeypatch.setattr(server, "time", SimpleNamespace(sleep=pauses.append))
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("opened a file"))
+    assert running.ask("/").status == 200
+    assert pauses == [server._PAUSE] * 3
+    running.close()
+
+
+def test_what_goes_wrong_in_a_handler_is_one_line_without_paths(
+    served: Served, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Viewfinder, "status", lambda _: 1 / 0)
+    with pytest.raises((RemoteDisconnected, ConnectionError)):
+        served.ask("/status")
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 1
+    assert "Traceback" not in told
+    assert str(ROOT) not in told
 
 
 @pytest.mark.parametrize(("width", "height", "dark"), [(1280, 860, False), (1280, 860, True), (390, 844, False), (390, 844, True)])

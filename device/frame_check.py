@@ -1,0 +1,229 @@
+"""Whether frames are what their description says: the first that shows its filter pattern proves it, or proves it wrong.
+
+Raw frames have no header. In a wrong layout, or with a wrong pattern, they would be saved as pictures that look like noise or have
+false colours. The samples themselves tell: rows resemble the next ones, colour sites are darker than their neighbours at one
+period and one place only, the two greens of a block are equal, and no picture is darker than black.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from math import gcd
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shared.arrays import CodeArray
+from shared.errors import InputError
+
+from .block_order import greens_are_on_their_diagonal
+from .frames import RawFrame
+from .layout_search import BIG_ENDIAN, BYTES, Reading, best_reading, refined
+from .level_check import Levels
+from .pattern_search import Found, find_pattern
+from .stride_search import likely_strides
+
+if TYPE_CHECKING:
+    from .capture import Sensor
+
+_NEXT = "; the next frames are looked at"
+_UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
+_GREENS = f"the frame does not show whether the greens are on the diagonal that --order says (it has little colour){_NEXT}"
+_CLEARER = 1.3  # times as much variance explained: one reading is better than another
+_TRIED = 2  # strides; the right one is the likeliest or the next
+_TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
+
+
+class FrameCheck:
+    """Compares frames with the description of their sensor, until some have confirmed it.
+
+    sensor: the description.
+    """
+
+    def __init__(self, sensor: "Sensor") -> None:
+        self._sensor = sensor
+        self._sites = tuple((row, column) for row, column, _ in sensor.pattern.sites)
+        self._seen = 0
+        self._confirmed = 0
+        self._greens = self._bits = False
+
+    def look(self, frame: RawFrame) -> list[str]:
+        """What the frame leaves open, a sentence each.
+
+        Frames are looked at until two have shown the pattern, and then the less often, the more have left something open.
+        Raises InputError, with the likely right value, if the frame proves something wrong.
+        """
+        self._seen += 1
+        rarely = self._seen & (self._seen - 1) == 0
+        if self._confirmed >= _TWICE and (not rarely or (self._greens and self._bits)):
+            return []
+        layout, calibration = self._sensor.layout, self._sensor.calibration
+        codes = layout.unpack(frame.data)
+        levels = Levels(codes, calibration, are_words=layout.format == "u16")
+        if not self._shows_pattern(frame, codes, levels, rarely=rarely):
+            return [_UNPROVEN]
+        self._confirmed += 1
+        black = float(np.mean(calibration.black_level))
+        greens = greens_are_on_their_diagonal(codes, self._sensor.pattern, black, calibration.white_level)
+        if greens is False:
+            raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
+        self._greens |= greens is True
+        unsettled = levels.unsettled()
+        self._bits |= not unsettled
+        left = [] if self._greens else [_GREENS]
+        return left if self._bits else [*left, f"{unsettled}{_NEXT}"]
+
+    def _shows_pattern(self, frame: RawFrame, codes: CodeArray, levels: Levels, *, rarely: bool) -> bool:
+        pattern, layout = self._sensor.pattern, self._sensor.layout
+        proven = levels.wrong()
+        wrong_levels = _misfit(*proven) if proven else None
+        found = find_pattern(codes, self._sites)
+        confirmed = self._is_declared(found)
+        if found and not (confirmed or found.sure):
+            found = None
+        if not found and levels.are_dark():
+            return False
+        # The stride is searched for where it may matter; a frame that shows nothing is searched rarely.
+        if self._confirmed or not (found or wrong_levels or rarely):
+            strides = [layout.stride]
+        else:
+            strides = likely_strides(frame.data, layout.stride)
+        # What repeats after a row also repeats after several.
+        aligned = bool(strides) and strides[0] % layout.stride == 0
+        # A part of the rows has the same period as all, if the two have no divisor in common.
+        others = [stride for stride in strides if stride % layout.stride or gcd(stride // layout.stride, pattern.period) > 1]
+        others = [stride for stride in others if stride != layout.stride][:_TRIED]
+        if others and not (confirmed and aligned):
+            self._check_stride(frame, found, others, aligned=aligned)
+        if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
+            swapped = find_pattern(codes.byteswap(), self._sites)
+            if swapped and swapped.explained > _CLEARER * found.explained:
+                raise self._misread(frame, Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped))
+        if wrong_levels and (confirmed or not aligned):
+            raise wrong_levels
+        if confirmed:
+            self._check_below(codes)
+            return True
+        if found:
+            raise self._elsewhere(frame, found)
+        if self._is_declared(find_pattern(codes[: len(codes) // 2], self._sites)):
+            self._check_below(codes)
+        if aligned:
+            if reading := best_reading(frame.data, layout, pattern, [layout.stride]):
+                raise self._misread(frame, reading)
+            if wrong_levels:
+                raise wrong_levels
+            if levels.show_no_filters(pattern):
+                raise _misfit(
+                    "the samples at the places of the colour filters are as bright as their neighbours",
+                    "a sensor without colour filters, or another --period and --origin",
+                )
+        return False
+
+    def _is_declared(self, found: Found | None) -> bool:
+        pattern = self._sensor.pattern
+        return found is not None and (found.period, found.block_origin) == (pattern.period, pattern.block_origin)
+
+    def _check_below(self, codes: CodeArray) -> None:
+        """Refuse a frame in whose lower part the pattern is at another row: the next frame begins in this one."""
+        pattern = self._sensor.pattern
+        for part in (2, 4):
+            top = len(codes) * (part - 1) // part
+            found = find_pattern(codes[top:], self._sites)
+            if (
+                found
+                and found.sure
+                and found.period == pattern.period
+                and (found.block_origin[0] + top) % found.period != pattern.block_origin[0]
+            ):
+                raise self._too_tall()
+
+    def _too_tall(self) -> InputError:
+        height = self._sensor.layout.height
+        return _misfit(f"a frame ends and the next begins at another row than after {height}", "another --height")
+
+    def _check_stride(self, frame: RawFrame, found: Found | None, others: list[int], *, aligned: bool) -> None:
+        layout = self._sensor.layout
+        reading = best_reading(frame.data, layout, self._sensor.pattern, others)
+        clearer = _CLEARER if aligned else 1 / _CLEARER
+        if reading and (found is None or reading.found.explained > clearer * found.explained):
+            raise self._misread(frame, reading)
+
+    def _elsewhere(self, frame: RawFrame, found: Found) -> InputError:
+        if self._confirmed:
+            return self._too_tall()
+        if found.period == 2:
+            return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
+        layout, pattern = self._sensor.layout, self._sensor.pattern
+        reading = refined(frame.data, layout, pattern, Reading(layout.format, layout.stride, 0, layout.width, found))
+        if reading.stride != layout.stride:
+            return self._misread(frame, reading)
+        period = pattern.period
+        where = f"its colour sites repeat every {found.period} pixels, from row and column {found.block_origin} on"
+        return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
+
+    def _misread(self, frame: RawFrame, reading: Reading) -> InputError:
+        layout = self._sensor.layout
+        reading = refined(frame.data, layout, self._sensor.pattern, reading)
+        seen = (
+            f"its rows repeat every {reading.stride} bytes, not {layout.stride}"
+            if reading.stride != layout.stride
+            else "its samples"
+        )
+        if reading.format == BIG_ENDIAN:
+            return _misfit(f"{seen} are words with the high byte first", "a source with little-endian words (swap the bytes)")
+        if reading.format == BYTES:
+            return _misfit(
+                f"{seen} are single bytes",
+                "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U",
+            )
+        options = []
+        if reading.format != layout.format:
+            seen += f" are packed as {reading.format}, not as {layout.format}"
+            options.append(f"--format {reading.format}")
+        if reading.stride != layout.stride:
+            options.append(f"--stride {reading.stride}")
+        if reading.width < layout.width:
+            options.append(f"--width {reading.width} or less")
+        if reading.skipped:
+            seen += f" begin {reading.skipped} bytes (or whole groups of samples more) after the beginning of the frame"
+            options.append("a stream without a header")
+        if not self._is_declared(reading.found) and not reading.skipped:
+            if reading.found.period != self._sensor.pattern.period:
+                options.append(f"--period {reading.found.period}")
+            options.append(self._origin(reading.found))
+        return _misfit(seen, " ".join(options))
+
+    def _origin(self, found: Found) -> str:
+        pattern = self._sensor.pattern
+        shift = [origin - block for origin, block in zip(pattern.origin, pattern.block_origin, strict=True)]
+        if found.period != pattern.period:
+            shift = [0, 0]
+        row, column = ((place + moved) % found.period for place, moved in zip(found.block_origin, shift, strict=True))
+        return f"--origin {row} {column}"
+
+    def _other_orders(self) -> str:
+        letters = "".join(self._sensor.pattern.channels[channel] for *_, channel in self._sensor.pattern.sites)
+        return "--order GRBG or GBRG" if letters in ("RGGB", "BGGR") else "--order RGGB or BGGR"
+
+
+def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], None]) -> Iterator[RawFrame]:
+    """Pass frames on, and look at them until some have confirmed the description of their sensor.
+
+    note: called with each sentence on what a frame leaves open, once.
+    Raises InputError, before the frame is passed on, at the first that proves the description wrong; it names the likely right one.
+    """
+    check = FrameCheck(sensor)
+    told: set[str] = set()
+    for frame in frames:
+        try:
+            remarks = check.look(frame)
+        except InputError as error:
+            raise InputError(f"{frame.source}: {error}" if frame.source else str(error)) from None
+        for remark in remarks:
+            if remark not in told:
+                note(remark)
+                told.add(remark)
+        yield frame
+
+
+def _misfit(seen: str, likely: str) -> InputError:
+    return InputError(f"the frame is not as described: {seen}; likely {likely}. If the description is right, add --unchecked")

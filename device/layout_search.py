@@ -1,0 +1,124 @@
+"""Other readings of a frame's bytes: the stride and the format in which its filter pattern appears."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import gcd
+
+import numpy as np
+
+from shared.arrays import CodeArray
+from shared.pattern import CfaPattern
+
+from .frames import FORMATS, FrameLayout
+from .pattern_search import Found, find_pattern
+
+BIG_ENDIAN, BYTES = "big-endian u16", "8 bits"
+_ENOUGH = 1 << 20  # samples, of which half show the pattern as well as all
+_CLEARER = 1.3  # times as much variance explained: another reading is better
+_NEAR = 12  # periods by which a row may be longer or shorter
+_PARTS = (2, 3)  # rows that may be taken for one
+_FOREIGN = {BIG_ENDIAN: ">u2", BYTES: "u1"}  # not supported, but recognised, so that the right remedy can be named
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A reading of a frame in which the colour sites appear.
+
+    format: a key of FORMATS, BIG_ENDIAN or BYTES.
+    stride: bytes from one line to the next.
+    skipped: bytes before the first sample, less than a group of packed samples.
+    width: pixels, the declared ones if so many fit.
+    found: where the colour sites are.
+    """
+
+    format: str
+    stride: int
+    skipped: int
+    width: int
+    found: Found
+
+
+def best_reading(
+    data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, strides: list[int]
+) -> Reading | None:
+    """The reading that shows the pattern most clearly; None if none does.
+
+    data: a frame, in the declared `layout`.
+    strides: those to try, such as `likely_strides` finds.
+    """
+    best: Reading | None = None
+    for name, stride, skipped in _candidates(layout, strides):
+        reading = _reading(data, layout, pattern, name, stride, skipped)
+        if reading is None:
+            continue
+        place = reading.found.block_origin
+        # Stripes may repeat in a wrong format too, but hardly at the declared place.
+        if name != layout.format and place != pattern.block_origin:
+            continue
+        if best is None or reading.found.explained > best.found.explained:
+            best = reading
+        if name == layout.format and place == pattern.block_origin:
+            break
+    return best
+
+
+def refined(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, reading: Reading) -> Reading:
+    """The reading, or one that shows the pattern more clearly among those that resemble it: the likely right one.
+
+    Rows that are some whole periods too long, or several rows in one, show the pattern too, but at drifting places.
+    """
+    packing = FORMATS.get(reading.format)
+    if packing is None or reading.skipped or reading.found.period != pattern.period:
+        return reading
+    step = pattern.period * packing.length // gcd(pattern.period * packing.length, packing.pixels)
+    near = [reading.stride + step * count for count in range(-_NEAR, _NEAR + 1) if count]
+    multiples = [reading.stride * factor for factor in _PARTS]
+    parts = [reading.stride // factor for factor in _PARTS if reading.stride % factor == 0]
+    best = reading
+    for stride in (*near, *multiples, *parts):
+        if stride <= 0 or (stride, reading.format) == (layout.stride, layout.format):
+            continue
+        other = _reading(data, layout, pattern, reading.format, stride, 0)
+        # Of several rows in one the part is right that shows the pattern as well.
+        if other and other.found.explained > best.found.explained * (1 / _CLEARER if stride in parts else _CLEARER):
+            best = other
+    return best
+
+
+def _reading(
+    data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, name: str, stride: int, skipped: int
+) -> Reading | None:
+    """The frame in one format and stride, if it shows the pattern's period there."""
+    sites = tuple((row, column) for row, column, _ in pattern.sites)
+    codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
+    # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
+    parts = [codes[: len(codes) // 2]] if codes.size > _ENOUGH else [codes, codes[: len(codes) // 2]]
+    for part in parts:
+        if min(part.shape, default=0) > pattern.period:
+            found = find_pattern(part, sites)
+            if found and found.sure:
+                return Reading(name, stride, skipped, codes.shape[1], found) if found.period == pattern.period else None
+    return None
+
+
+def _candidates(layout: FrameLayout, strides: list[int]) -> Iterator[tuple[str, int, int]]:
+    for stride in strides:
+        yield layout.format, stride, 0
+    for stride in strides:
+        yield from ((name, stride, 0) for name in (*FORMATS, *_FOREIGN) if name != layout.format)
+        yield from ((layout.format, stride, skipped) for skipped in range(1, FORMATS[layout.format].length))
+
+
+def _unpacked(data: memoryview, name: str, stride: int, width: int) -> CodeArray:
+    height = len(data) // stride
+    lines = data[: height * stride]
+    if name in _FOREIGN:
+        rows = np.frombuffer(lines, np.uint8).reshape(height, stride)
+        size = np.dtype(_FOREIGN[name]).itemsize
+        samples = np.ascontiguousarray(rows[:, : stride // size * size]).view(_FOREIGN[name])
+        return samples[:, :width].astype(np.uint16)
+    packing = FORMATS[name]
+    fits = min(width, stride // packing.length * packing.pixels)
+    if not fits or not height:
+        return np.empty((0, 0), np.uint16)
+    return FrameLayout(fits, height, name, stride).unpack(lines)

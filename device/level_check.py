@@ -1,0 +1,98 @@
+"""What the levels of samples say of their number of bits, of black, and of the filters before them."""
+
+import numpy as np
+
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import CodeArray
+
+from .pattern_search import Tiles
+
+_MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
+_DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
+_PILE = 8  # samples at the highest code that show that light was clipped there
+_LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
+_SAME = 0.85  # a colour filter that passes more than this, of what all filters pass together, is none
+_LEAST, _WORD = 10, 16  # bits of the samples of any sensor, and of a word into whose upper bits some drivers shift them
+_HIGH = 2.0  # times the black level: the darkest samples of a frame are rarely brighter
+_UNUSED = 2  # bits
+
+
+class Levels:
+    """The levels of the samples of a frame, compared with those of its sensor.
+
+    codes: the frame, (H, W).
+    calibration: the declared levels.
+    are_words: whether the format leaves open how many bits are used.
+    """
+
+    def __init__(self, codes: CodeArray, calibration: SensorCalibration, *, are_words: bool) -> None:
+        self._codes, self._calibration, self._are_words = codes, calibration, are_words
+        self._highest = int(codes.max())
+        self._dark = float(np.percentile(codes[::8, ::8], 1))
+        self._black = float(np.mean(calibration.black_level))
+        # With all samples alike, as in the dark, zeros at the end say nothing.
+        used = int(np.bitwise_or.reduce(codes, axis=None))
+        shift = (used & -used).bit_length() - 1 if used else 0
+        self._shift = shift if self._highest - int(codes.min()) >= 16 << shift else 0
+
+    def wrong(self) -> tuple[str, str] | None:
+        """What they prove wrong, and the remedy; None if nothing."""
+        declared = self._calibration.bits
+        bits = max(self._highest.bit_length(), _LEAST)
+        bits += bits % 2
+        seen = self._impossible(declared, bits)
+        return (seen, self._likely(bits)) if seen else None
+
+    def _impossible(self, declared: int, bits: int) -> str:
+        if bits > declared:
+            return f"a sample is {self._highest}, more than {declared} bits hold"
+        mean, darkest = float(self._codes.mean()), float(Tiles.of(self._codes).parts.mean(axis=(1, 2)).min())
+        if mean < self._black * (1 - _MARGIN):
+            return f"the mean of all samples is {mean:.0f}, darker than black, which is {self._black:.0f}"
+        if darkest < self._black * _DEEP:
+            return f"a part of it has a mean of {darkest:.0f}, darker than black, which is {self._black:.0f}"
+        if bits < declared and self._highest == (1 << bits) - 1:
+            clipped, below = (int((self._codes == code).sum()) for code in (self._highest, self._highest - 1))
+            if clipped > 4 * below + _PILE:
+                limits = f"the highest code of {bits} bits, not at {self._calibration.white_level}"
+                return f"its light is clipped at {self._highest}, {limits}"
+        return ""
+
+    def are_dark(self) -> bool:
+        """Whether all are near black, as in no wrong layout of a lit frame."""
+        return abs(float(self._codes.mean()) - self._black) < _MARGIN * self._black and self._highest < _HIGH * self._black
+
+    def unsettled(self) -> str:
+        """A remark on what they leave open; "" if nothing. Packed samples always have the bits of their format."""
+        declared = self._calibration.bits
+        if not self._are_words:
+            return ""
+        if self._shift >= _UNUSED and declared < _WORD:
+            return f"its samples never use the lowest {self._shift} bits: they may be shifted up; then --bits {_WORD} is right"
+        if declared - self._highest.bit_length() >= _UNUSED:
+            return f"its samples never use the highest of {declared} bits: the light is dim, or they have fewer; then give --bits"
+        if self._dark > _HIGH * self._black and self._highest < self._calibration.white_level:
+            return f"even its darkest samples are far brighter than black, which is {self._black:.0f}: is --bits {declared} right?"
+        return ""
+
+    def show_no_filters(self, pattern: CfaPattern) -> bool:
+        """Whether there is light, and the colour sites are as bright as the panchromatic ones."""
+        black, white = self._calibration.black_level[-1], self._calibration.white_level
+        tiles = Tiles.of(self._codes)
+        side = tiles.parts.shape[1]
+        ratios = []
+        for part, (top, left) in zip(tiles.parts - black, tiles.places.tolist(), strict=True):
+            panchromatic = pattern.panchromatic_mask((side, side), (top, left))
+            level = part[panchromatic].mean()
+            if level / (white - black) > _LIT and part.max() < white - black:
+                ratios.append(part[~panchromatic].mean() / level)
+        return len(ratios) > _PILE and bool(np.mean(ratios) - 4 * np.std(ratios) / len(ratios) ** 0.5 > _SAME)
+
+    def _likely(self, bits: int) -> str:
+        if self._shift >= _UNUSED:
+            bits = _WORD
+        elif bits < 12 and self._dark > _HIGH * (1 << (bits - 4)):  # a sensor of 10 bits has its black at 64, one of 12 at 256
+            bits = 12
+        if self._are_words and bits != self._calibration.bits:
+            return f"--bits {bits}"
+        return "another --format, or --camera with its levels"

@@ -1,0 +1,153 @@
+"""Finding the filter pattern in the samples of a frame: the period and the place at which samples are darker than their neighbours.
+
+A colour filter passes a part of the light that its panchromatic neighbours receive, so the colour sites are darker wherever there
+is light. Folding a frame with the right period puts all blocks on one place, where their differences add up, while scene and noise
+average out. With another period, or in rows that do not line up, nothing adds up.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.arrays import CodeArray, DoubleArray, FloatArray
+from shared.pattern import PERIODS
+
+_SIDE = range(16, 65)  # pixels: side of a tile; four blocks of the largest period fit into the largest
+_TILES = 64  # enough for a frame of any size, and folded in a tenth of a second
+_REACH = 8  # pixels: local means are those of 17 x 17
+_FLAT = 0.25  # codes: differences below this are rounding
+_LIMIT = 4.0  # mean deviations: the edges of a scene count no more than this
+_CERTAIN = 6.0  # standard errors
+_FEW = 8  # tiles: with so few the standard error is itself uncertain, and among 1,500 places twice as many are asked for
+_BETTER = 1.5  # the best place explains this many times the variance that the next one does; in photographs 2.7 times and more
+_BAYER = 2
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where the colour sites are.
+
+    period: K; 2 for an ordinary Bayer sensor.
+    block_origin: sensor (row, column) of the top left pixel of a block, each 0 to K - 1; (0, 0) for period 2.
+    explained: part of the variance of the samples, about their local mean, that this explains.
+    sure: whether it is certain even if it was not expected here, one place among many that were tried.
+    """
+
+    period: int
+    block_origin: tuple[int, int]
+    explained: float
+    sure: bool
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Parts of a frame, evenly spread. parts: float32 (N, S, S). places: sensor (row, column) of each, (N, 2)."""
+
+    parts: FloatArray
+    places: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, codes: CodeArray) -> "Tiles":
+        """Cut tiles out of a frame (H, W)."""
+        side = min(max(min(codes.shape) // 3, _SIDE[0]), _SIDE[-1], *codes.shape)
+        share = min(1.0, (_TILES * side**2 / codes.size) ** 0.5)
+        tops, lefts = (np.linspace(0, size - side, max(int(size // side * share), 1)).astype(np.intp) for size in codes.shape)
+        places = np.array([(top, left) for top in tops for left in lefts])
+        return cls(np.stack([codes[top : top + side, left : left + side] for top, left in places]).astype(np.float32), places)
+
+    def flattened(self) -> "Tiles":
+        """The samples minus their local mean, in local mean deviations, limited: every part of the scene counts the same."""
+        rest = self.parts - _local_mean(self.parts)
+        rest /= _local_mean(np.abs(rest)) + np.float32(_FLAT)
+        return Tiles(rest.clip(-_LIMIT, _LIMIT), self.places)
+
+    def folded(self, period: int) -> DoubleArray:
+        """Mean of the samples of each tile at each place of a K x K square, minus the mean of all places: (N, K, K)."""
+        chosen = []
+        for places in self.places.T:
+            of_place = (places[:, None] + np.arange(self.parts.shape[1])) % period == np.arange(period)[:, None, None]
+            chosen.append(of_place.transpose(1, 0, 2) / of_place.sum(axis=2).T[..., None])
+        down, across = chosen
+        means = down @ self.parts @ across.transpose(0, 2, 1)
+        folded: DoubleArray = means - means.mean(axis=(1, 2), keepdims=True)
+        return folded
+
+
+def find_pattern(codes: CodeArray, sites: tuple[tuple[int, int], ...]) -> Found | None:
+    """Find a block of colour sites of this shape, at any period; None if no place is certain.
+
+    codes: a frame, (H, W).
+    sites: (row, column) of each colour site of a block, counted from the block's origin.
+    """
+    tiles = Tiles.of(codes).flattened()
+    variance = float(np.square(tiles.parts).mean())
+    if len(tiles.parts) < 4 or not variance:  # the spread over the tiles is what certainty is measured by
+        return None
+    bayer, certainty = _bayer(tiles)
+    certain = [(bayer / variance, _BAYER, (0, 0), certainty)] if certainty > _CERTAIN else []
+    rival = 0.0
+    for period in (period for period in PERIODS if period <= tiles.parts.shape[1]):
+        explained, certainties = _explained(tiles.folded(period), sites)
+        row, column = np.unravel_index(int(explained.argmax()), explained.shape)
+        best = float(explained[row, column]) / variance
+        explained[row, column] = 0.0
+        rival = max(rival, float(explained.max()) / variance)
+        if certainties[row, column] > _CERTAIN:
+            certain.append((best, period, (int(row), int(column)), float(certainties[row, column])))
+        else:
+            rival = max(rival, best)
+    if not certain:
+        return None
+    # A Bayer sensor has no place where 2 x 2 samples are darker; a scene of fine checks may have its period as well.
+    certain = [each for each in certain if each[1] != _BAYER] or certain
+    *others, (best, period, origin, certainty) = sorted(certain)
+    rival = max([rival, *(each[0] for each in others)])
+    sure = certainty > _CERTAIN * (1 + _FEW / len(tiles.parts))
+    return Found(period, origin, best, sure) if best > _BETTER * rival else None
+
+
+def _explained(folded: DoubleArray, sites: tuple[tuple[int, int], ...]) -> tuple[DoubleArray, DoubleArray]:
+    """Variance that a block at each place explains, (K, K), 0 where it is not darker; its contrast in standard errors."""
+    period = folded.shape[1]
+    block = np.zeros((period, period))
+    for row, column in sites:
+        block[row % period, column % period] = 1.0
+    if block.all():
+        return np.zeros((period, period)), np.zeros((period, period))
+    contrasts, certainties = [], []
+    # Once as it is, and once without the means of rows and columns, so that stripes of the same period are not taken for blocks.
+    for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
+        if not np.square(model).sum():
+            continue
+        here = [np.roll(means, (-row, -column), axis=(1, 2)) for row, column in np.argwhere(block)]
+        contrast = np.sum(here, axis=0) / np.square(model).sum()
+        contrasts.append(contrast.mean(axis=0))
+        certainties.append(contrast.mean(axis=0) / (contrast.std(axis=0, ddof=1) / len(contrast) ** 0.5 + 1e-3))
+    darker = np.maximum(-np.max(contrasts, axis=0), 0.0)
+    filled = block.mean()
+    return darker**2 * filled * (1 - filled), -np.max(certainties, axis=0)
+
+
+def _bayer(tiles: Tiles) -> tuple[float, float]:
+    """Variance that the difference between the diagonals of 2 x 2 pixels explains, and that difference in standard errors."""
+    diagonals = (tiles.folded(_BAYER) * ((1, -1), (-1, 1))).mean(axis=(1, 2))
+    error = diagonals.std(ddof=1) / len(diagonals) ** 0.5 + 1e-3
+    return float(diagonals.mean() ** 2), float(abs(diagonals.mean()) / error)
+
+
+def _centred(means: DoubleArray) -> DoubleArray:
+    centred: DoubleArray = (
+        means - means.mean(axis=-1, keepdims=True) - means.mean(axis=-2, keepdims=True) + means.mean(axis=(-1, -2), keepdims=True)
+    )
+    return centred
+
+
+def _local_mean(parts: FloatArray) -> FloatArray:
+    reach = min(_REACH, parts.shape[1] - 2)
+    wide = np.pad(parts, ((0, 0), (reach + 1, reach), (reach + 1, reach)), "reflect")
+    sums = wide.cumsum(axis=1, dtype=np.float64).cumsum(axis=2)
+    size = 2 * reach + 1
+    box = sums[:, size:, size:] - sums[:, :-size, size:] - sums[:, size:, :-size] + sums[:, :-size, :-size]
+    mean: FloatArray = (box / size**2).astype(np.float32)
+    return mean
