@@ -71,7 +71,7 @@ def test_a_stream_becomes_shots(out: Path, tmp_path: Path) -> None:
         assert mosaic.calibration == SensorCalibration.of_bits(12, headroom=False)
     assert (tmp_path / "latest").resolve() == shots(out)[-1]
     lines = done.stderr.decode().splitlines()
-    assert "no --camera: black is taken to be 256, white 4095, and white is estimated from the frames" in lines
+    assert "no --camera: black level 256 and white level 4095 are assumed, and the white balance is estimated" in lines
     assert lines[-1] == "3 saved, 0 dropped"
 
 
