@@ -113,7 +113,7 @@ def test_impossible_noise_is_refused(shot: Any, read: Any, words: str) -> None:
         ({"black_level": (4094.9999999,) * 4, "white_level": 4095}, "less than 16 codes below white_level 4095"),
         ({"neutral": (1.0, 1e308, 1.0)}, "neutral holds 1e\\+308"),
         ({"neutral": (1.0, 1e-320, 1.0)}, "neutral holds"),
-        ({"camera_to_xyz": ((1e300, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}, "whose largest figure is not 1e-06 to 1e+06"),
+        ({"camera_to_xyz": ((1e300, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}, "whose largest figure is not 1e-06 to"),
         ({"camera_to_xyz": ((5e-324, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}, "whose largest figure is not 1e-06"),
         ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 1.00001))}, "full rank"),
         ({"defects": [(row, column) for row in range(1025) for column in range(1025)]}, "defects holds 1050625 pixels"),
