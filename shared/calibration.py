@@ -158,7 +158,7 @@ class SensorCalibration:
             largest = np.abs(matrix).max(axis=0)
             if not all(_COLOUR[0] <= figure <= _COLOUR[1] for figure in largest[largest > 0]):
                 raise InputError(
-                    f"calibration: camera_to_xyz holds a column whose largest figure is not {_COLOUR[0]:g} to {_COLOUR[1]:g}: {rows}"
+                    f"calibration: camera_to_xyz has a column whose largest figure is not {_COLOUR[0]:g} to {_COLOUR[1]:g}: {rows}"
                 )
             lengths = np.sqrt((matrix**2).sum(axis=0))
             if len(rows) != 3 or not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:

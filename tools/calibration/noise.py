@@ -146,8 +146,8 @@ def _check_alike(samples: DoubleArray) -> None:
         low, high = int(values.argmin()), int(values.argmax())
         if values[high] > limit:
             raise InputError(
-                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of frame {high + 1} {values[high]:.4g}: they "
-                "have another gain or exposure, or light fell in; take all in the same way"
+                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of frame {high + 1} {values[high]:.4g}: "
+                "they have another gain or exposure, or light fell in; take all in the same way"
             )
 
 

@@ -183,7 +183,9 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
             covered, pixels = page.tilewidth * page.tilelength * len(extents), page.imagewidth * page.imagelength
             if covered > max(SMALL, 4 * samples * pixels):
-                raise InputError(f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory")
+                raise InputError(
+                    f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory"
+                )
         pixels = page.asarray(maxworkers=1)
         if page.axes.startswith("S"):
             pixels = np.moveaxis(pixels, 0, -1)

@@ -11,8 +11,8 @@ from shared.reading import MAX_PIXELS
 
 MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
 SMALL = 1 << 22  # pixels that are harmless, however well they are compressed: 50 MB as a scene
-# Decoded bytes that are believed: even light and drawn test charts are pictures, and compress like bombs. 24 megapixels of RGBA with
-# 16 bits; a decoder that finds less in the file stops there.
+# Decoded bytes that are believed, 24 megapixels of RGBA with 16 bits: even light and drawn charts are pictures, and compress as
+# well as bombs. A decoder that finds less in the file stops there.
 _BELIEVED = 24_000_000 * 8
 DARKEST = -1e-3  # of the brightest value: rounding and resampling may go this far below zero
 

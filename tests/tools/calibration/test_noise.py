@@ -63,11 +63,11 @@ def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> 
     drifted, still = changed(second.codes + 1), measure_dark([first, second, third])
     np.testing.assert_allclose(measure_dark([first, drifted, third]).read, still.read, rtol=1e-9)
     black = int(np.median(first.codes))
-    with pytest.raises(InputError, match="noise of frame 2 is 0.2887 codes"):
+    with pytest.raises(InputError, match=r"noise of frame 2 is 0\.2887 codes"):
         measure_dark([first, changed(np.full_like(first.codes, black)), third])
-    with pytest.raises(InputError, match="noise of frame 1 is .* of frame 2"):
+    with pytest.raises(InputError, match=r"noise of frame 1 is .* of frame 2"):
         measure_dark([first, changed(black + 3 * (second.codes.astype(int) - black))])
-    with pytest.raises(InputError, match="level of frame 1 is .* light fell in"):
+    with pytest.raises(InputError, match=r"level of frame 1 is .* light fell in"):
         measure_dark([first, changed(second.codes + 100)])
 
 
