@@ -28,7 +28,7 @@ BITS = range(10, 17)
 _GAMMA = (1e-3, 1e3)
 _NOISE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
 _NEUTRAL = (1e-6, 1e6)
-_LARGEST_COLOUR = 1e6
+_COLOUR = (1e-6, 1e6)
 _WORST_MATRIX = 1e4  # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of the others
 _LEAST_RANGE = 16  # codes from black to white
 _MOST_DEFECTS = 1 << 20  # one in 24 of a sensor of 24 megapixels; looking for more in a list takes longer than a render
@@ -154,9 +154,12 @@ class SensorCalibration:
                 rows = tuple(_numbers("camera_to_xyz", row, count) for row in self.camera_to_xyz)
             except TypeError:
                 raise InputError(f"calibration: camera_to_xyz is {self.camera_to_xyz!r}, expected a list of rows") from None
-            if max(abs(figure) for row in rows for figure in row) > _LARGEST_COLOUR:
-                raise InputError(f"calibration: camera_to_xyz holds a figure beyond {_LARGEST_COLOUR:g}: {rows}")
             matrix = np.array(rows)
+            largest = np.abs(matrix).max(axis=0)
+            if not all(_COLOUR[0] <= figure <= _COLOUR[1] for figure in largest[largest > 0]):
+                raise InputError(
+                    f"calibration: camera_to_xyz has a column whose largest figure is not {_COLOUR[0]:g} to {_COLOUR[1]:g}: {rows}"
+                )
             lengths = np.sqrt((matrix**2).sum(axis=0))
             if len(rows) != 3 or not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
                 raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")

@@ -80,8 +80,10 @@ def merged(old: Camera, new: Camera, fixed: Container[str]) -> Camera:
 def difference(old: Camera, new: Camera) -> list[str]:
     """Return one line per changed field: name, old value, new value."""
     before, after = _flat(old.to_json()), _flat(new.to_json())
-    changes = ((name, before.get(name, "(none)"), after.get(name, "(none)")) for name in sorted({*before, *after}))
-    return [f"{name}: {_short(was)} -> {_short(now)}" for name, was, now in changes if was != now and f".{KEPT}." not in name]
+    names = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name) and f".{KEPT}." not in name]
+    changes = [(name, _short(before.get(name, "(none)")), _short(after.get(name, "(none)"))) for name in names]
+    # Long lists may change and keep their length; numbers that look alike have not changed for people.
+    return [f"{name}: {was} -> {now}" for name, was, now in changes if was != now or now.endswith("entries")]
 
 
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path | None:

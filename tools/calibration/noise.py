@@ -19,6 +19,8 @@ _DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pi
 _LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
 _NOT_DARK = 0.1  # of full scale above black
+_UNLIKE = 4.0  # times the variance of another dark frame: one has another gain or exposure, or is no measurement at all
+_DRIFT = 3.0  # standard deviations (and codes) that black may move between dark frames, as with temperature
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _TILES = 12  # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
 _LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
@@ -96,7 +98,7 @@ class NoiseResult:
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     """Measure black level and read noise per filter colour, and find the pixels that are not black.
 
-    frames: one or more, with the same exposure. Raises InputError if they are not dark.
+    frames: one or more, with the same exposure. Raises InputError if they are not dark, or clearly differ in noise or level.
     """
     first = frames[0]
     planes = first.pattern.filter_map(first.shape)
@@ -107,6 +109,7 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
     level = float(np.median(mean))
     if level - min(first.calibration.black_level) > _NOT_DARK * full:
         raise InputError(f"is not dark: its median is {level:.0f} of {full} codes; cover the lens")
+    _check_alike(stack[:, planes == number - 1])
     black, error, read, read_error = (np.zeros(number) for _ in range(4))
     defect = np.zeros(first.shape, bool)
     for plane in range(number):
@@ -118,7 +121,11 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         black[plane] = values[good].mean()
         error[plane] = values[good].std() / np.sqrt(max(good.sum(), 1))
         samples = stack[:, here][:, good]
-        variance = float(samples.var(axis=0, ddof=1).mean() if len(frames) > 1 else samples.var(ddof=1))
+        if len(frames) > 1:
+            samples -= samples.mean(axis=1, keepdims=True)  # what a whole frame drifts by is no read noise
+            variance = float(samples.var(axis=0, ddof=1).sum()) / max(good.sum() - 1, 1)
+        else:
+            variance = float(samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - _ROUNDING, 0.0))
         if read[plane] < _HIDDEN:  # then the mean of the codes is not that of the samples, however many there are
             error[plane] = np.hypot(error[plane], np.sqrt(_ROUNDING))
@@ -126,6 +133,22 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         read_error[plane] = variance / (max(read[plane], _HIDDEN) * np.sqrt(2 * max(independent, 1)))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
     return DarkResult(len(frames), black, error, read, read_error, defects)
+
+
+def _check_alike(samples: DoubleArray) -> None:
+    """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
+    levels, spreads = np.array([_clipped(frame) for frame in samples]).T
+    noises = np.sqrt(spreads**2 + _ROUNDING)  # of codes that happen not to change, rounding hides the noise
+    for what, values, limit in (
+        ("noise", noises, np.sqrt(_UNLIKE) * noises.min()),
+        ("level", levels, levels.min() + _DRIFT * max(float(noises.max()), 1.0)),
+    ):
+        low, high = int(values.argmin()), int(values.argmax())
+        if values[high] > limit:
+            raise InputError(
+                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of frame {high + 1} {values[high]:.4g}: "
+                "they have another gain or exposure, or light fell in; take all in the same way"
+            )
 
 
 def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:

@@ -181,7 +181,11 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         if sum(count for _, count in extents) > size:
             raise InputError("the strips of the TIFF overlap: the file is damaged, or made to fill the memory")
         if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
-            check_size(page.tilewidth * len(extents), page.tilelength, pixel_bytes, held, max(max_pixels, SMALL))
+            covered, pixels = page.tilewidth * page.tilelength * len(extents), page.imagewidth * page.imagelength
+            if covered > max(SMALL, 4 * samples * pixels):
+                raise InputError(
+                    f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory"
+                )
         pixels = page.asarray(maxworkers=1)
         if page.axes.startswith("S"):
             pixels = np.moveaxis(pixels, 0, -1)

@@ -54,6 +54,23 @@ def test_a_lit_frame_is_no_dark_frame() -> None:
         measure_dark([frame(np.full((*SHAPE, 3), 0.5))])
 
 
+def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> None:
+    first, second, third = darks(3)
+
+    def changed(codes: np.ndarray) -> Mosaic:
+        return Mosaic(np.ascontiguousarray(codes, np.uint16), second.pattern, second.calibration)
+
+    drifted, still = changed(second.codes + 1), measure_dark([first, second, third])
+    np.testing.assert_allclose(measure_dark([first, drifted, third]).read, still.read, rtol=1e-9)
+    black = int(np.median(first.codes))
+    with pytest.raises(InputError, match=r"noise of frame 2 is 0\.2887 codes"):
+        measure_dark([first, changed(np.full_like(first.codes, black)), third])
+    with pytest.raises(InputError, match=r"noise of frame 1 is .* of frame 2"):
+        measure_dark([first, changed(black + 3 * (second.codes.astype(int) - black))])
+    with pytest.raises(InputError, match=r"level of frame 1 is .* light fell in"):
+        measure_dark([first, changed(second.codes + 100)])
+
+
 def test_gain_and_read_noise_of_flats_and_darks() -> None:
     assert TRUTH.noise is not None
     dark = measure_dark(darks(4))

@@ -146,6 +146,8 @@ def test_a_merge_takes_only_what_was_measured() -> None:
     np.testing.assert_allclose(both.calibration.noise.shot, 2 * np.array(TRUTH.noise.shot))
     assert set(both.measured) == {"gamma", "noise", "black_level"}
     assert [line for line in difference(old, both) if line.startswith("gamma")] == ["gamma: [1, 1, 1] -> [2, 2, 2]"]
+    alike = replace(old, calibration=replace(old.calibration, gamma=(1 + 1e-9, 1.0, 1.0)))
+    assert not difference(old, alike)
 
 
 def test_another_sensor_is_not_updated(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -71,7 +71,28 @@ def test_sizes_are_bounded_before_decoding() -> None:
         check_size(MAX_PIXELS, 2)
     with pytest.raises(InputError, match="fill the memory"):
         check_size(10000, 10000, 6, 500_000)
-    check_size(100, 100, 6, 60)  # a flat little picture compresses well, and harms nobody
+    check_size(6000, 4000, 8, 6000)  # even light compresses well, and is a picture
+    with pytest.raises(InputError, match="save it without compression"):
+        check_size(6000, 5000, 8, 6000)
+
+
+def test_even_light_is_a_picture_however_well_it_compresses(tmp_path: Path) -> None:
+    grey = np.full((2100, 2100, 3), 128, np.uint8)
+    Image.fromarray(grey).save(tmp_path / "flat.png")
+    Image.fromarray(grey).save(tmp_path / "flat.webp", lossless=True)
+    tifffile.imwrite(tmp_path / "flat.tif", grey.astype(np.uint16) * 257, compression="zstd", photometric="rgb")
+    for path in tmp_path.iterdir():
+        assert path.stat().st_size < grey.nbytes // 500
+        assert load_scene(str(path)).shape == (2100, 2100)
+
+
+def test_tiles_that_hold_more_than_the_picture_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "tile.tif"
+    tifffile.imwrite(path, np.zeros((64, 64), np.uint8), tile=(2064, 2064), compression="zlib")
+    with pytest.raises(InputError, match="tiles of the TIFF hold 4260096 pixels, the picture 4096"):
+        load_scene(str(path))
+    tifffile.imwrite(path, np.zeros((65, 65), np.uint8), tile=(64, 64), compression="zlib")
+    assert load_scene(str(path)).shape == (65, 65)
 
 
 def test_missing_empty_and_folder(tmp_path: Path) -> None:
