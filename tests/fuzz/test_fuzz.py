@@ -9,6 +9,7 @@ from shared.errors import InputError
 from tests.fuzz import bombs, campaign
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
+from tests.fuzz.piece_bombs import piece_bombs
 from tests.python import run_python
 
 
@@ -74,3 +75,9 @@ def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
         "print(max(measure(Path(name))[2] for name in sys.argv[1:]))"
     )
     assert int(run_python(script, *paths)) < bombs.LIMIT_BYTES
+
+
+def test_needless_pieces_are_refused(tmp_path: Path) -> None:
+    """They take little memory: only time would show that they are read."""
+    read = [name for name in piece_bombs() if not bombs.measure(bombs.write(name, tmp_path))[0]]
+    assert read == []
