@@ -69,10 +69,10 @@ def read_header(jpeg: bytes) -> JpegHeader:
             exif.append(jpeg[place + 2 + len(_EXIF) : place + length])
         scans += marker == _SCAN
         place += length
-    if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
-        raise InputError(_WASTEFUL)
     if frame is None or len(frame[1]) < 6:
         raise InputError("a JPEG without a frame: it is cut short or damaged")
+    if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
+        raise InputError(_WASTEFUL)
     kind, size = frame
     rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
     return JpegHeader(kind, rows, columns, size[5], scans, b"".join(exif))

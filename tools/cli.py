@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
-from typing import IO, NoReturn
+from typing import Any, NoReturn
 
 from tools.host.console import Console, StandardOutputError, fault, one_line, to_stdout
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
@@ -40,7 +40,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         super().error(one_line(message))
 
-    def _print_message(self, message: str, file: IO[str] | None = None) -> None:  # argparse's own lets errors out or drops them
+    def _print_message(self, message: str, file: Any = None) -> None:  # argparse's own lets errors out or drops them
         if file is sys.stdout:
             to_stdout(message.rstrip("\n"))
         else:
