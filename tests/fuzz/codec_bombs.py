@@ -210,7 +210,7 @@ def _npy(shape: tuple[int, ...]) -> bytes:
 def _graph(*nodes: object, external: bool = False) -> bytes:
     """A model that claims to be a preview graph."""
     constants = [
-        helper.make_tensor("n", TensorProto.INT64, [1], [1 << 62]),
+        helper.make_tensor("n", TensorProto.INT64, [1], struct.pack("<q", 1 << 62), raw=True),
         helper.make_tensor("c0", TensorProto.FLOAT, [4], np.zeros(4, np.float32).tobytes(), raw=True),
         *(
             helper.make_tensor(name, TensorProto.FLOAT, shape, np.ones(shape, np.float32).tobytes(), raw=True)
@@ -227,7 +227,10 @@ def _graph(*nodes: object, external: bool = False) -> bytes:
     result = helper.make_tensor_value_info(contract.PICTURE, TensorProto.FLOAT, None)
     graph = helper.make_graph(list(nodes), "preview", [], [result], constants)  # type: ignore[arg-type]
     versions = {"opset_imports": [helper.make_opsetid("", contract.OPSET)], "ir_version": contract.IR_VERSION}
-    return bytes(helper.make_model(graph, **versions).SerializeToString())
+    model = helper.make_model(graph, **versions)
+    tile = contract.tile_name(CfaPattern.bayer(6))
+    helper.set_model_props(model, contract.Description(tile, "RGB", 1, True, (0, 0, 0, 0), "2").to_metadata())
+    return bytes(model.SerializeToString())
 
 
 def _product() -> list[object]:
