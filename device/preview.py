@@ -28,7 +28,7 @@ _STRIP_PIXELS = 1 << 17
 """Sensor pixels per strip at full resolution; twice as many for smaller pictures. Their planes fit into 2 MB of cache."""
 
 _DAMAGED = "it is damaged; write it again: panchroma export-preview"
-_LARGEST_GRAPH = 8 << 20  # bytes; our graphs have about twenty thousand
+_LARGEST_GRAPH = 512 << 10  # bytes; our graphs have less than thirty thousand
 
 
 class Preview:

@@ -1,6 +1,7 @@
 """Headers of untrusted JPEGs (ITU T.81, annex B), read before a library decodes them.
 
-A decoder allocates and fills whatever size a JPEG declares, and goes through all of its pixels once for each scan.
+A decoder allocates and fills whatever size a JPEG declares, goes through all of its pixels once for each scan, and reads segments
+and filling bytes one at a time.
 """
 
 import re
@@ -16,6 +17,10 @@ _EXIF = b"Exif\0\0"
 # Not a stuffed zero, a filling byte, or one of the markers without a length: a restart, a start, TEM.
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8\xff]", re.DOTALL)
 _MOST_SCANS = 32  # of a progressive JPEG; encoders make about ten
+_MOST_SEGMENTS = 4096  # of 64 KiB: a colour profile, and maps of depth that telephones write, are cut into some hundred
+_MOST_FILLING = 1 << 16  # bytes between the segments before the first scan, and 0xFF in a row after it; encoders write a few
+_LONG_RUN = b"\xff" * _MOST_FILLING
+_WASTEFUL = "a JPEG has more segments, or more bytes between them, than any encoder writes: it is damaged or malicious"
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,16 @@ class JpegHeader:
 
 
 def read_header(jpeg: bytes) -> JpegHeader:
-    """The header of a JPEG; its markers are found as libjpeg finds them. Raises InputError when it declares no size."""
-    place, frame, scans, exif = 2, None, 0, []
+    """The header of a JPEG; its markers are found as libjpeg finds them.
+
+    Raises InputError when it declares no size, and for more segments or filling than any JPEG has.
+    """
+    place, frame, scans, segments, filling, exif = 2, None, 0, 0, 0, []
     while found := _MARKER.search(jpeg, place):
+        segments += 1
+        filling += 0 if scans else found.start() - place
+        if segments > _MOST_SEGMENTS or filling > _MOST_FILLING:
+            raise InputError(_WASTEFUL)
         marker, place = jpeg[found.end() - 1], found.end()
         if marker == _END:
             break
@@ -59,6 +71,8 @@ def read_header(jpeg: bytes) -> JpegHeader:
         place += length
     if frame is None or len(frame[1]) < 6:
         raise InputError("a JPEG without a frame: it is cut short or damaged")
+    if jpeg.find(_LONG_RUN, 0, place if found else len(jpeg)) >= 0:
+        raise InputError(_WASTEFUL)
     kind, size = frame
     rows, columns = (int.from_bytes(size[start : start + 2], "big") for start in (1, 3))
     return JpegHeader(kind, rows, columns, size[5], scans, b"".join(exif))

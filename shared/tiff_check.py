@@ -5,7 +5,7 @@ malicious file of some megabytes can thus fill gigabytes of memory or keep them 
 """
 
 import struct
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from typing import IO, Any
 
 from .errors import InputError
@@ -19,6 +19,7 @@ _MOST_DIRECTORIES = 64
 _MOST_FIELDS = 1024  # per directory; the largest in use have a hundred
 _MOST_NUMBERS = 1 << 16  # per field: offsets of the 64 x 64 tiles of 268 megapixels, or of strips of one row
 _MOST_BYTES = 16 << 20  # per field that is read
+_MANY_PIECES, _LEAST_PIECE = 1 << 14, 1024  # more strips or tiles than this have that many pixels each
 _MOST_OVERLAP = 4  # length of all fields that are read, in lengths of the file: they may share few bytes
 
 PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": False}
@@ -55,6 +56,22 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bo
         raise InputError(f"damaged: the file ends after {end} bytes, before its directory; copy the file again") from None
     finally:
         file.seek(0)
+
+
+def check_pieces(offsets: Sequence[int], lengths: Sequence[int], end: int, pixels: int) -> None:
+    """Raise InputError unless the strips or tiles of a picture lie in the file, share no bytes, and are not needlessly many.
+
+    offsets, lengths: of the strips or tiles, bytes.
+    end: length of the file.
+    pixels: of the picture.
+    """
+    # tifffile fills missing data with zeros: a black stripe in the picture instead of an error.
+    if not offsets or any(not length or offset + length > end for offset, length in zip(offsets, lengths, strict=True)):
+        raise InputError("the picture is cut short: it points beyond the end of the file; copy it again")
+    if sum(lengths) > end:
+        raise InputError("the strips of the picture overlap: the file is damaged, or made to fill the memory")
+    if len(offsets) > _MANY_PIECES and len(offsets) * _LEAST_PIECE > pixels:
+        raise InputError(f"{pixels} pixels in {len(offsets)} strips: the file is damaged, or made to waste time; save it again")
 
 
 def _directory(

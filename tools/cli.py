@@ -7,11 +7,12 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from tools.host.console import Console, StandardOutputError, fault, one_line
+from tools.host.console import Console, StandardOutputError, fault, one_line, to_stdout
 from tools.host.signals import INTERRUPTED, Terminated, orderly_end
 from tools.host.versions import program_version
 
@@ -34,10 +35,17 @@ VERBS = {
 
 
 class _Parser(argparse.ArgumentParser):
-    """Shows wrong arguments, whatever they contain, on one line."""
+    """Shows wrong arguments, whatever they contain, on one line, and texts to readers who may leave."""
 
     def error(self, message: str) -> NoReturn:
         super().error(one_line(message))
+
+    def _print_message(self, message: str, file: Any = None) -> None:  # argparse's own lets errors out or drops them
+        if file is sys.stdout:
+            to_stdout(message.rstrip("\n"))
+        else:
+            with suppress(OSError):
+                sys.stderr.write(message)
 
 
 class _Help(argparse.ArgumentDefaultsHelpFormatter):

@@ -1,7 +1,8 @@
 """Preview graphs are checked before onnxruntime runs any part of them."""
 
+import numpy as np
 import pytest
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
 from device import Preview
 from device.graph import build_preview
@@ -15,11 +16,17 @@ OWN = build_preview(CfaPattern.bayer(6), 3)
 @pytest.mark.parametrize("period", [3, 6, 16])
 def test_our_graphs_pass(period: int) -> None:
     check_graph(build_preview(CfaPattern.bayer(period), period).SerializeToString())
+    check_graph(build_preview(CfaPattern.bayer(period), 1, linear=True).SerializeToString())
 
 
 def changed(what: str) -> bytes:
     model = type(OWN)()
     model.CopyFrom(OWN)
+
+    def add(name: str, kind: int, shape: list[int], values: list[int] | None = None) -> None:
+        array = np.resize(values or [0], shape).astype(np.int64 if kind == TensorProto.INT64 else np.float32)
+        model.graph.initializer.append(numpy_helper.from_array(array, name))
+
     match what:
         case "operator":
             model.graph.node[0].op_type = "ConstantOfShape"
@@ -36,7 +43,28 @@ def changed(what: str) -> bytes:
         case "function":
             model.functions.add(name="f")
         case "doubling":
+            add("d0", TensorProto.FLOAT, [4])
             model.graph.node.extend(helper.make_node("Concat", [f"d{n}"] * 2, [f"d{n + 1}"], axis=0) for n in range(20))
+        case "product":
+            add("row", TensorProto.FLOAT, [1, 5000])
+            model.graph.node.append(helper.make_node("Transpose", ["row"], ["column"], perm=[1, 0]))
+            model.graph.node.append(helper.make_node("Mul", ["row", "column"], ["square"]))
+        case "gather":
+            add("many", TensorProto.INT64, [5000])
+            add("one", TensorProto.FLOAT, [1, 1])
+            model.graph.node.append(helper.make_node("Gather", ["one", "many"], ["column"], axis=0))
+            model.graph.node.append(helper.make_node("Gather", ["column", "many"], ["square"], axis=1))
+        case "channels":
+            add("kernel", TensorProto.FLOAT, [9000, 1, 1, 1])
+            add("axes", TensorProto.INT64, [2], [0, 1])
+            model.graph.node.append(helper.make_node("Cast", ["mosaic"], ["light"], to=1))
+            model.graph.node.append(helper.make_node("Unsqueeze", ["light", "axes"], ["image"]))
+            model.graph.node.append(helper.make_node("Conv", ["image", "kernel"], ["planes"]))
+        case "padding":
+            model.graph.node[0].attribute.append(helper.make_attribute("pads", [10000] * 4))
+        case "work":
+            model.graph.node.append(helper.make_node("Cast", ["mosaic"], ["w0"], to=1))
+            model.graph.node.extend(helper.make_node("Sqrt", [f"w{n}"], [f"w{n + 1}"]) for n in range(600))
         case "nodes":
             model.graph.node.extend([model.graph.node[0]] * 5000)
         case "numbers":
@@ -53,7 +81,12 @@ def changed(what: str) -> bytes:
         ("shape", "a constant of the graph has"),
         ("domain", "a domain of its own"),
         ("function", "model has the field 25"),
-        ("doubling", "joins a tensor with itself"),
+        ("doubling", "Concat makes a tensor of"),
+        ("product", "Mul makes a tensor of 25000000 numbers"),
+        ("gather", "Gather makes a tensor of 25000000 numbers"),
+        ("channels", "Conv makes a tensor of"),
+        ("padding", "attributes that no preview graph has"),
+        ("work", "Sqrt makes a tensor of"),
         ("nodes", "more than 4096 nodes"),
         ("numbers", "more than 32768 numbers"),
     ],

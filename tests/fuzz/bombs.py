@@ -26,6 +26,7 @@ from shared.dng import encode_dng, verify_dng
 from shared.errors import InputError
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.fuzz.codec_bombs import codec_bombs
+from tests.fuzz.piece_bombs import piece_bombs
 from tests.shared.dng.examples import mosaic, preview
 from tools.calibration.reference import read_reference
 from tools.rendering.defect_list import read_defects
@@ -102,6 +103,7 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "blanks.ti3": (b"CTI3\nBEGIN_DATA_FORMAT" + b" " * 4_000_000, 0),
         "holes.ti3": (b"CTI3\n", 2 * GIGABYTE),
         **codec_bombs(),
+        **piece_bombs(),
     }
 
 

@@ -66,6 +66,8 @@ def codec_bombs() -> dict[str, tuple[bytes, int]]:
         "loop.onnx": (_graph(helper.make_node("Loop", ["n", ""], [contract.PICTURE], body=_body())), 0),
         "constant.onnx": (_graph(helper.make_node("ConstantOfShape", ["n"], [contract.PICTURE])), 0),
         "concat.onnx": (_graph(*(helper.make_node("Concat", [f"c{n}"] * 2, [f"c{n + 1}"], axis=0) for n in range(31))), 0),
+        "product.onnx": (_graph(*_product()), 0),
+        "channels.onnx": (_graph(helper.make_node("Conv", ["image", "kernel"], [contract.PICTURE])), 0),
         "external.onnx": (_graph(helper.make_node("Identity", ["far"], [contract.PICTURE]), external=True), 0),
         "digits.defects": (b"[[" + b"9" * 5000 + b", 1]]", 0),
         "long.defects": (b"1 2\n" * 6_000_000, 0),
@@ -208,8 +210,12 @@ def _npy(shape: tuple[int, ...]) -> bytes:
 def _graph(*nodes: object, external: bool = False) -> bytes:
     """A model that claims to be a preview graph."""
     constants = [
-        helper.make_tensor("n", TensorProto.INT64, [1], [1 << 62]),
+        helper.make_tensor("n", TensorProto.INT64, [1], struct.pack("<q", 1 << 62), raw=True),
         helper.make_tensor("c0", TensorProto.FLOAT, [4], np.zeros(4, np.float32).tobytes(), raw=True),
+        *(
+            helper.make_tensor(name, TensorProto.FLOAT, shape, np.ones(shape, np.float32).tobytes(), raw=True)
+            for name, shape in {"row": [1, 10_000], "image": [1, 1, 100, 100], "kernel": [10_000, 1, 1, 1]}.items()
+        ),
     ]
     if external:
         far = helper.make_tensor("far", TensorProto.FLOAT, [0], b"", raw=True)
@@ -221,7 +227,17 @@ def _graph(*nodes: object, external: bool = False) -> bytes:
     result = helper.make_tensor_value_info(contract.PICTURE, TensorProto.FLOAT, None)
     graph = helper.make_graph(list(nodes), "preview", [], [result], constants)  # type: ignore[arg-type]
     versions = {"opset_imports": [helper.make_opsetid("", contract.OPSET)], "ir_version": contract.IR_VERSION}
-    return bytes(helper.make_model(graph, **versions).SerializeToString())
+    model = helper.make_model(graph, **versions)
+    tile = contract.tile_name(CfaPattern.bayer(6))
+    helper.set_model_props(model, contract.Description(tile, "RGB", 1, True, (0, 0, 0, 0), "2").to_metadata())
+    return bytes(model.SerializeToString())
+
+
+def _product() -> list[object]:
+    """A table of all products of two constants, and some more made of it."""
+    roots = [helper.make_node("Sqrt", [f"r{n}"], [f"r{n + 1}"]) for n in range(8)]
+    outer = helper.make_node("Transpose", ["row"], ["column"], perm=[1, 0]), helper.make_node("Mul", ["row", "column"], ["r0"])
+    return [*outer, *roots, helper.make_node("Identity", ["r8"], [contract.PICTURE])]
 
 
 def _body() -> object:

@@ -54,7 +54,7 @@ class Sample:
 
 def corpus() -> list[Sample]:
     """Every sample, always the same ones."""
-    return [*_shots(), *_pictures(), *_raws(), *_documents(), *_graphs(), *_streams()]
+    return [*_shots(), *_pictures(), *_linear(), *_raws(), *_documents(), *_graphs(), *_streams()]
 
 
 def _shots() -> list[Sample]:
@@ -100,6 +100,30 @@ _KINDS = (
 def _read_scene(path: Path) -> bytes:
     scene = load_scene(str(path))
     return repr(scene.shape).encode() + scene.rgb.tobytes()
+
+
+def _linear() -> list[Sample]:
+    """Linear DNGs: a render of ours, and those that other programs write, in tiles or strips, of integers or floating point."""
+    rgb = np.random.default_rng(4).random((23, 31, 3)).astype(np.float32)
+    known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
+    files = [encode_picture(rgb, PictureKind("dng", 16, "camera"), calibration=known, metadata=METADATA)]
+    levels = (
+        (50712, 3, 3, (0, 30000, 65535), True),
+        (50714, 3, 1, 7, True),
+        (50717, 3, 1, 60000, True),
+        (50829, 3, 4, (1, 2, 20, 30), True),
+    )
+    for samples, tile, compression in (
+        ((rgb * 65535).astype(np.uint16), (16, 16), None),
+        ((rgb * 2).astype(np.uint16), None, "zlib"),
+        (rgb, (16, 16), "zlib"),
+    ):
+        buffer = io.BytesIO()
+        tags: list[Any] = [(50706, 1, 4, bytes([1, 4, 0, 0]), True), *(levels if samples.dtype == np.uint16 else ())]
+        options: dict[str, Any] = {"tile": tile} if tile else {"rowsperstrip": 7}
+        tifffile.imwrite(buffer, samples, photometric="linear_raw", compression=compression, extratags=tags, **options)
+        files.append(buffer.getvalue())
+    return [Sample("linear DNG", ".dng", data, _read_scene) for data in files]
 
 
 def _raws() -> list[Sample]:

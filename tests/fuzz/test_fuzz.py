@@ -9,6 +9,7 @@ from shared.errors import InputError
 from tests.fuzz import bombs, campaign, descriptions
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
 from tests.fuzz.corpus import Read, Sample, corpus
+from tests.fuzz.piece_bombs import piece_bombs
 from tests.python import run_python
 
 
@@ -85,3 +86,9 @@ def test_no_wrong_description_of_a_stream_passes_silently() -> None:
 def test_a_description_that_passes_silently_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(descriptions, "checked", lambda frames, sensor, note: frames)
     assert all(descriptions.is_fault(*descriptions.case(0, number)) for number in range(len(descriptions.WRONG)))
+
+
+def test_needless_pieces_are_refused(tmp_path: Path) -> None:
+    """They take little memory: only time would show that they are read."""
+    read = [name for name in piece_bombs() if not bombs.measure(bombs.write(name, tmp_path))[0]]
+    assert read == []

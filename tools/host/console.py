@@ -44,7 +44,7 @@ class Console:
     def say(self, *lines: str) -> None:
         """Print the lines of a result, to stdout unless that is for machines. Raises StandardOutputError."""
         if not self._json:
-            _to_stdout(*map(one_line, lines))
+            to_stdout(*map(one_line, lines))
         elif not self._quiet:
             for line in lines:
                 to_stderr(line)
@@ -61,7 +61,7 @@ class Console:
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
         if self._json:
-            _to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
+            to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
 
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
@@ -82,7 +82,7 @@ class Console:
         if self._display is not None:
             self._display.stop()
             self._display = None
-        _to_stdout()
+        to_stdout()
 
 
 def fault(error: BaseException) -> str:
@@ -99,7 +99,8 @@ def fault(error: BaseException) -> str:
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"
 
 
-def _to_stdout(*lines: str) -> None:
+def to_stdout(*lines: str) -> None:
+    """Print lines, all at once. Raises StandardOutputError."""
     try:
         for line in lines:
             print(line)

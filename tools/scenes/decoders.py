@@ -24,7 +24,7 @@ from shared.colorimetry import as_rows, primaries_to_xyz
 from shared.errors import InputError
 from shared.jpeg_check import read_header
 from shared.reading import MAX_PIXELS, data_bytes
-from shared.tiff_check import PLAIN, check_directories
+from shared.tiff_check import PLAIN, check_directories, check_pieces
 from tools.host.limited import run_limited
 
 from .exif_reading import picture_metadata, tiff_metadata
@@ -172,16 +172,11 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         samples = page.samplesperpixel
         if samples not in {1, 2, 3, 4} or page.imagedepth != 1 or page.tiledepth != 1:
             raise InputError(f"the TIFF has {samples} samples per pixel; expected grey or RGB, with or without transparency")
-        pixel_bytes = samples * max(1, page.bitspersample // 8)
+        pixel_bytes = max(samples, 3) * max(1, page.bitspersample // 8)  # a grey scene has three planes as well
         check_size(page.imagewidth, page.imagelength, pixel_bytes, held, max_pixels)
-        # tifffile fills missing data with zeros: a black stripe in the scene instead of an error.
-        extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
-        if not extents or any(count == 0 or offset + count > size for offset, count in extents):
-            raise InputError("the TIFF is cut short: it points beyond its end; copy it again")
-        if sum(count for _, count in extents) > size:
-            raise InputError("the strips of the TIFF overlap: the file is damaged, or made to fill the memory")
+        check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
         if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
-            covered, pixels = page.tilewidth * page.tilelength * len(extents), page.imagewidth * page.imagelength
+            covered, pixels = page.tilewidth * page.tilelength * len(page.dataoffsets), page.imagewidth * page.imagelength
             if covered > max(SMALL, 4 * samples * pixels):
                 raise InputError(
                     f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory"

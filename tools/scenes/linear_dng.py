@@ -13,8 +13,8 @@ from shared.dng import metadata_from
 from shared.dng.reader import DngReader
 from shared.dng.tags import PICTURE_PLANES, Compression, Photometric, Tag
 from shared.errors import InputError
-from shared.reading import MAX_PIXELS
-from shared.tiff_check import check_directories
+from shared.reading import MAX_PIXELS, data_bytes
+from shared.tiff_check import check_directories, check_pieces
 from shared.white_balance import normalised
 
 from .camera_colour import as_shot_or_estimated
@@ -49,8 +49,7 @@ def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             page = _main_picture(file)
             if page is None:
                 return None
-            size = path.stat().st_size
-            _check(page, size, max_pixels)
+            _check(page, path.stat().st_size, data_bytes(path), max_pixels)
             if page.compression in _DEFLATE:
                 _check_inflated(page, stream)
             integers = page.compression in tuple(Compression) and page.dtype is not None and page.dtype.kind == "u"
@@ -83,8 +82,11 @@ class _Reader(DngReader):
         return self._page
 
 
-def _check(page: TiffPage, size: int, max_pixels: int) -> None:
-    """Raise InputError for samples that are not read, or whose declared sizes are impossible. `size` of the file in bytes."""
+def _check(page: TiffPage, size: int, held: int, max_pixels: int) -> None:
+    """Raise InputError for samples that are not read, or whose declared sizes are impossible.
+
+    size, held: of the file, bytes; with holes and without.
+    """
     if page.compression not in (*Compression, *_DEFLATE):
         kind = getattr(page.compression, "name", page.compression)
         raise InputError(f"the linear DNG is compressed by {kind}, which is lossy or rare; export it without lossy compression")
@@ -93,12 +95,11 @@ def _check(page: TiffPage, size: int, max_pixels: int) -> None:
         raise InputError(f"the samples of the linear DNG are {bits} bits {kind}; expected integers up to 16 bits or floating point")
     if page.planarconfig != 1:
         raise InputError("the linear DNG has its colours in separate planes; DNG wants them interleaved: export it again")
-    check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, size, max_pixels)
+    check_size(page.imagewidth, page.imagelength, PICTURE_PLANES * kind.itemsize, held, max_pixels)
     sides = ((page.tilewidth, page.imagewidth), (page.tilelength, page.imagelength)) if page.is_tiled else ()
-    extents = list(zip(page.dataoffsets, page.databytecounts, strict=True))
-    short = not extents or any(count == 0 or offset + count > size for offset, count in extents)
-    if short or any(tile > max(side, _LARGE_TILE) for tile, side in sides):
-        raise InputError("the linear DNG is cut short or damaged: its samples are not where it says; copy it again")
+    check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
+    if any(tile > max(side, _LARGE_TILE) for tile, side in sides):
+        raise InputError("the linear DNG is damaged: its tiles are larger than its picture; copy it again")
 
 
 def _check_inflated(page: TiffPage, stream: Any) -> None:
