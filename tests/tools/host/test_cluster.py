@@ -12,7 +12,7 @@ import pytest
 
 from tests.dask_cluster import cluster, scheduler, worker
 from tests.data import ROOT
-from tests.tools.command import run, start
+from tests.tools.command import assert_refused, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import cluster as module
 from tools.host.cluster import Program, program
@@ -149,3 +149,28 @@ def test_workers_are_judged_by_what_they_run() -> None:
 
 def test_the_digest_covers_what_workers_run() -> None:
     assert {"shared", "offline", "tools/rendering", "tools/evaluation", "tools/host"} <= set(module._SOURCES)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "the file is empty"),
+        ("garbage{", "holds no address"),
+        ("[1, 2]", "holds no address"),
+        ("{}", "holds no address"),
+        ('{"address": null}', "holds no address"),
+        ('{"address": ""}', "holds no address"),
+        ('{"address": ["tcp://127.0.0.1:1"]}', "holds no address"),
+        ("[" * 100_000, "holds no address"),
+        (" " * (1 << 21), "bytes"),
+        ('{"address": "tls://127.0.0.1:1"}', "no scheduler answers"),
+        ('{"address": "tcp://127.0.0.1:1\\n\\u001b[31m"}', "no scheduler answers"),
+    ],
+)
+def test_a_file_that_no_scheduler_wrote_is_one_line(
+    tmp_path: Path, out: Path, content: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_SECONDS", 1)
+    file = tmp_path / "scheduler.json"
+    file.write_text(content, "utf-8")
+    assert_refused(run("render", save_shot(tmp_path / "a.dng"), "-o", out, "--scheduler-file", file), words, name=str(file), code=2)
