@@ -26,6 +26,7 @@ from shared.errors import InputError, PanchromaError
 from shared.reading import read_whole
 
 from .code_digest import digest
+from .signals import raise_lost_signal
 from .versions import package_version
 from .worker_pool import Note, result_or_error
 
@@ -136,6 +137,7 @@ def run(client: Any, work: Callable[[P], R], pieces: Sequence[P], note: Note) ->
             workers.wait()
         submit()
         while at_work:
+            raise_lost_signal()
             try:
                 future = ended.get(timeout=_POLL)
             except Empty:
