@@ -151,6 +151,21 @@ def test_the_digest_covers_what_workers_run() -> None:
     assert {"shared", "offline", "tools/rendering", "tools/evaluation", "tools/host"} <= set(module._SOURCES)
 
 
+def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path, out: Path) -> None:
+    shot = save_shot(tmp_path / "a.dng", 1, (900, 900))
+    with cluster(tmp_path, 1) as (file, (killed,)):
+        rendering = start("render", shot, "-o", out, "--scheduler-file", file)
+        while not any(path.name.startswith(".a.tif.") for path in out.iterdir()):
+            assert rendering.poll() is None
+            time.sleep(0.01)
+        killed.kill()
+        line_with(rendering.stderr, "waiting for workers")
+        rendering.send_signal(signal.SIGINT)
+        rendering.communicate(timeout=60)
+    assert rendering.returncode == 130
+    assert not list(out.iterdir())
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
