@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
             code = FAILED
             try:
-                parsed = _parser(arguments).parse_args(arguments)
+                parsed = _parsed(_parser(arguments), arguments)
                 console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet)
                 _set_threads(parsed)
                 code = _module(parsed.verb).run(parsed, console)
@@ -122,6 +122,13 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             module.add_arguments(child)
             child.add_argument("--quiet", action="store_true", help="show neither progress nor notes; errors and results remain")
     return parser
+
+
+def _parsed(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
+    try:
+        return parser.parse_args(arguments)
+    except OSError as error:  # of --help, whose reader has left: Python 3.11.2 does not catch it
+        raise StandardOutputError(error) from None
 
 
 def _set_threads(parsed: argparse.Namespace) -> None:
