@@ -253,7 +253,7 @@ def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: 
         f"    begin(self)\n    if self.name.startswith('{thread}'): signal.raise_signal(signal.SIGINT)\n"
         "threading.Thread.start = start; cli.main()"
     )
-    line = [sys.executable, "-c", script, verb, shots / SHOT, "-o", tmp_path]
+    line = [sys.executable, "-c", script, verb, str(shots / SHOT), "-o", str(tmp_path)]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False, timeout=100)
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr

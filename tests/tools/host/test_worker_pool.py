@@ -109,7 +109,7 @@ def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:
 def test_an_interrupt_that_an_import_has_swallowed_stops_the_work(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signals, "_received", [signals.Terminated(signal.SIGINT)])
     with pytest.raises(signals.Terminated):
-        list(pool(str, [1, 2, 3], count))
+        list(pool(double, [1, 2, 3], count))
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
