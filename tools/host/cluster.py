@@ -16,11 +16,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError as FutureCancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import chain, islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from shared.errors import InputError, PanchromaError
 from shared.reading import read_whole
@@ -75,7 +75,7 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what users should know is said here, in one line
     try:
-        client = Client(address, timeout=_SECONDS)
+        client = _in_time(partial(Client, address, timeout=_SECONDS))
     except Exception as error:  # deliberately every class: each kind of address, and whatever answers that is not dask, has its own
         raise InputError(
             f"{file or address}: no scheduler answers ({_one_line(error)}); start one with `dask scheduler`, and workers with "
@@ -86,6 +86,29 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
     finally:
         with suppress(*_LOST):
             client.close()
+
+
+def _in_time(connect: Callable[[], R]) -> R:
+    """The result of `connect`, or its error. dask alone would wait for ever for what takes connections and is silent."""
+    ended: SimpleQueue[Callable[[], R]] = SimpleQueue()
+
+    def work() -> None:
+        try:
+            client = connect()
+            ended.put(lambda: client)
+        except BaseException as error:
+            ended.put(partial(_throw, error))
+
+    threading.Thread(target=work, daemon=True).start()
+    try:
+        result = ended.get(timeout=_SECONDS + _POLL)
+    except Empty:
+        raise TimeoutError(f"silent for {_SECONDS} s") from None
+    return result()
+
+
+def _throw(error: BaseException) -> NoReturn:
+    raise error
 
 
 def _written_address(file: str) -> str:

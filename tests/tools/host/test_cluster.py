@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import socket
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -189,3 +190,11 @@ def test_a_file_that_no_scheduler_wrote_is_one_line(
     file = tmp_path / "scheduler.json"
     file.write_text(content, "utf-8")
     assert_refused(run("render", save_shot(tmp_path / "a.dng"), "-o", out, "--scheduler-file", file), words, name=str(file), code=2)
+
+
+def test_what_takes_connections_and_is_silent_is_one_line(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_SECONDS", 1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        outcome = run("render", save_shot(tmp_path / "a.dng"), "-o", out, "--scheduler", address)
+    assert_refused(outcome, "no scheduler answers (silent for 1 s)", name=address, code=2)
