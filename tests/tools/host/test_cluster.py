@@ -160,7 +160,7 @@ def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path,
             assert rendering.poll() is None
             time.sleep(0.01)
         killed.kill()
-        line_with(rendering.stderr, "waiting for workers")
+        killed.wait()
         rendering.send_signal(signal.SIGINT)
         rendering.communicate(timeout=60)
     assert rendering.returncode == 130
