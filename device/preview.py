@@ -59,7 +59,6 @@ class Preview:
             raise InputError(f"the preview graph's description is no text ({error}): {_DAMAGED}") from None
         self.description = contract.parse(metadata)
         self._threads = threads or _processors()
-        self._pool = ThreadPoolExecutor(self._threads, "preview")
 
     @classmethod
     def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
@@ -117,8 +116,10 @@ class Preview:
                     return
                 develop(patches)
 
-        for _ in self._pool.map(work, range(self._threads)):
-            pass  # raises an error of a strip
+        # A pool of its own for each picture: one that stays would wait for ever for a thread whose start is interrupted.
+        with ThreadPoolExecutor(self._threads, "preview") as pool:
+            for _ in pool.map(work, range(self._threads)):
+                pass  # raises an error of a strip
         return picture
 
     def _strip(self, codes: CodeArray, inputs: dict[str, NDArray[Any]]) -> NDArray[Any]:

@@ -18,6 +18,7 @@ from .tags import MAKER
 SCHEMA = 1
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
+_BESIDE = {"neutral_estimated"}  # fields of the calibration that came later than the record
 
 
 @dataclass(frozen=True)
@@ -45,14 +46,16 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
     samples: NewRawImageDigest of the mosaic's codes.
     preview: the JPEG preview.
     """
-    pattern = mosaic.pattern
+    pattern, calibration = mosaic.pattern, mosaic.calibration.to_json()
     document = {
         "schema": SCHEMA,
         "shape": mosaic.shape,
         "samples": samples.hex(),
         "preview": preview_digest(preview),
         "pattern": {"tile": pattern.tile, "period": pattern.period, "origin": pattern.origin, "channels": pattern.channels},
-        "calibration": mosaic.calibration.to_json(),
+        # Beside the calibration: earlier versions refuse a calibration with a field that they do not know.
+        **{name: calibration.pop(name) for name in _BESIDE if name in calibration},
+        "calibration": calibration,
         "calibration_id": mosaic.calibration.id,
     }
     return RECORD_ID + json.dumps({**document, "digest": _digest(document)}, ensure_ascii=False).encode(errors="backslashreplace")
@@ -78,7 +81,9 @@ def decode_record(data: bytes) -> Record:
     given = document["pattern"]
     row, column = given["origin"]
     pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
-    calibration = SensorCalibration.from_json(document["calibration"])
+    calibration = SensorCalibration.from_json(
+        {**document["calibration"], **{name: document[name] for name in _BESIDE & document.keys()}}
+    )
     if "shape" not in document:
         return Record(pattern, calibration, digest)
     rows, columns = document["shape"]

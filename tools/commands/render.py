@@ -87,15 +87,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         from tools.host.cluster import SchedulerGoneError, connected
         from tools.rendering import remote
 
-        with connected(arguments.scheduler, arguments.scheduler_file) as client:
-            through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
-            try:
+        try:
+            with connected(arguments.scheduler, arguments.scheduler_file) as client:
+                through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
                 all_made = render_shots(shots, through, console)
-            except SchedulerGoneError as error:
-                console.error(str(error))
-                all_made = False
-        for below in {shot.output.parent for shot in shots}:  # of workers that were killed
-            sweep(below)
+        except SchedulerGoneError as error:
+            console.error(str(error))
+            all_made = False
+        finally:
+            for below in {shot.output.parent for shot in shots}:  # of workers that were killed
+                sweep(below)
     else:
         workers = 1 if order.dry_run else arguments.workers
         resources = Resources.of(order, shots, workers, arguments.threads, arguments.max_memory)

@@ -4,6 +4,7 @@ When a worker is lost the scheduler gives its pieces to another one. A worker do
 `dask worker --nthreads 1`. Only workers that run the source of this program get work.
 """
 
+import json
 import logging
 import math
 import os
@@ -15,15 +16,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError as FutureCancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import chain, islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from shared.errors import InputError, PanchromaError
+from shared.reading import read_whole
 
 from .code_digest import digest
+from .signals import raise_lost_signal
 from .versions import package_version
 from .worker_pool import Note, result_or_error
 
@@ -31,6 +34,7 @@ P = TypeVar("P")
 R = TypeVar("R")
 
 _SECONDS = 20  # that a scheduler has to answer
+_LARGEST_FILE = 1 << 20  # bytes of a scheduler's file; one with thousands of workers has less
 _AHEAD = 1000  # pieces submitted at a time: there may be a million
 _POLL = 1.0  # seconds without a result after which the scheduler is looked at
 _LOOK = 5.0  # seconds between two looks at the workers
@@ -67,21 +71,65 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
         from distributed import Client
     except ModuleNotFoundError:
         raise InputError("--scheduler needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
-    if not (address or Path(file or "").is_file()):  # dask would wait for it
-        raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
+    address = address or _written_address(file or "")
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what users should know is said here, in one line
     try:
-        client = Client(address, timeout=_SECONDS, scheduler_file=None if address else file)
-    except (OSError, ValueError, TimeoutError, ImportError, MemoryError) as error:  # a MemoryError: what answers is not dask
+        client = _in_time(partial(Client, address, timeout=_SECONDS))
+    except Exception as error:  # deliberately every class: each kind of address, and whatever answers that is not dask, has its own
         raise InputError(
-            f"{address or file}: no scheduler answers ({error}); start one with `dask scheduler`, and workers with `dask worker`"
+            f"{file or address}: no scheduler answers ({_one_line(error)}); start one with `dask scheduler`, and workers with "
+            "`dask worker`"
         ) from None
     try:
         yield client
     finally:
         with suppress(*_LOST):
             client.close()
+
+
+def _in_time(connect: Callable[[], R]) -> R:
+    """The result of `connect`, or its error. dask alone would wait for ever for what takes connections and is silent."""
+    ended: SimpleQueue[Callable[[], R]] = SimpleQueue()
+
+    def work() -> None:
+        try:
+            client = connect()
+            ended.put(lambda: client)
+        except BaseException as error:
+            ended.put(partial(_throw, error))
+
+    threading.Thread(target=work, daemon=True).start()
+    try:
+        result = ended.get(timeout=_SECONDS + _POLL)
+    except Empty:
+        raise TimeoutError(f"silent for {_SECONDS} s") from None
+    return result()
+
+
+def _throw(error: BaseException) -> NoReturn:
+    raise error
+
+
+def _written_address(file: str) -> str:
+    """The address that `dask scheduler --scheduler-file` wrote. Raises InputError for any other file; dask would wait for one."""
+    if not Path(file).exists():
+        raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
+    try:
+        address = json.loads(read_whole(file, _LARGEST_FILE, "the file of a dask scheduler"))["address"]
+        if not (isinstance(address, str) and address):
+            raise TypeError(address)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    except (ValueError, LookupError, TypeError, RecursionError):
+        raise InputError(
+            f"{file}: holds no address of a scheduler; give the file that `dask scheduler --scheduler-file` wrote"
+        ) from None
+    return address
+
+
+def _one_line(error: object) -> str:
+    return " ".join(str(error).split())
 
 
 def run(client: Any, work: Callable[[P], R], pieces: Sequence[P], note: Note) -> Iterator[tuple[P, R | BaseException]]:
@@ -112,6 +160,7 @@ def run(client: Any, work: Callable[[P], R], pieces: Sequence[P], note: Note) ->
             workers.wait()
         submit()
         while at_work:
+            raise_lost_signal()
             try:
                 future = ended.get(timeout=_POLL)
             except Empty:
@@ -211,7 +260,7 @@ class _Workers:
 def _judged(answer: object) -> tuple[bool, str]:
     """Whether a worker that answers so is fit, and a remark for the user."""
     if not isinstance(answer, Program):
-        reason = " ".join(f"{type(answer).__name__}: {answer}".split())
+        reason = _one_line(f"{type(answer).__name__}: {answer}")
         return False, f"refused, because it has no Panchroma, or another one ({reason}); install this one there, and start it again"
     if answer.source != program().source:
         return False, (

@@ -127,7 +127,9 @@ def add_scheduler(group: argparse._ActionsContainer) -> None:
 
 
 def uses_scheduler(arguments: argparse.Namespace) -> bool:
-    """Whether a dask scheduler distributes the work. Raises InputError when both options are given."""
+    """Whether a dask scheduler distributes the work. Raises InputError when both options are given, and when one is empty."""
+    if "" in (arguments.scheduler, arguments.scheduler_file):  # an unset variable of a shell, and no wish to work here
+        raise InputError("--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE")
     if arguments.scheduler and arguments.scheduler_file:
         raise InputError("--scheduler and --scheduler-file name the same thing; give one of them")
     return bool(arguments.scheduler or arguments.scheduler_file)

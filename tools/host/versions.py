@@ -2,12 +2,14 @@
 
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 
 
 @cache
 def package_version(name: str) -> str | None:
     """Version of an installed distribution, None where it is not installed."""
+    # Here: it takes longer to import than the rest of the command line, which shows a traceback when it is interrupted meanwhile.
+    from importlib.metadata import PackageNotFoundError, version
+
     with suppress(PackageNotFoundError):
         return version(name)
     return None

@@ -14,7 +14,7 @@ from shared.errors import InputError, PanchromaError
 
 from .console import WorkerFault, fault
 from .processors import limited_threads
-from .signals import end_with_parent, held_back, insist
+from .signals import end_with_parent, held_back, insist, raise_lost_signal
 
 A = ParamSpec("A")
 P = TypeVar("P")
@@ -41,8 +41,10 @@ def run(
     threads: number of threads of the numerical libraries in each worker.
     """
     count = min(count, len(pieces))
+    raise_lost_signal()
     if count <= 1:
         for piece in pieces:
+            raise_lost_signal()
             yield piece, result_or_error(work, piece, note)
         return
     queue = deque(enumerate(pieces))

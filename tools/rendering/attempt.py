@@ -128,11 +128,21 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         def journal(part: Path) -> Callable[[], None]:
             absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
             entry = Entry(order.name(output), digest(part) or "", existing.key, order.run, absolute)
-            return _JOURNAL_WRITER.submit(_journal(order.folder).append, entry).result
+            return writer.submit(_journal(order.folder).append, entry).result
 
-        solved = render_to(
-            output, mosaic, order.kind, settings, progress, exposure=order.exposure, overwrite=existing.replace, on_complete=journal
-        )
+        # Journal and picture are fsynced at the same time, because for small pictures fsync takes most of the time. The pool is
+        # this picture's own: one that stays would wait for ever for a thread whose start is interrupted.
+        with ThreadPoolExecutor(1) as writer:
+            solved = render_to(
+                output,
+                mosaic,
+                order.kind,
+                settings,
+                progress,
+                exposure=order.exposure,
+                overwrite=existing.replace,
+                on_complete=journal,
+            )
     seconds = time.monotonic() - start
     rows, columns = written_shape(order.kind, mosaic.shape, mosaic.metadata)
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
@@ -141,10 +151,6 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     facts["neutral"], facts["neutral_estimated"] = mosaic.calibration.neutral, mosaic.calibration.neutral_estimated
     facts["learned"] = network_name(mosaic.pattern) if settings.learned.used else None
     return Outcome("made", line, facts)
-
-
-# Journal and picture are fsynced at the same time, because for small pictures fsync takes most of the time.
-_JOURNAL_WRITER = ThreadPoolExecutor(1)
 
 
 @lru_cache(maxsize=1)  # so that a process reads a long journal once

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from offline import RenderSettings, Solved
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
-_PROGRAM = 250 * 2**20  # with its libraries and kernels
+_PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
 _ENCODING = {"png": 36.0, "jpg": 20.0, "dng": 30.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself
 

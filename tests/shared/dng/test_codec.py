@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from io import BytesIO
 from typing import Any
@@ -222,6 +223,15 @@ def test_record_is_named_and_survives_padding() -> None:
     assert (found.pattern, found.calibration, found.shape) == (original.pattern, original.calibration, original.shape)
     assert decode_record(record + b"\0") == found  # exiftool pads
     assert original.calibration.id.encode() in record
+
+
+def test_earlier_versions_know_every_field_of_the_calibration() -> None:
+    """They refuse a calibration with another field."""
+    original = mosaic()
+    marked = replace(original.calibration, neutral=(0.5,) * len(original.calibration.channels), neutral_estimated=True)
+    record = encode_record(replace(original, calibration=marked), b"digest", b"preview")
+    assert json.loads(record.removeprefix(RECORD_ID))["calibration"].keys() == original.calibration.to_json().keys()
+    assert decode_record(record).calibration == marked
 
 
 def test_record_tells_any_change() -> None:

@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import socket
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from tests.dask_cluster import cluster, scheduler, worker
 from tests.data import ROOT
-from tests.tools.command import run, start
+from tests.tools.command import assert_refused, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import cluster as module
 from tools.host.cluster import Program, program
@@ -149,3 +150,51 @@ def test_workers_are_judged_by_what_they_run() -> None:
 
 def test_the_digest_covers_what_workers_run() -> None:
     assert {"shared", "offline", "tools/rendering", "tools/evaluation", "tools/host"} <= set(module._SOURCES)
+
+
+def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path, out: Path) -> None:
+    shot = save_shot(tmp_path / "a.dng", 1, (900, 900))
+    with cluster(tmp_path, 1) as (file, (killed,)):
+        rendering = start("render", shot, "-o", out, "--scheduler-file", file)
+        while not any(path.name.startswith(".a.tif.") for path in out.iterdir()):
+            assert rendering.poll() is None
+            time.sleep(0.01)
+        killed.kill()
+        killed.wait()
+        rendering.send_signal(signal.SIGINT)
+        rendering.communicate(timeout=60)
+    assert rendering.returncode == 130
+    assert not list(out.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "the file is empty"),
+        ("garbage{", "holds no address"),
+        ("[1, 2]", "holds no address"),
+        ("{}", "holds no address"),
+        ('{"address": null}', "holds no address"),
+        ('{"address": ""}', "holds no address"),
+        ('{"address": ["tcp://127.0.0.1:1"]}', "holds no address"),
+        ("[" * 100_000, "holds no address"),
+        (" " * (1 << 21), "bytes"),
+        ('{"address": "tls://127.0.0.1:1"}', "no scheduler answers"),
+        ('{"address": "tcp://127.0.0.1:1\\n\\u001b[31m"}', "no scheduler answers"),
+    ],
+)
+def test_a_file_that_no_scheduler_wrote_is_one_line(
+    tmp_path: Path, out: Path, content: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_SECONDS", 1)
+    file = tmp_path / "scheduler.json"
+    file.write_text(content, "utf-8")
+    assert_refused(run("render", save_shot(tmp_path / "a.dng"), "-o", out, "--scheduler-file", file), words, name=str(file), code=2)
+
+
+def test_what_takes_connections_and_is_silent_is_one_line(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_SECONDS", 1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        outcome = run("render", save_shot(tmp_path / "a.dng"), "-o", out, "--scheduler", address)
+    assert_refused(outcome, "no scheduler answers (silent for 1 s)", name=address, code=2)

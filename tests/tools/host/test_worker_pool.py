@@ -17,7 +17,7 @@ from shared.errors import InputError, PanchromaError
 from tests.data import ROOT
 from tests.tools.command import contents, results, run, start
 from tests.tools.rendering.examples import save_shot
-from tools.host import worker_pool
+from tools.host import signals, worker_pool
 from tools.host.console import WorkerFault, fault
 from tools.host.worker_pool import Note
 from tools.rendering.journal import NAME
@@ -103,6 +103,13 @@ def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:
     finally:
         signal.signal(signal.SIGALRM, before)
     assert len(list(tmp_path.glob("*.left"))) == 2
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_interrupt_that_an_import_has_swallowed_stops_the_work(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signals, "_received", [signals.Terminated(signal.SIGINT)])
+    with pytest.raises(signals.Terminated):
+        list(pool(double, [1, 2, 3], count))
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.Monk
 def test_too_little_even_for_bands(tmp_path: Path, out: Path) -> None:
     shot = save(tmp_path / "shot.dng", SMALL)
     outcome = run("render", shot, "-o", out, "--max-memory", "100M")
-    assert_refused(outcome, "90 x 60 pixels as tif need 34", "100 MB are allowed; set --max-memory 34", name=str(shot))
+    assert_refused(outcome, "90 x 60 pixels as tif need 38", "100 MB are allowed; set --max-memory 38", name=str(shot))
     assert names(out) == set()
 
 
