@@ -11,9 +11,9 @@ from shared.reading import MAX_PIXELS
 
 MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
 SMALL = 1 << 22  # pixels that are harmless, however well they are compressed: 50 MB as a scene
-# Decoded bytes that are believed, 24 megapixels of RGBA with 16 bits: even light and drawn charts are pictures, and compress as
-# well as bombs. A decoder that finds less in the file stops there.
-_BELIEVED = 24_000_000 * 8
+# Pixels that are believed, of 8 bytes at most: even light and drawn charts are pictures, and compress as well as bombs. So many
+# take less than a second and 300 MB.
+_BELIEVED, _BELIEVED_BYTES = 12_000_000, 8
 DARKEST = -1e-3  # of the brightest value: rounding and resampling may go this far below zero
 
 
@@ -79,7 +79,8 @@ def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 
     if width * height > max_pixels:
         raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels raises it")
     decoded = width * height * pixel_bytes
-    if decoded > max(_BELIEVED, MAX_EXPANSION * file_bytes) and file_bytes:
+    believed = width * height <= _BELIEVED and decoded <= _BELIEVED * _BELIEVED_BYTES
+    if file_bytes and not believed and decoded > MAX_EXPANSION * file_bytes:
         raise InputError(
             f"{file_bytes} bytes claim to hold {width} x {height} pixels ({decoded // 2**20} MB): "
             "the file is damaged, or made to fill the memory; if it is a picture, save it without compression"
