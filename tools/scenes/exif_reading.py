@@ -1,7 +1,6 @@
 """Capture data in the files that scenes come from. Invalid fields are skipped: they are never an error."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from shared.tiff_reading import StoredDirectories, read_directories
 
 _COLOURS = {Tag.COLOR_MATRIX_1, Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_1, Tag.CALIBRATION_ILLUMINANT_2}
 _START = b"Exif\0\0"
-_TEXT_PROFILE = "Raw profile type exif"  # how PNG files held Exif before the chunk eXIf (ImageMagick, exiftool)
 _SEARCHED = 1 << 20  # bytes at the beginning of a RAW that is not a TIFF
 _TIFF_STARTS = (b"II*\0\x08\0\0\0", b"MM\0*\0\0\0\x08")
 
@@ -43,7 +41,4 @@ def raw_directories(path: Path) -> StoredDirectories:
 def picture_metadata(info: Mapping[Any, Any]) -> CaptureMetadata:
     """Return the capture data in what Pillow's `Image.info` holds of a JPEG, PNG or WebP."""
     block = info.get("exif", b"")
-    if not block and isinstance(profile := info.get(_TEXT_PROFILE), str):
-        with suppress(ValueError):
-            block = bytes.fromhex("".join(profile.split("\n")[3:]))
     return read_metadata(BytesIO(block.removeprefix(_START))) if isinstance(block, bytes) else CaptureMetadata()
