@@ -138,10 +138,11 @@ def test_a_wrong_period(period: int) -> None:
     assert "likely --period 6 --origin 2 1." in message
 
 
-def test_each_wrong_origin() -> None:
+def test_a_wrong_origin_along_each_axis() -> None:
     frame, layout = pack(codes(), "u16"), FrameLayout(SIZE[1], SIZE[0], "u16")
-    wrong = [(row, column) for row in range(6) for column in range(6) if (row, column) != PATTERN.origin]
-    for origin in wrong:
+    row, column = PATTERN.origin
+    down, across = [(each, column) for each in range(6) if each != row], [(row, each) for each in range(6) if each != column]
+    for origin in (*down, *across, ((row + 3) % 6, (column + 3) % 6)):
         assert "likely --origin 2 1." in refusal(frame, sensor(layout, CfaPattern.bayer(6, origin=origin)))
 
 

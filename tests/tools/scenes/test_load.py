@@ -225,7 +225,7 @@ def test_damaged_files_end_in_an_error_or_a_scene(tmp_path: Path, suffix: str, c
     data = path.read_bytes()
     load_scene(str(path))
     said = []
-    for broken in mutations(data, 40):
+    for broken in mutations(data, 6 if suffix in (".exr", ".dng") else 40):  # these start a process each
         path.write_bytes(broken)
         try:
             load_scene(str(path))
