@@ -26,7 +26,7 @@ def case(samples: list[Sample], seed: int, number: int) -> tuple[Sample, bytes]:
 
 
 def outcome(sample: Sample, original: bytes, path: Path) -> tuple[str, str]:
-    """(outcome, reason) of reading the damaged file at `path`. A sealed file that reads as something else is a fault."""
+    """(outcome, reason) of reading the file at `path`. A sealed file that reads as something else than `original` is a fault."""
     try:
         read = sample.read(path)
     except InputError as error:
@@ -36,6 +36,11 @@ def outcome(sample: Sample, original: bytes, path: Path) -> tuple[str, str]:
     if read == original:
         return SAME, ""
     return (FAULT, "silently wrong: accepted, and not what was written") if sample.sealed else (ALTERED, "")
+
+
+def undamaged(samples: list[Sample], data: bytes, index: int) -> int:
+    """Which sample the bytes should read as: the one they were made of, unless a splice has made them another whole sample."""
+    return next((each for each, sample in enumerate(samples) if sample.data == data), index)
 
 
 def main() -> None:
@@ -57,7 +62,7 @@ def main() -> None:
             path = place / f"shot{sample.suffix}"
             path.write_bytes(data)
             start = time.perf_counter()
-            found, why = outcome(sample, originals[number % len(samples)], path)
+            found, why = outcome(sample, originals[undamaged(samples, data, number % len(samples))], path)
             answer = {"outcome": found, "why": why, "seconds": time.perf_counter() - start, "bytes": _peak()}
             print(json.dumps(answer), file=say, flush=True)
 

@@ -7,7 +7,7 @@ import pytest
 
 from shared.errors import InputError
 from tests.fuzz import bombs, campaign, descriptions
-from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome
+from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome, undamaged
 from tests.fuzz.corpus import Read, Sample, corpus
 from tests.fuzz.piece_bombs import piece_bombs
 from tests.python import run_python
@@ -86,6 +86,13 @@ def test_no_wrong_description_of_a_stream_passes_silently() -> None:
 def test_a_description_that_passes_silently_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(descriptions, "checked", lambda frames, sensor, note: frames)
     assert all(descriptions.is_fault(*descriptions.case(0, number)) for number in range(len(descriptions.WRONG)))
+
+
+def test_another_whole_file_is_no_damage() -> None:
+    """Two shots that are spliced behind the bytes that all TIFFs begin with are one of them."""
+    samples = corpus()
+    assert undamaged(samples, samples[2].data, 4) == 2
+    assert undamaged(samples, samples[2].data[:-1], 4) == 4
 
 
 def test_needless_pieces_are_refused(tmp_path: Path) -> None:
