@@ -176,10 +176,11 @@ def _metadata(raw: Any, directories: StoredDirectories, path: Path) -> CaptureMe
     lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
     found = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
-    if not directories.main and other is not None:
-        taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
-        values = {"artist": printable(str(other.artist or "")), "f_number": other.aperture, "focal_length": other.focal_length}
-        found = _with(found, values | {"exposure_time": other.shutter_speed, "iso": round(other.iso_speed), "taken": taken})
+    if not directories.main:
+        if other is not None:
+            taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
+            values = {"artist": printable(str(other.artist or "")), "f_number": other.aperture, "focal_length": other.focal_length}
+            found = _with(found, values | {"exposure_time": other.shutter_speed, "iso": round(other.iso_speed), "taken": taken})
         found = _with(found, vars(crw_metadata(path)))
     if lens is not None:
         found = _with(found, {"lens": found.lens or printable(str(lens.model or ""))})

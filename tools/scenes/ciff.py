@@ -26,7 +26,7 @@ _MOST, _DEEPEST, _LONGEST = 256, 4, 4096  # entries of a directory, directories 
 _MAKE_AND_MODEL, _OWNER, _TIME, _FOCAL_LENGTH, _SHOT, _SETTINGS = 0x080A, 0x0810, 0x180E, 0x1029, 0x102A, 0x102D
 _WANTED = {_MAKE_AND_MODEL, _OWNER, _TIME, _FOCAL_LENGTH, _SHOT, _SETTINGS}
 # Indices of numbers in _SHOT and _SETTINGS.
-_PLANNED_APERTURE, _PLANNED_TIME, _APERTURE, _EXPOSURE_TIME = 4, 5, 21, 22
+_AUTO_ISO, _BASE_ISO, _PLANNED_APERTURE, _PLANNED_TIME, _APERTURE, _EXPOSURE_TIME = 1, 2, 4, 5, 21, 22
 _LONGEST_FOCAL, _SHORTEST_FOCAL, _FOCAL_UNITS = 23, 24, 25
 
 
@@ -73,6 +73,7 @@ def _metadata(found: dict[int, bytes], order: str) -> CaptureMetadata:
     numbers: dict[str, Any] = {
         "f_number": 2 ** (_stops(shot.get(_APERTURE) or shot.get(_PLANNED_APERTURE, 0)) / 2) if shot else None,
         "exposure_time": 2 ** -_stops(shot.get(_EXPOSURE_TIME) or shot.get(_PLANNED_TIME, 0)) if shot else None,
+        "iso": round(_iso(shot)) if shot.get(_BASE_ISO) else None,
         "focal_length": focal[1] / units if units and 1 in focal else None,
     }
     for name, number in numbers.items():
@@ -97,6 +98,11 @@ def _text(data: bytes) -> str:
 def _numbers(data: bytes, order: str) -> dict[int, int]:
     """The 16-bit numbers of a record by their index."""
     return dict(enumerate(struct.unpack_from(f"{order}{len(data) // 2}h", data)))
+
+
+def _iso(shot: dict[int, int]) -> float:
+    """The automatic and the basic speed are 32nds of stops; no camera has 30 stops."""
+    return float(100 / 32 * 2 ** (min(shot[_AUTO_ISO] + shot[_BASE_ISO], 30 * 32) / 32))
 
 
 def _stops(number: int) -> float:
