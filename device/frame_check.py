@@ -16,7 +16,7 @@ from shared.errors import InputError
 
 from .block_order import greens_are_on_their_diagonal
 from .frames import RawFrame
-from .layout_search import BIG_ENDIAN, BYTES, Reading, best_reading, refined
+from .layout_search import BIG_ENDIAN, BYTES, CLEARER, Reading, best_reading, refined
 from .level_check import Levels
 from .pattern_search import Found, find_pattern
 from .stride_search import likely_strides
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
 _GREENS = f"the frame does not show whether the greens are on the diagonal that --order says (it has little colour){_NEXT}"
-_CLEARER = 1.3  # times as much variance explained: one reading is better than another
 _TRIED = 2  # strides; the right one is the likeliest or the next
 _TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
 
@@ -95,7 +94,7 @@ class FrameCheck:
             self._check_stride(frame, found, others, aligned=aligned)
         if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
             swapped = find_pattern(codes.byteswap(), self._sites)
-            if swapped and swapped.explained > _CLEARER * found.explained:
+            if swapped and swapped.explained > CLEARER * found.explained:
                 raise self._misread(frame, Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped))
         if wrong_levels and (confirmed or not aligned):
             raise wrong_levels
@@ -143,7 +142,7 @@ class FrameCheck:
     def _check_stride(self, frame: RawFrame, found: Found | None, others: list[int], *, aligned: bool) -> None:
         layout = self._sensor.layout
         reading = best_reading(frame.data, layout, self._sensor.pattern, others)
-        clearer = _CLEARER if aligned else 1 / _CLEARER
+        clearer = CLEARER if aligned else 1 / CLEARER
         if reading and (found is None or reading.found.explained > clearer * found.explained):
             raise self._misread(frame, reading)
 

@@ -14,7 +14,8 @@ from .pattern_search import Found, find_pattern
 
 BIG_ENDIAN, BYTES = "big-endian u16", "8 bits"
 _ENOUGH = 1 << 20  # samples, of which half show the pattern as well as all
-_CLEARER = 1.3  # times as much variance explained: another reading is better
+CLEARER = 1.3
+"""Times as much variance explained, by which one reading of a frame is better than another."""
 _NEAR = 12  # periods by which a row may be longer or shorter
 _PARTS = (2, 3)  # rows that may be taken for one
 _FOREIGN = {BIG_ENDIAN: ">u2", BYTES: "u1"}  # not supported, but recognised, so that the right remedy can be named
@@ -80,7 +81,7 @@ def refined(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: 
             continue
         other = _reading(data, layout, pattern, reading.format, stride, 0)
         # Of several rows in one the part is right that shows the pattern as well.
-        if other and other.found.explained > best.found.explained * (1 / _CLEARER if stride in parts else _CLEARER):
+        if other and other.found.explained > best.found.explained * (1 / CLEARER if stride in parts else CLEARER):
             best = other
     return best
 

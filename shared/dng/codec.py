@@ -17,7 +17,7 @@ from ..tiff import Fields, FieldType, encode_tiff
 from .colour_tags import colour_fields
 from .container import main_directory, picture_id, raw_digest, raw_directory
 from .reader import DngReader, damaged, opened
-from .record import Record, decode_record, encode_record, is_record, preview_digest
+from .record import Record, decode_record, encode_record, is_record, preview_digest, record_id
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
 
 Layout = Literal["auto", "cfa", "linear"]
@@ -52,7 +52,7 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
     main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
-    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, decode_record(record).id.encode()
+    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, record_id(record).encode()
     return encode_tiff(main)
 
 

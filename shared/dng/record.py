@@ -61,6 +61,12 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
     return RECORD_ID + json.dumps({**document, "digest": _digest(document)}, ensure_ascii=False).encode(errors="backslashreplace")
 
 
+def record_id(record: bytes) -> str:
+    """`Record.id` of what `encode_record` returned. Nothing is checked: decoding would cost a camera time for every frame."""
+    identity: str = json.loads(record[len(RECORD_ID) :])["digest"]
+    return identity
+
+
 def is_record(data: bytes) -> bool:
     """Whether DNGPrivateData was written by `encode_record`."""
     return data.startswith(RECORD_ID)

@@ -26,6 +26,7 @@ from shared.errors import InputError, PanchromaError
 from shared.reading import read_whole
 
 from .code_digest import digest
+from .console import one_line
 from .signals import raise_lost_signal
 from .versions import package_version
 from .worker_pool import Note, result_or_error
@@ -78,7 +79,7 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
         client = _in_time(partial(Client, address, timeout=_SECONDS))
     except Exception as error:  # deliberately every class: each kind of address, and whatever answers that is not dask, has its own
         raise InputError(
-            f"{file or address}: no scheduler answers ({_one_line(error)}); start one with `dask scheduler`, and workers with "
+            f"{file or address}: no scheduler answers ({one_line(str(error))}); start one with `dask scheduler`, and workers with "
             "`dask worker`"
         ) from None
     try:
@@ -126,10 +127,6 @@ def _written_address(file: str) -> str:
             f"{file}: holds no address of a scheduler; give the file that `dask scheduler --scheduler-file` wrote"
         ) from None
     return address
-
-
-def _one_line(error: object) -> str:
-    return " ".join(str(error).split())
 
 
 def run(client: Any, work: Callable[[P], R], pieces: Sequence[P], note: Note) -> Iterator[tuple[P, R | BaseException]]:
@@ -260,7 +257,7 @@ class _Workers:
 def _judged(answer: object) -> tuple[bool, str]:
     """Whether a worker that answers so is fit, and a remark for the user."""
     if not isinstance(answer, Program):
-        reason = _one_line(f"{type(answer).__name__}: {answer}")
+        reason = one_line(f"{type(answer).__name__}: {answer}")
         return False, f"refused, because it has no Panchroma, or another one ({reason}); install this one there, and start it again"
     if answer.source != program().source:
         return False, (

@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from shared.errors import InputError, OutputError, PanchromaError
-from tools.host.console import fault, one_line, to_stderr
+from tools.host.console import fault, to_stderr
 
 from .viewfinder import Viewfinder
 
@@ -88,7 +88,7 @@ class ViewfinderServer(ThreadingTCPServer):
         """Ignore disconnects and timeouts of clients; report everything else in one line."""
         error = sys.exception()
         if error is not None and not isinstance(error, ConnectionError | TimeoutError):
-            to_stderr(f"panchroma: {one_line(fault(error))}")
+            to_stderr(f"panchroma: {fault(error)}")
 
 
 class _Handler(BaseHTTPRequestHandler):

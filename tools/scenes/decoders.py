@@ -30,13 +30,14 @@ from tools.host.limited import run_limited
 from .exif_reading import picture_metadata, tiff_metadata
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .png_chunks import picture_chunks
-from .scene import SMALL, check_size
+from .scene import check_size
 
 _ICC_PROFILE = 34675  # TIFF tag
 _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples; profile, texts and capture data
 _LARGEST_WEBP, _LARGEST_JPEG = 64 << 20, 1 << 30  # bytes, read whole; the longest side of a WebP is 16383 pixels
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own, which decoders believe.
 _COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
+_SMALL = 1 << 22  # pixels of all tiles together that are harmless, however small the picture
 _NPY_HEADER = 1 << 16
 _PNG_HEADER = 26  # signature, then IHDR's length, name, width, height, bit depth and colour type
 _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
@@ -177,7 +178,7 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
         check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
         if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
             covered, pixels = page.tilewidth * page.tilelength * len(page.dataoffsets), page.imagewidth * page.imagelength
-            if covered > max(SMALL, 4 * samples * pixels):
+            if covered > max(_SMALL, 4 * samples * pixels):
                 raise InputError(
                     f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory"
                 )

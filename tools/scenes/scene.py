@@ -10,7 +10,6 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
-SMALL = 1 << 22  # pixels that are harmless, however well they are compressed: 50 MB as a scene
 # Pixels that are believed, of 8 bytes at most: even light and drawn charts are pictures, and compress as well as bombs. So many
 # take less than a second and 300 MB.
 _BELIEVED, _BELIEVED_BYTES = 12_000_000, 8
