@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.faults.scenario import Process, Scenario
-from tests.faults.trials import state
+from tests.faults.trials import ENDS, state
 from tools.rendering.journal import NAME as JOURNAL
 from tools.rendering.lock import lock_path
 
@@ -77,7 +77,7 @@ def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: flo
     time.sleep(chance.uniform(0.1, seconds))
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)
-    return _ended(process, 130, 0) + state(scenario, folder, finished=False)
+    return _ended(process, *ENDS[signal.SIGINT]) + state(scenario, folder, finished=False)
 
 
 def _ended(process: Process, *codes: int) -> list[str]:

@@ -16,6 +16,8 @@ from shared.dng import verify_dng
 from shared.errors import PanchromaError
 from tests.faults.scenario import Process, Scenario
 
+# How a command may end after a signal. A negative number: the signal came before Python took it over, or after it let go of it.
+ENDS = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}
 PATIENCE = 300.0
 _STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
 
@@ -28,8 +30,7 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
     if not point:
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
-    codes = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}[signal.Signals(number)]
-    found = _ended(process, "", *codes) + state(scenario, folder, finished=False)
+    found = _ended(process, "", *ENDS[signal.Signals(number)]) + state(scenario, folder, finished=False)
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
         found.append("left a temporary file")
     if not found:

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from offline import PAPER
+from shared import read_dng
 from shared.errors import InputError, PanchromaError
 from tests.data import ROOT
 from tests.tools.command import contents, results, run, start
@@ -20,7 +22,9 @@ from tests.tools.rendering.examples import save_shot
 from tools.host import signals, worker_pool
 from tools.host.console import WorkerFault, fault
 from tools.host.worker_pool import Note
+from tools.pictures.writer import PictureKind
 from tools.rendering.journal import NAME
+from tools.rendering.picture_file import needed_memory
 
 
 def double(piece: int, note: Note) -> tuple[int, int]:
@@ -136,9 +140,12 @@ def test_workers_give_the_same_bytes_as_one_process(tmp_path: Path) -> None:
     shots = [save_shot(tmp_path / "shots" / f"{seed}.dng", seed) for seed in range(3)]
     shots.append(save_shot(tmp_path / "shots" / "large.dng", 9, (1200, 1200)))
     (tmp_path / "shots" / "bad.dng").write_text("no picture")
+    small, large = (needed_memory(read_dng(shot), PictureKind.of("npy"), PAPER) for shot in (shots[0], shots[-1]))
+    limit = 2 * small // 2**20 + 8
+    assert small < limit * 2**20 / 2 < large < limit * 2**20
     before = contents(tmp_path / "shots")
     for count in "12":
-        limited = ("--workers", count, "--max-memory", "530M", "-f", "npy", "--preset", "paper")
+        limited = ("--workers", count, "--max-memory", f"{limit}M", "-f", "npy", "--preset", "paper")
         outcome = run("render", tmp_path / "shots", "-o", tmp_path / count, "--json", *limited)
         assert outcome.code == 1
         assert sum(record["ok"] for record in outcome.records) == len(shots), outcome.err
