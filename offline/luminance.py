@@ -8,7 +8,7 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
 from .kernels.holes import CHUNK, REACH, fill_blocks
-from .kernels.shrinkage import SLACK, shrink_once
+from .kernels.shrinkage import SLACK, shrink_margins, shrink_once
 from .settings import LuminanceSettings
 
 # Daubechies-2 scaling taps (Daubechies 1992, table 6.1) over sqrt(2): one level without decimation is then a tight frame, in which
@@ -36,7 +36,7 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
         return luminance
     progress.stage("luminance", -(-len(rows) // _PIECE))
     luminance, changes = signal.copy(), np.empty(len(rows), np.float32)
-    change = _fill_margins(luminance, signal, pattern, (rows, columns), thresholds)
+    change = _fill_margins(luminance, pattern, (rows, columns), thresholds)
     holes = np.array([site[:2] for site in pattern.sites])
     extent, response = pattern.block_shape, _response(pattern.block_shape, holes)
     for start in range(0, len(rows), _PIECE):
@@ -56,16 +56,19 @@ def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress:
     thresholds: one per iteration, scene units.
     Returns the filled plane, float32 (H, W), and the largest change of a sample in the last iteration.
     """
-    width = signal.shape[1]
-    plane = np.ascontiguousarray(np.pad(signal, ((0, 0), (REACH, REACH + SLACK)), mode=BORDER))
-    result = plane.copy()
-    where = np.ascontiguousarray(np.pad(holes.astype(np.float32), ((0, 0), (0, SLACK))))
+    plane, result, where = _bordered(signal, holes)
     for threshold in thresholds:
-        shrink_once(plane, result, width, where, _TAPS, threshold)
+        shrink_once(plane, result, signal.shape[1], where, _TAPS, threshold)
         plane, result = result, plane
         progress.advance()
     change = max(float(np.abs(plane[rows] - result[rows]).max()) for rows in strips(len(plane)))
-    return plane[:, REACH : REACH + width].copy(), change
+    return plane[:, REACH : REACH + signal.shape[1]].copy(), change
+
+
+def _bordered(signal: FloatArray, holes: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A plane with mirrored columns, its copy, and where its holes are, as `shrink_once` takes them."""
+    plane = np.ascontiguousarray(np.pad(signal, ((0, 0), (REACH, REACH + SLACK)), mode=BORDER))
+    return plane, plane.copy(), np.ascontiguousarray(np.pad(holes.astype(np.float32), ((0, 0), (0, SLACK))))
 
 
 def _isolated(pattern: CfaPattern, shape: tuple[int, int], axis: int) -> IndexArray:
@@ -82,25 +85,26 @@ def _holes(pattern: CfaPattern, shape: tuple[int, int], first: tuple[int, int] =
 
 
 def _fill_margins(
-    luminance: FloatArray, signal: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray
+    luminance: FloatArray, pattern: CfaPattern, isolated: tuple[IndexArray, IndexArray], thresholds: FloatArray
 ) -> float:
     """Fill the blocks near the frame's edge, which are mirrored there. They lie in four margins, each filled like a whole plane.
 
     A margin ends where the isolated blocks begin, farther from its own holes than they reach. The margins at the sides are
     transposed, so that their rows are long. Returns the largest change of a sample in the last iteration.
     """
-    (height, width), (rows, columns), (down, across) = signal.shape, isolated, pattern.block_shape
-    largest = 0.0
-    for start, stop in ((0, int(rows[0])), (int(rows[-1]) + down, height)):
-        holes = _holes(pattern, (stop - start, width), (start, 0))
-        luminance[start:stop], change = fill(signal[start:stop], holes, thresholds)
-        largest = max(largest, change)
-    for start, stop in ((0, int(columns[0])), (int(columns[-1]) + across, width)):
-        holes = _holes(pattern, (height, stop - start), (0, start))
-        turned, change = fill(signal[:, start:stop].T, holes.T, thresholds)
-        luminance[:, start:stop] = turned.T
-        largest = max(largest, change)
-    return largest
+    (height, width), (rows, columns), (down, across) = luminance.shape, isolated, pattern.block_shape
+    ends = [slice(0, int(rows[0])), slice(int(rows[-1]) + down, height)]
+    sides = [slice(0, int(columns[0])), slice(int(columns[-1]) + across, width)]
+    targets = [luminance[end] for end in ends] + [luminance[:, side].T for side in sides]
+    holes = [_holes(pattern, (end.stop - end.start, width), (end.start, 0)) for end in ends]
+    holes += [_holes(pattern, (height, side.stop - side.start), (0, side.start)).T for side in sides]
+    planes, results, where = zip(*map(_bordered, targets, holes), strict=True)
+    lengths = tuple(target.shape[1] for target in targets)
+    shrink_margins(planes, results, lengths, where, _TAPS, thresholds)
+    last = results if len(thresholds) % 2 else planes
+    for target, filled, length in zip(targets, last, lengths, strict=True):
+        target[:] = filled[:, REACH : REACH + length]
+    return max(float(np.abs(plane - result).max()) for plane, result in zip(planes, results, strict=True))
 
 
 def _response(extent: tuple[int, int], holes: IndexArray) -> FloatArray:

@@ -16,7 +16,7 @@ from shared.progress import SILENT, Progress
 from .blocks import block_sites, curvature
 from .chromaticity import solve_constrained
 from .gaussian import smoothed
-from .kernels.pooling import SLACK, pool
+from .kernels.pooling import SLACK, TOGETHER, pool
 from .settings import PoolingSettings
 
 _LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
@@ -49,15 +49,17 @@ def pool_blocks(
     chromaticity = blocks[grid.inside].reshape(rows, columns, channels).transpose(2, 0, 1)
     sums, light = precise_sums(mosaic, luminance, chromaticity, noise, grid, settings.doubt)
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
+    used = len(sums)
+    sums = np.pad(sums, ((0, -used % TOGETHER), (0, 0), (0, 0)))
     brightness = np.log(light.clip(_LEAST_LIGHT))
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
-        near = np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32)
+        near = np.pad(np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32), ((0, 1), (0, 0)))
         features = np.stack([*smoothed(chromaticity, blur), (2 * tolerance) * variance, brightness])
         pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)
-        chromaticity = _solved(pooled[..., :columns], np.array(mosaic.calibration.gamma))
+        chromaticity = _solved(pooled[:used, :, :columns], np.array(mosaic.calibration.gamma))
         progress.advance()
     return grid.extend(chromaticity.transpose(1, 2, 0))
 
@@ -100,4 +102,4 @@ def _solved(pooled: FloatArray, gamma: DoubleArray) -> FloatArray:
 
 def _framed(planes: FloatArray, radius: int, value: float) -> FloatArray:
     """`planes` with a frame of one value around them, as wide as a window reaches."""
-    return np.pad(planes, ((0, 0), (radius, radius), (radius, radius + SLACK)), constant_values=np.float32(value))
+    return np.pad(planes, ((0, 0), (radius, radius + 1), (radius, radius + SLACK)), constant_values=np.float32(value))

@@ -5,12 +5,17 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
+from .functions import zeros
+from .lanes import WIDTH, Scalar, greater, lesser, load, square_root, store
 
 _NEAR, _WIDE = 1, 2  # pixels: radius of the neighbours that a sample must exceed, and of those that show the local contrast
 _FEWEST = 3  # neighbours that it takes to judge a sample
 _GROWTH = 8  # pixels: largest distance of a good neighbour, where no opposite pair is good
 _MOST = (2 * _WIDE + 1) ** 2
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+_STRIP = 64
+_NONE, _INFINITE = np.float32(0), np.float32(np.inf)
+_SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
 
 
 @parallel_kernel
@@ -36,30 +41,99 @@ def find_outliers(
     noise: (shot, read) of the panchromatic plane: variance = shot * signal + read**2.
     bad: bool (H, W), samples known to be bad, which are no neighbours; marked samples are added.
     """
-    period = len(gains)
     height, width = signal.shape
+    figures = np.float32(deviations), np.float32(floor), np.float32(noise[0]), np.float32(noise[1] ** 2)
     found = np.zeros((height, width), np.bool_)
-    for row in prange(height):
+    for strip in prange((height + _STRIP - 1) // _STRIP):
         around = np.empty(_MOST, np.float32)
-        for column in range(width):
-            if gains[row % period, column % period] > 0 or bad[row, column]:
-                continue
-            value = signal[row, column]
-            count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
-            if count < _FEWEST:
-                continue
-            low, high = around[:count].min(), around[:count].max()
-            if low - floor <= value <= high + floor:
-                continue
-            beyond = value - high if value > high else low - value
-            allowed = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2) + floor
-            if beyond <= allowed:
-                continue
-            count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
-            ordered = np.sort(around[:count])
-            if beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed:
-                found[row, column] = True
+        most, least, tall = zeros(3, width + 2 + WIDTH), zeros(3, width + 2 + WIDTH), zeros(2, width + 2 + WIDTH)
+        surplus = zeros(width + WIDTH)
+        first, last = strip * _STRIP, min((strip + 1) * _STRIP, height)
+        _bounds(signal, gains, bad, first - 1, most, least)
+        _bounds(signal, gains, bad, first, most, least)
+        for row in range(first, last):
+            _bounds(signal, gains, bad, row + 1, most, least)
+            _stand_out(most, least, row, width, figures, tall, surplus)
+            for column in range(width):
+                if surplus[column] > 0:
+                    found[row, column] = _is_outlier(signal, gains, bad, row, column, contrast, deviations, floor, noise, around)
     bad |= found
+
+
+@kernel
+def _bounds(signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, most: FloatArray, least: FloatArray) -> None:
+    """What the samples of a row say about luminance: it is at most `most`, at least `least`, as neighbours; infinite without."""
+    place, period, width = row % 3, len(gains), signal.shape[1]
+    most[place], least[place] = -_INFINITE, _INFINITE
+    if row < 0 or row >= len(signal):
+        return
+    for phase in range(period):
+        gain = gains[row % period, phase]
+        for column in range(phase, width, period):
+            if not bad[row, column]:
+                most[place, column + 1] = gain * signal[row, column] if gain > 0 else signal[row, column]
+                least[place, column + 1] = _INFINITE if gain > 0 else signal[row, column]
+
+
+@kernel
+def _stand_out(
+    most: FloatArray,
+    least: FloatArray,
+    row: int,
+    width: int,
+    figures: tuple[Scalar, Scalar, Scalar, Scalar],
+    tall: FloatArray,
+    surplus: FloatArray,
+) -> None:
+    """Write to `surplus` by how much, at least, samples lie outside the range of their neighbours; infinite without any."""
+    deviations, floor, shot, variance = figures
+    above, here, below = (row - 1) % 3, row % 3, (row + 1) % 3
+    for column in range(0, width + 2, WIDTH):
+        ends = greater(load(most, (above, column)), load(most, (below, column)))
+        store(tall, (0, column), greater(ends, load(most, (here, column))))
+        ends = lesser(load(least, (above, column)), load(least, (below, column)))
+        store(tall, (1, column), lesser(ends, load(least, (here, column))))
+    for column in range(0, width, WIDTH):
+        x = column + 1
+        high = greater(load(tall, (0, x - 1)), load(tall, (0, x + 1)))
+        high = greater(high, greater(load(most, (above, x)), load(most, (below, x))))
+        low = lesser(load(tall, (1, x - 1)), load(tall, (1, x + 1)))
+        low = lesser(low, lesser(load(least, (above, x)), load(least, (below, x))))
+        beyond = greater(load(most, (here, x)) - high, low - load(least, (here, x)))
+        allowed = deviations * square_root(shot * greater(high, _NONE) + variance) + floor
+        store(surplus, column, beyond - _SAFE * allowed)
+
+
+@kernel
+def _is_outlier(
+    signal: FloatArray,
+    gains: FloatArray,
+    bad: BoolArray,
+    row: int,
+    column: int,
+    contrast: float,
+    deviations: float,
+    floor: float,
+    noise: tuple[float, float],
+    around: FloatArray,
+) -> bool:
+    """Whether a sample is one that `find_outliers` marks."""
+    if gains[row % len(gains), column % len(gains)] > 0 or bad[row, column]:
+        return False
+    value = signal[row, column]
+    count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
+    if count < _FEWEST:
+        return False
+    low, high = around[:count].min(), around[:count].max()
+    if low - floor <= value <= high + floor:
+        return False
+    beyond = value - high if value > high else low - value
+    allowed = deviations * np.sqrt(noise[0] * max(high, 0.0) + noise[1] ** 2) + floor
+    if beyond <= allowed:
+        return False
+    count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
+    ordered = np.sort(around[:count])
+    return bool(beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed)
 
 
 @kernel
@@ -171,20 +245,36 @@ def surroundings(
     light: (blocks down, blocks across, S), written: means weighted by one over the squared distance; 0 without samples.
     lowest, highest: (blocks down, blocks across), written: the range of the samples.
     """
-    period = len(panchromatic)
+    weights = _weights(panchromatic, rows[0], columns[0], extent, sites)
     for i in prange(len(rows)):
+        total, weight = np.empty(len(sites)), np.empty(len(sites))
+        top, bottom = max(rows[i] - 1, 0), min(rows[i] + extent[0] + 1, signal.shape[0])
         for j in range(len(columns)):
+            left, right = max(columns[j] - 1, 0), min(columns[j] + extent[1] + 1, signal.shape[1])
             low, high = np.inf, -np.inf
+            total[:], weight[:] = 0.0, 0.0
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    near = weights[y - rows[i] + 1, x - columns[j] + 1]
+                    if near[0] > 0.0:
+                        value = signal[y, x]
+                        low, high = min(low, value), max(high, value)
+                        for site in range(len(sites)):
+                            total[site] += near[site] * value
+                            weight[site] += near[site]
             for site in range(len(sites)):
-                row, column = rows[i] + sites[site, 0], columns[j] + sites[site, 1]
-                total, weights = 0.0, 0.0
-                for y in range(max(rows[i] - 1, 0), min(rows[i] + extent[0] + 1, signal.shape[0])):
-                    for x in range(max(columns[j] - 1, 0), min(columns[j] + extent[1] + 1, signal.shape[1])):
-                        if panchromatic[y % period, x % period]:
-                            value = signal[y, x]
-                            weight = 1.0 / ((y - row) ** 2 + (x - column) ** 2)
-                            total += weight * value
-                            weights += weight
-                            low, high = min(low, value), max(high, value)
-                light[i, j, site] = total / weights if weights > 0.0 else 0.0
+                light[i, j, site] = total[site] / weight[site] if weight[site] > 0.0 else 0.0
             lowest[i, j], highest[i, j] = low, high
+
+
+@kernel
+def _weights(panchromatic: BoolArray, row: int, column: int, extent: tuple[int, int], sites: IndexArray) -> DoubleArray:
+    """One over the squared distance between each pixel of a block with its surroundings and each site; 0 at colour sites."""
+    period = len(panchromatic)
+    weights = np.zeros((extent[0] + 2, extent[1] + 2, len(sites)))
+    for y in range(-1, extent[0] + 1):
+        for x in range(-1, extent[1] + 1):
+            if panchromatic[(row + y) % period, (column + x) % period]:
+                for site in range(len(sites)):
+                    weights[y + 1, x + 1, site] = 1.0 / ((y - sites[site, 0]) ** 2 + (x - sites[site, 1]) ** 2)
+    return weights

@@ -10,6 +10,9 @@ from .lanes import WIDTH, Scalar, load, quotient, store
 
 SLACK = WIDTH
 """Columns after the border, so that the last vector stays inside the array."""
+TOGETHER = 4
+"""Statistics that are summed together; their number is a multiple of this."""
+_PAIR = 2  # rows that are computed together: what is read for one serves the other
 _NONE = np.float32(0)
 
 
@@ -20,46 +23,63 @@ def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, 
     The weight of two blocks is near[rows between them, columns between them] times exp(-(squared distance of chromaticities) /
     (sum of both variance planes) + light * (difference of log luminance)**2).
 
-    sums: (S, radius + rows + radius, radius + columns + radius + SLACK), the statistics; 0 outside the frame.
+    sums: (S, radius + rows + radius + 1, radius + columns + radius + SLACK), the statistics; 0 outside the frame.
     features: (C + 2, as `sums`): C chromaticities, their scaled variance (any positive one outside the frame), log luminance.
     radius: radius of the window, blocks.
-    near: (radius + 1, radius + 1), weights by distance.
+    near: (radius + 2, radius + 1), weights by distance; the last row is 0.
     light: < 0, see above.
     out: (S, rows, columns + SLACK), written.
     """
     rows = out.shape[1]
-    for row in prange(rows):
-        total = zeros(len(sums), WIDTH)
-        _pool_row(sums, features, row, radius, near, np.float32(light), total, out)
+    for pair in prange((rows + _PAIR - 1) // _PAIR):
+        total, weights = zeros(_PAIR * len(sums), WIDTH), zeros(_PAIR, 2 * radius + 1, WIDTH)
+        for column in range(0, out.shape[2] - SLACK, WIDTH):
+            total[:] = _NONE
+            for down in range(2 * radius + 1 + 1):
+                y = _PAIR * pair + down
+                _weigh(features, (_PAIR * pair, y), column, radius, near, np.float32(light), weights)
+                _sum(sums, weights, y, column, total)
+            for row in range(_PAIR * pair, min(_PAIR * pair + _PAIR, rows)):
+                for plane in range(len(sums)):
+                    store(out, (plane, row, column), load(total, (_PAIR * plane + row % _PAIR, 0)))
 
 
 @kernel
-def _pool_row(
-    sums: FloatArray,
-    features: FloatArray,
-    row: int,
-    radius: int,
-    near: FloatArray,
-    light: Scalar,
-    total: FloatArray,
-    out: FloatArray,
+def _weigh(
+    features: FloatArray, rows: tuple[int, int], column: int, radius: int, near: FloatArray, light: Scalar, weights: FloatArray
 ) -> None:
-    channels = len(features) - 2
-    for column in range(0, out.shape[2] - SLACK, WIDTH):
-        total[:] = _NONE
-        variance = load(features, (channels, row + radius, column + radius))
-        brightness = load(features, (channels + 1, row + radius, column + radius))
-        for down in range(2 * radius + 1):
-            for across in range(2 * radius + 1):
-                y, x = row + down, column + across
-                distance = variance * _NONE
-                for channel in range(channels):
-                    step = load(features, (channel, y, x)) - load(features, (channel, row + radius, column + radius))
-                    distance += step * step
-                brighter = load(features, (channels + 1, y, x)) - brightness
-                dissimilar = quotient(distance, variance + load(features, (channels, y, x)))
-                weight = exponential(light * (brighter * brighter) - dissimilar) * near[abs(down - radius), abs(across - radius)]
-                for plane in range(len(sums)):
-                    store(total, (plane, 0), load(total, (plane, 0)) + weight * load(sums, (plane, y, x)))
-        for plane in range(len(sums)):
-            store(out, (plane, row, column), load(total, (plane, 0)))
+    """The weights of all blocks in a row of the window, for a pair of rows. rows: the first of the pair, and the window's row."""
+    (row, y), channels = rows, len(features) - 2
+    for across in range(2 * radius + 1):
+        x = column + across
+        for lower in range(_PAIR):
+            here = row + lower + radius
+            distance = load(features, (channels, y, x)) * _NONE
+            for channel in range(channels):
+                step = load(features, (channel, y, x)) - load(features, (channel, here, column + radius))
+                distance += step * step
+            brighter = load(features, (channels + 1, y, x)) - load(features, (channels + 1, here, column + radius))
+            variance = load(features, (channels, here, column + radius)) + load(features, (channels, y, x))
+            dissimilar = quotient(distance, variance)
+            weight = exponential(light * (brighter * brighter) - dissimilar) * near[abs(y - here), abs(across - radius)]
+            store(weights, (lower, across, 0), weight)
+
+
+@kernel
+def _sum(sums: FloatArray, weights: FloatArray, y: int, column: int, total: FloatArray) -> None:
+    """Add the weighted statistics of a row of the window to the totals of a pair of rows."""
+    for plane in range(0, len(sums), TOGETHER):
+        t = _PAIR * plane
+        a, b, c, d = load(total, (t, 0)), load(total, (t + 2, 0)), load(total, (t + 4, 0)), load(total, (t + 6, 0))
+        e, f, g, h = load(total, (t + 1, 0)), load(total, (t + 3, 0)), load(total, (t + 5, 0)), load(total, (t + 7, 0))
+        for across in range(weights.shape[1]):
+            x = column + across
+            upper, lower = load(weights, (0, across, 0)), load(weights, (1, across, 0))
+            s0, s1, s2, s3 = (
+                load(sums, (plane, y, x)), load(sums, (plane + 1, y, x)),
+                load(sums, (plane + 2, y, x)), load(sums, (plane + 3, y, x)),
+            )  # fmt: skip
+            a, b, c, d = a + upper * s0, b + upper * s1, c + upper * s2, d + upper * s3
+            e, f, g, h = e + lower * s0, f + lower * s1, g + lower * s2, h + lower * s3
+        for place, value in enumerate((a, e, b, f, c, g, d, h)):
+            store(total, (t + place, 0), value)

@@ -20,6 +20,8 @@ _BANDS = 3
 _STRIP = 64
 _ONE = np.float32(1)
 
+Planes = tuple[FloatArray, ...]
+
 
 @parallel_kernel
 def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float) -> None:
@@ -33,24 +35,49 @@ def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: Floa
     threshold: scene units.
     """
     height = plane.shape[0]
-    limit = np.float32(threshold)
     for strip in prange((height + _STRIP - 1) // _STRIP):
-        first, last = strip * _STRIP, min(height, (strip + 1) * _STRIP)
-        width = plane.shape[1]
-        low, high = zeros(width), zeros(width)
-        bands, removed = zeros(_BANDS, 3, width), zeros(_BANDS, 4, width)
-        # Row r of the bands sees rows r - 4 .. r - 1 of the frame.
-        for row in range(first, last + REACH + 1):
-            _decompose(plane, row, columns, taps, low, high, bands)
-            if row >= first + 2:
-                _shrink(bands, row - 1, columns, limit, low, removed)
-            below = row - REACH - 1
-            if below >= first and holes[below % len(holes), :columns].any():
-                _synthesise(removed, below, columns, taps, low, high)
-                for column in range(0, columns, WIDTH):
-                    change = load(holes, (below % len(holes), column)) * load(low, column)
-                    store(result, (below, column + REACH), load(plane, (below, column + REACH)) - change)
-                mirror_columns(result[below], columns)
+        _shrink_rows(plane, result, (strip * _STRIP, min(height, (strip + 1) * _STRIP)), columns, holes, taps, np.float32(threshold))
+
+
+@parallel_kernel
+def shrink_margins(
+    planes: Planes, results: Planes, columns: tuple[int, ...], holes: Planes, taps: FloatArray, thresholds: FloatArray
+) -> None:
+    """Run `shrink_once` on several planes of a few rows each, with one threshold after the other, from plane to result and back."""
+    for each in prange(len(planes)):
+        plane, result = planes[each], results[each]
+        for threshold in thresholds:
+            _shrink_rows(plane, result, (0, len(plane)), columns[each], holes[each], taps, threshold)
+            plane, result = result, plane
+
+
+@kernel
+def _shrink_rows(
+    plane: FloatArray,
+    result: FloatArray,
+    rows: tuple[int, int],
+    columns: int,
+    holes: FloatArray,
+    taps: FloatArray,
+    threshold: Scalar,
+) -> None:
+    """Do what `shrink_once` does, for the rows from the first of `rows` to its end."""
+    first, last = rows
+    width = plane.shape[1]
+    low, high = zeros(width), zeros(width)
+    bands, removed = zeros(_BANDS, 3, width), zeros(_BANDS, 4, width)
+    # Row r of the bands sees rows r - 4 .. r - 1 of the frame.
+    for row in range(first, last + REACH + 1):
+        _decompose(plane, row, columns, taps, low, high, bands)
+        if row >= first + 2:
+            _shrink(bands, row - 1, columns, threshold, low, removed)
+        below = row - REACH - 1
+        if below >= first and holes[below % len(holes), :columns].any():
+            _synthesise(removed, below, columns, taps, low, high)
+            for column in range(0, columns, WIDTH):
+                change = load(holes, (below % len(holes), column)) * load(low, column)
+                store(result, (below, column + REACH), load(plane, (below, column + REACH)) - change)
+            mirror_columns(result[below], columns)
 
 
 @kernel
