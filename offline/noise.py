@@ -35,11 +35,12 @@ def estimate_noise(mosaic: Mosaic) -> NoiseModel | None:
 
     Fine texture all over the frame counts as noise and makes the estimate too high. It is never too low by more than its scatter.
     """
-    clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    period, (height, width) = mosaic.pattern.period, mosaic.shape
+    rows, columns = (mosaic.pattern.panchromatic_mask(shape) for shape in ((height, period), (period, width)))
     limit = _CLIPPED * mosaic.calibration.full_scale
     signal = mosaic.signal
-    across = _tiles(signal, np.flatnonzero(clear.all(axis=1)), limit)
-    down = _tiles(signal.T, np.flatnonzero(clear.all(axis=0)), limit)
+    across = _tiles(signal, np.flatnonzero(rows.all(axis=1)), limit)
+    down = _tiles(signal.T, np.flatnonzero(columns.all(axis=0)), limit)
     mean, variance = np.concatenate([across, down], axis=1)
     if mean.size < _LEAST_TILES:
         return None

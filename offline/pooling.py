@@ -16,7 +16,7 @@ from shared.progress import SILENT, Progress
 from .blocks import block_sites, curvature
 from .chromaticity import solve_constrained
 from .gaussian import smoothed
-from .kernels.pooling import SLACK, TOGETHER, pool
+from .kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
 from .settings import PoolingSettings
 
 _LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
@@ -55,7 +55,8 @@ def pool_blocks(
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
         near = np.pad(np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32), ((0, 1), (0, 0)))
-        features = np.stack([*smoothed(chromaticity, blur), (2 * tolerance) * variance, brightness])
+        spare = [np.zeros_like(variance)] * (-channels % CHANNELS)
+        features = np.stack([*smoothed(chromaticity, blur), *spare, (2 * tolerance) * variance, brightness])
         pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)

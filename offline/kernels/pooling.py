@@ -6,12 +6,14 @@ from shared.arrays import FloatArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import exponential, zeros
-from .lanes import WIDTH, Scalar, load, quotient, store
+from .lanes import WIDTH, Lanes, Scalar, load, quotient, store
 
 SLACK = WIDTH
 """Columns after the border, so that the last vector stays inside the array."""
 TOGETHER = 4
 """Statistics that are summed together; their number is a multiple of this."""
+CHANNELS = 3
+"""Chromaticities that are compared together; their number is a multiple of this."""
 _PAIR = 2  # rows that are computed together: what is read for one serves the other
 _NONE = np.float32(0)
 
@@ -33,11 +35,17 @@ def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, 
     rows = out.shape[1]
     for pair in prange((rows + _PAIR - 1) // _PAIR):
         total, weights = zeros(_PAIR * len(sums), WIDTH), zeros(_PAIR, 2 * radius + 1, WIDTH)
+        centre = zeros(_PAIR, len(features), WIDTH)
         for column in range(0, out.shape[2] - SLACK, WIDTH):
             total[:] = _NONE
-            for down in range(2 * radius + 1 + 1):
+            for row in range(_PAIR):
+                for plane in range(len(features)):
+                    store(centre, (row, plane, 0), load(features, (plane, _PAIR * pair + row + radius, column + radius)))
+            for down in range(2 * radius + _PAIR):
                 y = _PAIR * pair + down
-                _weigh(features, (_PAIR * pair, y), column, radius, near, np.float32(light), weights)
+                _weigh(
+                    features, centre, y, column, near[abs(down - radius)], near[abs(down - radius - 1)], np.float32(light), weights
+                )
                 _sum(sums, weights, y, column, total)
             for row in range(_PAIR * pair, min(_PAIR * pair + _PAIR, rows)):
                 for plane in range(len(sums)):
@@ -46,23 +54,49 @@ def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, 
 
 @kernel
 def _weigh(
-    features: FloatArray, rows: tuple[int, int], column: int, radius: int, near: FloatArray, light: Scalar, weights: FloatArray
+    features: FloatArray,
+    centre: FloatArray,
+    y: int,
+    column: int,
+    near: FloatArray,
+    near_lower: FloatArray,
+    light: Scalar,
+    weights: FloatArray,
 ) -> None:
-    """The weights of all blocks in a row of the window, for a pair of rows. rows: the first of the pair, and the window's row."""
-    (row, y), channels = rows, len(features) - 2
-    for across in range(2 * radius + 1):
-        x = column + across
-        for lower in range(_PAIR):
-            here = row + lower + radius
-            distance = load(features, (channels, y, x)) * _NONE
-            for channel in range(channels):
-                step = load(features, (channel, y, x)) - load(features, (channel, here, column + radius))
-                distance += step * step
-            brighter = load(features, (channels + 1, y, x)) - load(features, (channels + 1, here, column + radius))
-            variance = load(features, (channels, here, column + radius)) + load(features, (channels, y, x))
-            dissimilar = quotient(distance, variance)
-            weight = exponential(light * (brighter * brighter) - dissimilar) * near[abs(y - here), abs(across - radius)]
-            store(weights, (lower, across, 0), weight)
+    """The weights of all blocks in row `y` for a pair of rows of blocks: their features are `centre`, their distances `near`."""
+    channels, radius = len(features) - 2, weights.shape[1] // 2
+    for across in range(weights.shape[1]):
+        x, away = column + across, abs(across - radius)
+        upper = load(features, (channels, y, x)) * _NONE
+        lower = upper
+        for channel in range(0, channels, CHANNELS):
+            a, b, c = load(features, (channel, y, x)), load(features, (channel + 1, y, x)), load(features, (channel + 2, y, x))
+            upper = _farther(upper, a, b, c, centre, 0, channel)
+            lower = _farther(lower, a, b, c, centre, 1, channel)
+        variance, brightness = load(features, (channels, y, x)), load(features, (channels + 1, y, x))
+        upper = _weight(upper, variance, brightness, centre, 0, channels, light) * near[away]
+        lower = _weight(lower, variance, brightness, centre, 1, channels, light) * near_lower[away]
+        store(weights, (0, across, 0), upper)
+        store(weights, (1, across, 0), lower)
+
+
+@kernel
+def _farther(distance: Lanes, a: Lanes, b: Lanes, c: Lanes, centre: FloatArray, row: int, channel: int) -> Lanes:
+    """A squared distance, to which that of three features from those of a row of the pair is added."""
+    a -= load(centre, (row, channel, 0))
+    b -= load(centre, (row, channel + 1, 0))
+    c -= load(centre, (row, channel + 2, 0))
+    return distance + a * a + b * b + c * c
+
+
+@kernel
+def _weight(
+    distance: Lanes, variance: Lanes, brightness: Lanes, centre: FloatArray, row: int, channels: int, light: Scalar
+) -> Lanes:
+    """How similar blocks are, from the squared distance of their chromaticities, their variance and their brightness."""
+    brighter = brightness - load(centre, (row, channels + 1, 0))
+    dissimilar = quotient(distance, load(centre, (row, channels, 0)) + variance)
+    return exponential(light * (brighter * brighter) - dissimilar)
 
 
 @kernel

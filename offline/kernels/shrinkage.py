@@ -36,7 +36,9 @@ def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: Floa
     """
     height = plane.shape[0]
     for strip in prange((height + _STRIP - 1) // _STRIP):
-        _shrink_rows(plane, result, (strip * _STRIP, min(height, (strip + 1) * _STRIP)), columns, holes, taps, np.float32(threshold))
+        _shrink_rows(
+            plane, result, (strip * _STRIP, min(height, (strip + 1) * _STRIP)), columns, holes, taps, np.float32(threshold)
+        )
 
 
 @parallel_kernel
