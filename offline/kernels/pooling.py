@@ -25,8 +25,10 @@ def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, 
     The weight of two blocks is near[rows between them, columns between them] times exp(-(squared distance of chromaticities) /
     (sum of both variance planes) + light * (difference of log luminance)**2).
 
-    sums: (S, radius + rows + radius + 1, radius + columns + radius + SLACK), the statistics; 0 outside the frame.
-    features: (C + 2, as `sums`): C chromaticities, their scaled variance (any positive one outside the frame), log luminance.
+    sums: (S, radius + rows + radius + 1, radius + columns + radius + SLACK), the statistics; 0 outside the frame. S is a multiple
+        of `TOGETHER`.
+    features: (C + 2, as `sums`): C chromaticities, their scaled variance (any positive one outside the frame), log luminance. C is
+        a multiple of `CHANNELS`.
     radius: radius of the window, blocks.
     near: (radius + 2, radius + 1), weights by distance; the last row is 0.
     light: < 0, see above.

@@ -1,11 +1,13 @@
-"""What the samples of a colour block say about the errors at its sites: small systems of equations, one block after the other."""
+"""What the samples of a colour block say about the errors at its sites: small systems of equations, eight blocks in lanes."""
 
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
+from .lanes import WIDTH, greater, lesser, load, quotient, square_root, store
 
+_LANES = WIDTH // 2  # of float64
 _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose sites are all explained by one error
 _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
 
@@ -39,44 +41,59 @@ def solve_jointly(
     count = len(gamma)
     grey = 1 / gamma.sum()
     for row in prange(rows):
-        covariance, colour = np.empty((sites, sites)), np.empty(sites)
-        whitened = np.empty((sites, count + 1))  # one column per channel, and the samples
-        normal, right = np.empty((count, count)), np.empty((count, 2))
-        for column in range(columns):
-            power = np.float64(doubt[row, column]) ** 2
-            if power == 0:
-                continue
+        covariance, colour = np.empty((sites, sites, _LANES)), np.empty((sites, _LANES))
+        whitened = np.empty((sites, count + 1, _LANES))  # one column per channel, and the samples
+        normal, right = np.empty((count, count, _LANES)), np.empty((count, 2, _LANES))
+        seen, noise = np.empty((2, sites, _LANES)), np.empty((sites, _LANES))
+        power, solved = np.empty((1, _LANES)), np.empty((count, _LANES))
+        for group in range(0, columns, _LANES):
+            for lane in range(_LANES):
+                column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
+                power[0, lane] = np.float64(doubt[row, column]) ** 2
+                solved[:, lane] = out[row, column]
+                seen[0, :, lane], seen[1, :, lane] = light[row, column], samples[row, column]
+                noise[:, lane] = variance[row, column]
             for _ in range(rounds):
                 for site in range(sites):
-                    value = out[row, column, channels[site]]
-                    colour[site] = min(max(value, _FAINTEST * grey), _STRONGEST * grey)
-                _covariance(colour, power, near, mismatch, variance[row, column], covariance)
+                    value = greater(load(solved, (channels[site], 0)), _FAINTEST * grey)
+                    store(colour, (site, 0), lesser(value, _STRONGEST * grey))
+                _covariance(colour, power, near, mismatch, noise, covariance)
                 _decompose(covariance)
+                whitened[:] = 0.0
                 for site in range(sites):
-                    for channel in range(count):
-                        whitened[site, channel] = light[row, column, site] if channels[site] == channel else 0.0
-                    whitened[site, count] = samples[row, column, site]
+                    store(whitened, (site, channels[site], 0), load(seen, (0, site, 0)))
+                    store(whitened, (site, count, 0), load(seen, (1, site, 0)))
                 _forward(covariance, whitened)
-                # Eqs. 8-9 pull towards grey with the weight of one sample of variance sigma^2; in these units the weight is 1.
-                for i in range(count):
-                    for j in range(count):
-                        total = 1.0 if i == j else 0.0
-                        for site in range(sites):
-                            total += whitened[site, i] * whitened[site, j]
-                        normal[i, j] = total
-                    total = grey
-                    for site in range(sites):
-                        total += whitened[site, i] * whitened[site, count]
-                    right[i, 0], right[i, 1] = total, gamma[i]
+                _normal(whitened, grey, gamma, normal, right)
                 _decompose(normal)
                 _forward(normal, right)
                 _backward(normal, right)
-                free, pull = 0.0, 0.0
+                free, pull = load(power, (0, 0)) * 0.0, load(power, (0, 0)) * 0.0
                 for i in range(count):
-                    free += gamma[i] * right[i, 0]
-                    pull += gamma[i] * right[i, 1]
+                    free += gamma[i] * load(right, (i, 0, 0))
+                    pull += gamma[i] * load(right, (i, 1, 0))
                 for i in range(count):
-                    out[row, column, i] = right[i, 0] + right[i, 1] * (1 - free) / pull
+                    step = quotient(load(right, (i, 1, 0)) * (1.0 - free), pull)
+                    store(solved, (i, 0), load(right, (i, 0, 0)) + step)
+            for lane in range(min(_LANES, columns - group)):
+                if power[0, lane] > 0:
+                    out[row, group + lane] = solved[:, lane]
+
+
+@kernel
+def _normal(whitened: DoubleArray, grey: float, gamma: DoubleArray, normal: DoubleArray, right: DoubleArray) -> None:
+    """The normal equations: Eqs. 8-9 pull towards grey with the weight of one sample of variance sigma^2, which is 1 here."""
+    count, nothing = len(gamma), load(whitened, (0, 0, 0)) * 0.0
+    for i in range(count):
+        for j in range(count + 1):
+            total = nothing + (grey if j == count else 1.0 if i == j else 0.0)
+            for site in range(len(whitened)):
+                total += load(whitened, (site, i, 0)) * load(whitened, (site, j, 0))
+            if j < count:
+                store(normal, (i, j, 0), total)
+            else:
+                store(right, (i, 0, 0), total)
+        right[i, 1] = gamma[i]
 
 
 @parallel_kernel
@@ -106,46 +123,56 @@ def share_out(
     rows, columns, sites = error.shape
     count = tints.shape[3]
     for row in prange(rows):
-        covariance, right, weight = np.empty((sites, sites)), np.empty((sites, 1)), np.empty(sites)
-        for column in range(columns):
-            light[row, column] = 0
-            tints[row, column] = 0
-            power, odd = np.float64(doubt[row, column]), np.float64(tint[row, column])
-            if power + odd <= 0:
-                continue
-            for site in range(sites):
-                weight[site] = max(np.float64(colour[row, column, site]), 0.0)
-                right[site, 0] = error[row, column, site]
+        covariance, right = np.empty((sites, sites, _LANES)), np.empty((sites, 1, _LANES))
+        weight, noise, powers = np.empty((sites, _LANES)), np.empty((sites, _LANES)), np.empty((2, _LANES))
+        lights, odds = np.empty((sites, _LANES)), np.empty((sites, count, _LANES))
+        for group in range(0, columns, _LANES):
+            for lane in range(_LANES):
+                column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
+                powers[0, lane], powers[1, lane] = doubt[row, column], tint[row, column]
+                for site in range(sites):
+                    weight[site, lane] = max(np.float64(colour[row, column, site]), 0.0)
+                    right[site, 0, lane] = error[row, column, site]
+                    noise[site, lane] = variance[row, column, site]
+            power, odd = load(powers, (0, 0)), load(powers, (1, 0))
             for i in range(sites):
                 for j in range(sites):
-                    same = 1.0 if channels[i] == channels[j] else 0.0
-                    covariance[i, j] = near[i, j] * (power * weight[i] * weight[j] + odd * (same - 1 / count))
-                covariance[i, i] += variance[row, column, i] + _LEAST * (power + odd)
+                    same = (1.0 if channels[i] == channels[j] else 0.0) - 1 / count
+                    store(covariance, (i, j, 0), near[i, j] * (power * load(weight, (i, 0)) * load(weight, (j, 0)) + odd * same))
+                own = load(noise, (i, 0)) + _LEAST * (power + odd)
+                store(covariance, (i, i, 0), load(covariance, (i, i, 0)) + own)
             _decompose(covariance)
             _forward(covariance, right)
             _backward(covariance, right)
+            lights[:], odds[:] = 0.0, 0.0
             for site in range(sites):
                 for other in range(sites):
-                    part = near[site, other] * right[other, 0]
-                    light[row, column, site] += power * weight[other] * part
+                    part = near[site, other] * load(right, (other, 0, 0))
+                    store(lights, (site, 0), load(lights, (site, 0)) + power * load(weight, (other, 0)) * part)
                     for channel in range(count):
-                        same = 1.0 if channels[other] == channel else 0.0
-                        tints[row, column, site, channel] += odd * (same - 1 / count) * part
+                        same = (1.0 if channels[other] == channel else 0.0) - 1 / count
+                        store(odds, (site, channel, 0), load(odds, (site, channel, 0)) + odd * same * part)
+            for lane in range(min(_LANES, columns - group)):
+                told = powers[0, lane] + powers[1, lane] > 0
+                for site in range(sites):
+                    light[row, group + lane, site] = lights[site, lane] if told else 0.0
+                    for channel in range(count):
+                        tints[row, group + lane, site, channel] = odds[site, channel, lane] if told else 0.0
 
 
 @kernel
 def _covariance(
-    colour: DoubleArray, power: float, near: DoubleArray, mismatch: float, noise: FloatArray, covariance: DoubleArray
+    colour: DoubleArray, power: DoubleArray, near: DoubleArray, mismatch: float, noise: DoubleArray, covariance: DoubleArray
 ) -> None:
     """Covariance of the samples' errors: luminance wrong by `power`, seen through `colour`; mismatch; noise."""
-    sites = len(colour)
-    mean = 0.0
+    sites, each = len(colour), load(power, (0, 0))
+    mean = each * 0.0
     for site in range(sites):
-        mean += colour[site] ** 2 / sites
+        mean += quotient(load(colour, (site, 0)) * load(colour, (site, 0)), float(sites))
     for i in range(sites):
         for j in range(sites):
-            covariance[i, j] = power * colour[i] * near[i, j] * colour[j]
-        covariance[i, i] += power * mismatch * mean + noise[i]
+            store(covariance, (i, j, 0), each * load(colour, (i, 0)) * near[i, j] * load(colour, (j, 0)))
+        store(covariance, (i, i, 0), load(covariance, (i, i, 0)) + each * mismatch * mean + load(noise, (i, 0)))
 
 
 @kernel
@@ -153,10 +180,13 @@ def _decompose(matrix: DoubleArray) -> None:
     """Cholesky's lower triangle of a positive definite matrix, in place."""
     for i in range(len(matrix)):
         for j in range(i + 1):
-            total = matrix[i, j]
+            total = load(matrix, (i, j, 0))
             for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+                total -= load(matrix, (i, k, 0)) * load(matrix, (j, k, 0))
+            if i == j:
+                store(matrix, (i, j, 0), square_root(total))
+            else:
+                store(matrix, (i, j, 0), quotient(total, load(matrix, (j, j, 0))))
 
 
 @kernel
@@ -164,10 +194,10 @@ def _forward(lower: DoubleArray, right: DoubleArray) -> None:
     """Solve lower x = right for each column of `right`, in place."""
     for column in range(right.shape[1]):
         for i in range(len(lower)):
-            total = right[i, column]
+            total = load(right, (i, column, 0))
             for k in range(i):
-                total -= lower[i, k] * right[k, column]
-            right[i, column] = total / lower[i, i]
+                total -= load(lower, (i, k, 0)) * load(right, (k, column, 0))
+            store(right, (i, column, 0), quotient(total, load(lower, (i, i, 0))))
 
 
 @kernel
@@ -175,7 +205,7 @@ def _backward(lower: DoubleArray, right: DoubleArray) -> None:
     """Solve lower^T x = right for each column of `right`, in place."""
     for column in range(right.shape[1]):
         for i in range(len(lower) - 1, -1, -1):
-            total = right[i, column]
+            total = load(right, (i, column, 0))
             for k in range(i + 1, len(lower)):
-                total -= lower[k, i] * right[k, column]
-            right[i, column] = total / lower[i, i]
+                total -= load(lower, (k, i, 0)) * load(right, (k, column, 0))
+            store(right, (i, column, 0), quotient(total, load(lower, (i, i, 0))))
