@@ -97,7 +97,7 @@ class DenoisingSettings:
     """
 
     strength: float = 0.0
-    sizes: tuple[int, ...] = (4, 12)
+    sizes: tuple[int, ...] = (4, 8, 12)
     threshold: float = 2.5
     share: float = 0.3
     similarity: float = 0.65
