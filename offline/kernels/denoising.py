@@ -2,7 +2,7 @@
 
 Blocks of n x n pixels are transformed, for each size n: first with a hard threshold, then again with Wiener gains from the first
 result. Blocks that need few coefficients are more certain, and get more weight where blocks overlap. They lie on a quincunx: one in
-every second column of every second row, alternate rows shifted by one. A block at every place costs four times as much.
+every second column of every second row of the frame, alternate rows shifted by one. Blocks at every place cost four times as much.
 
 The transform is separable. Its vertical half is computed for a row of blocks, once per column; what the blocks of a row add to the
 picture is summed in this half-transformed state and transformed back once per column, too. Sixteen blocks lie side by side in
@@ -75,7 +75,7 @@ def denoise(
                     samples[row, _place(column, half)] = noisy[source, mirrored(left - halo + column, width)]
             inner = halo // 2
             area = 0, down + 2 * halo, 0, across + 2 * halo
-            _aggregate((planes, halves, block), False, area, sizes, transforms, (shot, read, threshold))
+            _aggregate((planes, halves, block), False, area, top - halo, sizes, transforms, (shot, read, threshold))
             for row in range(inner, down + 2 * halo - inner):
                 source = mirrored(top - halo + row, height)
                 for column in range(inner, across + 2 * halo - inner):
@@ -84,7 +84,7 @@ def denoise(
                     if uncertain[source, mirrored(left - halo + column, width)]:
                         samples[row, place] = pilot[row, place]
             area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
-            _aggregate((planes, halves, block), True, area, sizes, transforms, (shot, read, threshold))
+            _aggregate((planes, halves, block), True, area, top - halo, sizes, transforms, (shot, read, threshold))
             for row in range(down):
                 for column in range(across):
                     place = _place(column + halo, half)
@@ -98,8 +98,13 @@ def _place(column: int, half: int) -> int:
 
 
 @kernel
-def _aggregate(memory: Memory, guided: bool, area: Area, sizes: IndexArray, transforms: FloatArray, model: Model) -> None:
-    """Sum all shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column."""
+def _aggregate(
+    memory: Memory, guided: bool, area: Area, first: int, sizes: IndexArray, transforms: FloatArray, model: Model
+) -> None:
+    """Sum the shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column.
+
+    first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
+    """
     planes, halves, block = memory
     samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
     forward, expected, backward, light = halves[0], halves[1], halves[2], halves[3, 0]
@@ -108,8 +113,8 @@ def _aggregate(memory: Memory, guided: bool, area: Area, sizes: IndexArray, tran
     weights[:] = _NONE
     for kind in range(len(sizes)):
         size, transform = sizes[kind], transforms[kind]
-        for row in range(area[0], area[1] - size + 1, _STEP):
-            shift = (row // _STEP) % _STEP
+        for row in range(area[0] + (first + area[0]) % _STEP, area[1] - size + 1, _STEP):
+            shift = ((first + row) // _STEP + area[2]) % _STEP
             _down(samples, row, area, size, transform, forward)
             if guided:
                 _down(pilot, row, area, size, transform, expected)
