@@ -1,9 +1,12 @@
-"""Denoise luminance by the amount of the sensor's noise: sliding-window DCTs, mixed with non-local means.
+"""Denoise luminance by the amount of the sensor's noise: overlapping DCT blocks, mixed with non-local means.
 
 Shrinkage of overlapping DCT blocks goes back to Yaroslavsky's sliding window (1996). Weighting blocks by how few coefficients they
 need, and a second pass with Wiener gains from the first result, are standard since. Small blocks suit edges, large ones gradients:
 estimates of several sizes are averaged with those weights. This loses texture that hardly rises above the noise. There, the mean of
 samples with similar surroundings keeps more (Buades, Coll and Morel 2005), and the surroundings compared here are already clean.
+
+Neighbouring blocks tell nearly the same: a quarter of them, on a quincunx, loses 0.01 to 0.02 dB. Weights that prefer blocks of few
+coefficients more than their variance says, and surroundings of 3 x 3 pixels, gain 0.05 dB.
 """
 
 import numpy as np
@@ -13,16 +16,12 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from .gaussian import gaussian
-from .kernels.averaging import average
 from .kernels.compile import threads
 from .kernels.denoising import denoise
+from .kernels.similar import SURROUNDINGS, average_similar
 from .settings import DenoisingSettings
 
 _PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels between two reports of progress, and the least number of rows
-_AROUND = 1.0  # pixels: standard deviation of the Gaussian that weights surroundings
-# Standard deviations added to the guide: the average weights by light (Eq. 16), which is almost the same everywhere that far up.
-_BRIGHT = 1000
 
 
 def denoise_luminance(
@@ -47,48 +46,28 @@ def denoise_luminance(
     step = max(_PIECE // width // _LEAST_ROWS, 1) * _LEAST_ROWS
     pieces = [(top, min(top + step, height)) for top in range(0, height, step)]
     progress.stage("denoising", 2 * len(pieces))
+    model = np.float32(shot), np.float32(read), np.float32(settings.threshold)
     for rows in pieces:
-        model = np.float32(shot), np.float32(read), np.float32(settings.threshold)
         denoise(luminance, uncertain, rows, sizes, transforms, *model, threads(), result)
         progress.advance()
     # In place, piece by piece; `above` keeps the rows above a piece as they were before they were changed.
-    reach = settings.radius + len(gaussian(_AROUND)) // 2
+    reach, offsets = settings.radius + SURROUNDINGS, half_window(settings.radius)
     above = result[:0]
     for top, bottom in pieces:
         guide = np.concatenate([above, result[top : bottom + reach]])
         around = slice(top - len(above), top - len(above) + len(guide))
-        samples = np.where(uncertain[around], guide, luminance[around])
         above = guide[: len(above) + bottom - top][-reach:].copy()
-        inside = top - around.start, bottom - around.start
-        similar = similar_mean(samples, guide, inside, shot, read, settings)
-        result[top:bottom] += np.float32(settings.share) * (similar - result[top:bottom])
+        alike = *model[:2], np.float32(settings.similarity), np.float32(settings.share)
+        average_similar(luminance, uncertain, guide, around.start, (top, bottom), offsets, *alike, threads(), result[top:bottom])
         progress.advance()
     return result
 
 
-def similar_mean(
-    samples: FloatArray, guide: FloatArray, rows: tuple[int, int], shot: float, read: float, settings: DenoisingSettings
-) -> FloatArray:
-    """Non-local means of some rows of `samples`, float32 (rows[1] - rows[0], W).
-
-    samples: (H, W), scene units; what is averaged.
-    guide: (H, W), scene units; its surroundings are compared.
-    rows: first and end row of the result.
-    shot, read: variance of the noise = shot * signal + read**2.
-
-    The weight of a pixel is exp(-d / (2 similarity^2)), d the mean of squared differences in standard deviations of the noise. A
-    transform of the guide gives Poisson-Gaussian noise the same standard deviation at any brightness.
-    """
-    if shot > 0:
-        even = (2 / shot) * np.sqrt(np.maximum(shot * guide.astype(np.float64) + read**2, 0))
-    else:
-        even = guide.astype(np.float64) / read
-    even += _BRIGHT - even.min()
-    mean = np.empty((rows[1] - rows[0], guide.shape[1], 1), np.float32)
-    falloff = -0.5 / settings.similarity**2
-    clean = even.astype(np.float32)
-    average(samples[..., None], 0, clean, rows, settings.radius, gaussian(_AROUND), falloff, 1, threads(), mean)
-    return mean[..., 0]
+def half_window(radius: int) -> IndexArray:
+    """One of each pair of opposite offsets to the other pixels of a square window, (n, 2): pixels down and right, row by row."""
+    return np.array(
+        [(down, right) for down in range(radius + 1) for right in range(-radius if down else 1, radius + 1)], dtype=np.intp
+    )
 
 
 def cosines(size: int) -> FloatArray:

@@ -85,11 +85,13 @@ class Cells:
         width = part.luminance.shape[1]
         down = mirrored(self._pixels(0, rows), height).clip(part.first, part.end - 1) - part.first
         across = mirrored(self._pixels(1, columns), width)
-        place = np.ix_(down, across)
-        light = part.luminance[place]
-        colour = part.chromaticity[place][..., self.channels]
-        planes = (colour * light[..., None] * gamma[self.channels]).transpose(2, 0, 1)
-        return np.ascontiguousarray(planes[:, :: self.steps[0], :: self.steps[1]])
+        place = _slices(down, across) or np.ix_(down, across)
+        light, colour = part.luminance[place], part.chromaticity[place]
+        planes = np.empty((len(self.channels), *light.shape), np.float32)
+        for plane, channel in zip(planes, self.channels, strict=True):
+            np.multiply(colour[..., channel], light, out=plane[:: self.steps[0], :: self.steps[1]])
+            plane *= gamma[channel]
+        return planes
 
     def blocks_of(self, values: FloatArray, rows: tuple[int, int], columns: tuple[int, int], outside: float) -> FloatArray:
         """Values of whole blocks, (rows, columns, n), at these rows and columns of cells, float32 (n, rows, columns)."""
@@ -101,6 +103,14 @@ class Cells:
 
     def _pixels(self, axis: int, span: tuple[int, int]) -> IndexArray:
         return self.origin[axis] + np.arange(span[0] * self.period, span[1] * self.period)
+
+
+def _slices(down: IndexArray, across: IndexArray) -> tuple[slice, slice] | None:
+    """Both as slices, if each counts up one by one: a view is then cheaper than a copy."""
+    for places in (down, across):
+        if places[-1] - places[0] != len(places) - 1 or (np.diff(places) != 1).any():
+            return None
+    return slice(int(down[0]), int(down[-1]) + 1), slice(int(across[0]), int(across[-1]) + 1)
 
 
 class Learner:
@@ -144,9 +154,9 @@ class Learner:
             share = share[place[0].start - top : place[0].stop - top, place[1].start - left : place[1].stop - left]
             inside = slice(place[0].start - part.first, place[0].stop - part.first), place[1]
             light = part.luminance[inside]
-            lit = np.where(light > DARK, light, np.float32(np.inf))
+            per_light = np.divide(1, light, out=np.zeros_like(light), where=light > DARK)
             for channel, index in enumerate(cells.channels):
-                chromaticity[(*inside, index)] += share[..., channel] / (lit * self._gamma[index])
+                chromaticity[(*inside, index)] += share[..., channel] * (per_light * (1 / self._gamma[index]))
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // self._tile))]
         with ThreadPoolExecutor(threads(), "learned") as pool:

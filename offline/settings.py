@@ -98,10 +98,10 @@ class DenoisingSettings:
 
     strength: float = 0.0
     sizes: tuple[int, ...] = (4, 8, 12)
-    threshold: float = 2.6
-    share: float = 0.35
-    similarity: float = 0.5
-    radius: int = 8
+    threshold: float = 2.5
+    share: float = 0.3
+    similarity: float = 0.65
+    radius: int = 7
 
     def __post_init__(self) -> None:
         _require(self.strength >= 0, "denoising.strength", self.strength, "0 or more")

@@ -1,12 +1,13 @@
 """Shrinkage of sliding-window DCT coefficients in two passes, in windows that stay in the cache.
 
-Every n x n block of pixels is transformed, at every place and for each size n: first with a hard threshold, then again with Wiener
-gains from the first result. Blocks that need few coefficients are more certain, and get more weight where blocks overlap.
+Blocks of n x n pixels are transformed, for each size n: first with a hard threshold, then again with Wiener gains from the first
+result. Blocks that need few coefficients are more certain, and get more weight where blocks overlap. They lie on a quincunx: one in
+every second column of every second row of the frame, alternate rows shifted by one. Blocks at every place cost four times as much.
 
 The transform is separable. Its vertical half is computed for a row of blocks, once per column; what the blocks of a row add to the
 picture is summed in this half-transformed state and transformed back once per column, too. Sixteen blocks lie side by side in
-lanes, each one pixel to the right of the one before. The rows of a DCT are even or odd, so sums and differences of opposite pixels
-halve the number of products.
+lanes, each two pixels to the right of the one before; a row of memory has its even columns first, so that these are neighbours. The
+rows of a DCT are even or odd, so sums and differences of opposite pixels halve the number of products.
 """
 
 import numpy as np
@@ -15,9 +16,10 @@ from shared.arrays import BoolArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import mirrored, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
+from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, square_root, store, where_less
 
 _ROWS, _COLUMNS = 128, 256  # of a window
+_STEP = 2  # pixels from one block to the next, down and across
 _TOGETHER = 4  # rows of coefficients at a time: sizes are multiples of it
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.float32(1e-30)
@@ -59,7 +61,8 @@ def denoise(
     halo = 2 * (most - 1)
     along = (width + _COLUMNS - 1) // _COLUMNS
     windows = (rows[1] - rows[0] + _ROWS - 1) // _ROWS * along
-    tall, wide = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * WIDTH) // WIDTH * WIDTH
+    tall, half = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * _STEP * WIDTH) // (_STEP * WIDTH) * WIDTH
+    wide = _STEP * half
     for worker in prange(workers):
         planes, halves, block = zeros(4, tall, wide), zeros(4, most, wide), zeros(3, most * most, WIDTH)
         samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
@@ -69,41 +72,56 @@ def denoise(
             for row in range(down + 2 * halo):
                 source = mirrored(top - halo + row, height)
                 for column in range(across + 2 * halo):
-                    samples[row, column] = noisy[source, mirrored(left - halo + column, width)]
+                    samples[row, _place(column, half)] = noisy[source, mirrored(left - halo + column, width)]
             inner = halo // 2
             area = 0, down + 2 * halo, 0, across + 2 * halo
-            _aggregate((planes, halves, block), False, area, sizes, transforms, (shot, read, threshold))
+            _aggregate((planes, halves, block), False, area, top - halo, sizes, transforms, (shot, read, threshold))
             for row in range(inner, down + 2 * halo - inner):
                 source = mirrored(top - halo + row, height)
                 for column in range(inner, across + 2 * halo - inner):
-                    pilot[row, column] = sums[row, column] / weights[row, column]
+                    place = _place(column, half)
+                    pilot[row, place] = sums[row, place] / weights[row, place]
                     if uncertain[source, mirrored(left - halo + column, width)]:
-                        samples[row, column] = pilot[row, column]
+                        samples[row, place] = pilot[row, place]
             area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
-            _aggregate((planes, halves, block), True, area, sizes, transforms, (shot, read, threshold))
+            _aggregate((planes, halves, block), True, area, top - halo, sizes, transforms, (shot, read, threshold))
             for row in range(down):
                 for column in range(across):
-                    out[top + row, left + column] = sums[row + halo, column + halo] / weights[row + halo, column + halo]
+                    place = _place(column + halo, half)
+                    out[top + row, left + column] = sums[row + halo, place] / weights[row + halo, place]
 
 
 @kernel
-def _aggregate(memory: Memory, guided: bool, area: Area, sizes: IndexArray, transforms: FloatArray, model: Model) -> None:
-    """Sum all shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column."""
+def _place(column: int, half: int) -> int:
+    """Where a column of a window lies in a row of memory, of which the first half has the even columns."""
+    return column % _STEP * half + column // _STEP
+
+
+@kernel
+def _aggregate(
+    memory: Memory, guided: bool, area: Area, first: int, sizes: IndexArray, transforms: FloatArray, model: Model
+) -> None:
+    """Sum the shrunk blocks inside `area` with their weights, and the weights. area: first and end row, first and end column.
+
+    first: the frame's row at row 0 of the window; the frame's column at column 0 is even.
+    """
     planes, halves, block = memory
     samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
     forward, expected, backward, light = halves[0], halves[1], halves[2], halves[3, 0]
+    half = samples.shape[1] // _STEP
     sums[:] = _NONE
     weights[:] = _NONE
     for kind in range(len(sizes)):
         size, transform = sizes[kind], transforms[kind]
-        for row in range(area[0], area[1] - size + 1):
+        for row in range(area[0] + (first + area[0]) % _STEP, area[1] - size + 1, _STEP):
+            shift = ((first + row) // _STEP + area[2]) % _STEP
             _down(samples, row, area, size, transform, forward)
             if guided:
                 _down(pilot, row, area, size, transform, expected)
             for k in range(size):
                 backward[k] = _NONE
             light[:] = _NONE
-            for column in range(area[2], area[3] - size + 1, WIDTH):
+            for column in range(area[2] + shift, area[3] - size + 1, _STEP * WIDTH):
                 _across(forward, column, size, transform, block[1], block[0])
                 if guided:
                     _across(expected, column, size, transform, block[1], block[2])
@@ -112,13 +130,14 @@ def _aggregate(memory: Memory, guided: bool, area: Area, sizes: IndexArray, tran
                     weight = _hard(block, size, model)
                 # Lanes beyond the last block get no weight.
                 last = area[3] - size
-                if column + WIDTH - 1 > last:
+                if column + _STEP * (WIDTH - 1) > last:
                     for lane in range(WIDTH):
-                        block[1, 0, lane] = _ONE if column + lane <= last else _NONE
+                        block[1, 0, lane] = _ONE if column + _STEP * lane <= last else _NONE
                     weight = weight * load(block, (1, 0, 0))
                 _back(block[0], column, size, transform, weight, backward)
                 for i in range(size):
-                    store(light, column + i, load(light, column + i) + weight)
+                    place = _place(column + i, half)
+                    store(light, place, load(light, place) + weight)
             _up(backward, light, row, area, size, transform, planes)
 
 
@@ -126,7 +145,7 @@ def _aggregate(memory: Memory, guided: bool, area: Area, sizes: IndexArray, tran
 def _down(plane: FloatArray, row: int, area: Area, size: int, transform: FloatArray, out: FloatArray) -> None:
     """Compute the vertical DCT of rows row .. row + size - 1 at every column."""
     half = size // 2
-    for column in range(area[2], area[3], WIDTH):
+    for column in range(0, plane.shape[1], WIDTH):
         for k in range(0, size, 2):
             even, odd = load(plane, (row, column)) * _NONE, load(plane, (row, column)) * _NONE
             for i in range(half):
@@ -140,11 +159,12 @@ def _down(plane: FloatArray, row: int, area: Area, size: int, transform: FloatAr
 @kernel
 def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, folded: FloatArray, out: FloatArray) -> None:
     """Compute the horizontal DCT of sixteen blocks, to out[vertical frequency * size + horizontal frequency]."""
-    half = size // 2
+    half, apart = size // 2, halves.shape[1] // _STEP
     for first in range(0, size, _TOGETHER):
         for i in range(half):
+            left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
             for k in range(_TOGETHER):
-                a, b = load(halves, (first + k, column + i)), load(halves, (first + k, column + size - 1 - i))
+                a, b = load(halves, (first + k, left)), load(halves, (first + k, right))
                 store(folded, (8 * i + k, 0), a + b)
                 store(folded, (8 * i + 4 + k, 0), a - b)
         for j in range(0, size, 2):
@@ -173,7 +193,7 @@ def _across(halves: FloatArray, column: int, size: int, transform: FloatArray, f
 
 @kernel
 def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
-    """Set the coefficients below the threshold to 0, except the mean. Returns the weight: pixels / remaining variance."""
+    """Set the coefficients below the threshold to 0, except the mean. Returns the weight."""
     variance, threshold = _variance(load(block, (0, 0, 0)), size, model), model[2]
     limit = variance * (threshold * threshold)
     kept = limit * _NONE + _ONE
@@ -182,7 +202,7 @@ def _hard(block: FloatArray, size: int, model: Model) -> Lanes:
         energy = value * value
         kept += where_less(energy, limit, _NONE, _ONE)
         store(block, (0, place, 0), where_less(energy, limit, _NONE, value))
-    return quotient(np.float32(size * size), variance * kept)
+    return _weight(kept, variance, size)
 
 
 @kernel
@@ -196,7 +216,14 @@ def _wiener(block: FloatArray, size: int, model: Model) -> Lanes:
         share = quotient(energy, energy + variance)
         kept += share * share
         store(block, (0, place, 0), load(block, (0, place, 0)) * share)
-    return quotient(np.float32(size * size), variance * kept)
+    return _weight(kept, variance, size)
+
+
+@kernel
+def _weight(kept: Lanes, variance: Lanes, size: int) -> Lanes:
+    """Weight of a block whose mean has 1 / `fewer` of its variance left: more than the inverse, fewer / variance, pays (measured)."""
+    fewer = quotient(np.float32(size * size), kept)
+    return quotient(fewer * square_root(fewer), variance)
 
 
 @kernel
@@ -212,9 +239,9 @@ def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weig
 
     The loop goes pixel by pixel, with all frequencies of each: a store that overlaps the previous one would wait for it.
     """
-    half = size // 2
+    half, apart = size // 2, out.shape[1] // _STEP
     for i in range(half):
-        opposite = size - 1 - i
+        left, right = _place(column + i, apart), _place(column + size - 1 - i, apart)
         for first in range(0, size, _TOGETHER):
             nothing = weight * _NONE
             e0, e1, e2, e3, o0, o1, o2, o3 = nothing, nothing, nothing, nothing, nothing, nothing, nothing, nothing
@@ -229,15 +256,15 @@ def _back(block: FloatArray, column: int, size: int, transform: FloatArray, weig
                 e3 += even * load(block, (place + 3 * size, 0))
                 o3 += odd * load(block, (place + 3 * size + 1, 0))
             for k, even, odd in ((first, e0, o0), (first + 1, e1, o1), (first + 2, e2, o2), (first + 3, e3, o3)):
-                store(out, (k, column + i), load(out, (k, column + i)) + weight * (even + odd))
-                store(out, (k, column + opposite), load(out, (k, column + opposite)) + weight * (even - odd))
+                store(out, (k, left), load(out, (k, left)) + weight * (even + odd))
+                store(out, (k, right), load(out, (k, right)) + weight * (even - odd))
 
 
 @kernel
 def _up(half: FloatArray, light: FloatArray, row: int, area: Area, size: int, transform: FloatArray, planes: FloatArray) -> None:
     """Add a row of blocks, transformed back vertically, to the picture: to the planes `sums` and `weights`."""
     sums, weights = planes[2], planes[3]
-    for column in range(area[2], area[3], WIDTH):
+    for column in range(0, light.shape[0], WIDTH):
         weight = load(light, column)
         for i in range(size // 2):
             even, odd = weight * _NONE, weight * _NONE

@@ -1,14 +1,14 @@
-"""Denoising of luminance: every block of the picture is shrunk twice in SciPy's DCT, then mixed with non-local means."""
+"""Denoising of luminance: blocks of the picture are shrunk twice in SciPy's DCT, then mixed with non-local means."""
 
 from collections.abc import Callable
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import dctn, idctn
+from scipy.ndimage import convolve
 
 from offline.settings import DenoisingSettings
 from shared.arrays import BoolArray, DoubleArray
-from tests.reference.gaussian import blur
 
 Gains = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
 Variance = Callable[[float], float]
@@ -20,20 +20,28 @@ def transformed(plane: DoubleArray, size: int) -> DoubleArray:
     return blocks
 
 
-def aggregated(plane: DoubleArray, guide: DoubleArray, sizes: tuple[int, ...], variance: Variance, gains: Gains) -> DoubleArray:
-    """The weighted mean of all blocks that cover each pixel; the weight is (pixels of the block) / (noise that its gains leave)."""
+def aggregated(
+    plane: DoubleArray, guide: DoubleArray, first: int, sizes: tuple[int, ...], variance: Variance, gains: Gains
+) -> DoubleArray:
+    """The weighted mean of the blocks of a quincunx that cover each pixel.
+
+    first: row and column of the frame at row and column 0. A block's first row is even; half of it is even or odd as its first column.
+    The weight is (pixels / kept)^1.5 / noise, where `kept` is how many coefficients' worth of noise the gains leave.
+    """
     sums, weights = np.zeros_like(plane), np.zeros_like(plane)
     for size in sizes:
         blocks, guides = transformed(plane, size), transformed(guide, size)
         for row, column in np.ndindex(*blocks.shape[:2]):
+            if (first + row) % 2 or ((first + row) // 2 + first + column) % 2:
+                continue
             noise = variance(float(guides[row, column, 0, 0]) / size)
             gain = gains(blocks[row, column], guides[row, column], noise)
             gain[0, 0] = 1.0
-            weight = size**2 / (noise * (gain**2).sum())
+            weight = (size**2 / (gain**2).sum()) ** 1.5 / noise
             window = slice(row, row + size), slice(column, column + size)
             sums[window] += weight * idctn(gain * blocks[row, column], norm="ortho")
             weights[window] += weight
-    return sums / weights
+    return sums / np.where(weights == 0, 1, weights)  # none covers some pixels at the edge, which the margin hides
 
 
 def denoise(
@@ -46,9 +54,11 @@ def denoise(
     def variance(mean: float) -> float:
         return shot * max(mean, 0.0) + read**2
 
-    first = aggregated(plane, plane, sizes, variance, lambda block, _, noise: np.where(block**2 < threshold**2 * noise, 0.0, 1.0))
+    first = aggregated(
+        plane, plane, -margin, sizes, variance, lambda block, _, noise: np.where(block**2 < threshold**2 * noise, 0.0, 1.0)
+    )
     refilled = np.where(doubtful, first, plane)
-    second = aggregated(refilled, first, sizes, variance, lambda _, guide, noise: guide**2 / (guide**2 + noise))
+    second = aggregated(refilled, first, -margin, sizes, variance, lambda _, guide, noise: guide**2 / (guide**2 + noise))
     return second[margin:-margin, margin:-margin]
 
 
@@ -56,14 +66,15 @@ def similar_mean(samples: DoubleArray, guide: DoubleArray, shot: float, read: fl
     """Non-local means of `samples`; the weights compare the surroundings in `guide`, in standard deviations of the noise."""
     even = 2 / shot * np.sqrt(np.maximum(shot * guide + read**2, 0)) if shot else guide / read
     height, width = guide.shape
-    margin = radius + 4
-    wide, values = np.pad(even, margin, mode="reflect"), np.pad(samples, radius, mode="reflect")
+    wide, values = np.pad(even, radius + 1, mode="reflect"), np.pad(samples, radius, mode="reflect")
+    binomial = np.outer([1, 2, 1], [1, 2, 1]) / 16
     sums, weights = np.zeros_like(guide), np.zeros_like(guide)
     for down in range(2 * radius + 1):
         for right in range(2 * radius + 1):
-            there = wide[down : down + height + 8, right : right + width + 8]
-            distance = blur((there - wide[radius:-radius, radius:-radius]) ** 2, 1.0)[4:-4, 4:-4]
-            weight = np.exp(-distance / (2 * similarity**2))
+            there = wide[down : down + height + 2, right : right + width + 2]
+            here = wide[radius : radius + height + 2, radius : radius + width + 2]
+            distance = convolve((there - here) ** 2, binomial)[1:-1, 1:-1] / similarity**2
+            weight = np.maximum(1 - distance / 8, 0) ** 4  # nearly exp(-distance / 2)
             sums += weight * values[down : down + height, right : right + width]
             weights += weight
     return sums / weights

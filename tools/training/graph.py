@@ -10,7 +10,7 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 from torch.nn import functional
 
-from .network import BASIS, BLOCKS, HALO, Network, features, in_basis, inner
+from .network import BASIS, BLOCKS, HALO, Network, cells_of, features, inner, pixelwise
 
 TILE = 48
 """Cells per side of a tile. Smaller tiles compute more of their surroundings; larger ones leave the processor's cache."""
@@ -20,8 +20,6 @@ _GATE = 1.8
 _MARGIN, _LEAST_MARGIN, _DIM = -0.15, 0.0, 0.2
 """How far chromaticity may go beyond that of its surroundings, in units of their range (negative: less far), and at least; and the
 share of mean luminance below which a pixel's own chromaticity tells little."""
-_HALF = 1024
-"""Constants of more than so many values are weights, and are stored with 16 bits."""
 
 
 class Corrector(nn.Module):  # type: ignore[misc]
@@ -30,22 +28,23 @@ class Corrector(nn.Module):  # type: ignore[misc]
     def __init__(self, network: Network) -> None:
         super().__init__()
         self.network = network
-        self.register_buffer("basis", torch.as_tensor(BASIS))
 
     def forward(self, picture: Any, error: Any, variance: Any) -> Any:
         """The three components of the correction add up to zero: luminance stays."""
-        inputs, bound, _ = features(self.network.period, picture, error, variance, _GATE)
+        period = self.network.period
+        light, colour = cells_of(picture, period)
+        inputs, bound = features(light, colour, error, variance, _GATE)
         found = self.network(inputs) * inner(bound, BLOCKS + 1)
-        found = within_surroundings(found, picture, self.network.period)
-        found = functional.pixel_shuffle(found, self.network.period)
-        return (found[:, :, None] * self.basis[None, :, :, None, None]).sum(dim=1)
+        found = within_surroundings(found, inner(light, HALO - 1), inner(colour, HALO - 1))
+        return functional.conv_transpose2d(found, pixelwise(BASIS, period), stride=period)
 
 
-def within_surroundings(correction: Any, picture: Any, period: int) -> Any:
-    """`correction`, (N, 2 K^2, h, w), so that no chromaticity leaves the range of those in the 3 x 3 cells around by much."""
-    light = inner(functional.pixel_unshuffle(picture.mean(dim=1, keepdim=True), period), HALO - 1)
-    colour = inner(in_basis(picture, period), HALO - 1)
-    pixels = period**2
+def within_surroundings(correction: Any, light: Any, colour: Any) -> Any:
+    """`correction`, (N, 2 K^2, h, w), so that no chromaticity leaves the range of those in the 3 x 3 cells around by much.
+
+    light, colour: from `cells_of`, one cell more on each side.
+    """
+    pixels = light.shape[1]
     safe = torch.maximum(light, _DIM * light.mean(dim=1, keepdim=True)).clamp_min(1e-5)
     light, here = inner(light), inner(colour)
     limited = []
@@ -93,9 +92,8 @@ def _halve(model: onnx.ModelProto) -> None:
     """Store weights with 16 bits; a node in front of each converts it when the file is loaded."""
     casts = []
     for weight in model.graph.initializer:
-        values = numpy_helper.to_array(weight)
-        if values.size > _HALF and values.dtype == np.float32:
-            name = weight.name
+        values, name = numpy_helper.to_array(weight), weight.name
+        if name.startswith("network.") and name.endswith(".weight"):
             weight.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}_half"))
             casts.append(helper.make_node("Cast", [f"{name}_half"], [name], to=TensorProto.FLOAT))
     nodes = [*casts, *model.graph.node]

@@ -1,0 +1,137 @@
+"""Non-local means of luminance (Buades, Coll and Morel 2005), in windows that stay in the cache.
+
+A pixel is averaged with others of the same kind of surroundings: 3 x 3 pixels, with binomial weights, of a frame without noise. The
+weight of two pixels is the same for both, so each pair is weighed once: pairs that lie the same number of rows apart together, and
+then they are added to both rows at once.
+"""
+
+import numpy as np
+
+from shared.arrays import BoolArray, FloatArray, IndexArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import mirrored, zeros
+from .lanes import WIDTH, Scalar, greater, load, store
+
+SURROUNDINGS = 1
+"""Pixels around a pixel that are compared."""
+_ROWS, _COLUMNS = 128, 256  # of a window
+_NONE, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
+# e^(-x / 2) is about (1 - x / 8)^4, and this is 0 from x = 8 on. x is the mean of squared differences with weights that sum to 16.
+_SCALE = np.float32(1 / np.sqrt(8 * 16))
+
+Planes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""(even, samples, sums, weights) of a window: what is compared, what is averaged, and what has been added up."""
+
+
+@parallel_kernel
+def average_similar(
+    noisy: FloatArray,
+    uncertain: BoolArray,
+    clean: FloatArray,
+    first: int,
+    rows: tuple[int, int],
+    offsets: IndexArray,
+    shot: Scalar,
+    read: Scalar,
+    similarity: Scalar,
+    share: Scalar,
+    workers: int,
+    out: FloatArray,
+) -> None:
+    """Mix the mean of pixels with similar surroundings into rows[0] to rows[1] of a frame.
+
+    noisy: (H, W), scene units; what is averaged.
+    uncertain: bool (H, W), samples that are taken from `clean` instead.
+    clean: (rows, W), scene units, the frame without noise, from its row `first` on: `rows` and as much above and below as offsets and
+        surroundings reach, or to the frame's edge.
+    rows: first and end row of the frame to compute.
+    offsets: (n, 2), from a pixel to those that it is averaged with, pixels down and right; the opposite offsets come by themselves.
+        Down is 0 or more and never falls; where it is 0, right is more.
+    shot, read: variance of the noise = shot * signal + read**2.
+    similarity: how much surroundings may differ, in standard deviations of the noise: their weight is about
+        exp(-d / (2 similarity^2)), d the mean of squared differences.
+    share: of the mean in the result; the rest is `clean`.
+    workers: how many windows are computed at a time.
+    out: (rows[1] - rows[0], W), scene units, written.
+    """
+    (height, width), radius = noisy.shape, np.abs(offsets).max()
+    halo = radius + SURROUNDINGS
+    along = (width + _COLUMNS - 1) // _COLUMNS
+    windows = (rows[1] - rows[0] + _ROWS - 1) // _ROWS * along
+    tall, wide = _ROWS + 2 * halo, (_COLUMNS + 3 * halo + 2 * WIDTH) // WIDTH * WIDTH
+    groups = np.searchsorted(offsets[:, 0], np.arange(radius + 2))
+    scale = _SCALE / similarity
+    for worker in prange(workers):
+        memory, pairs, distances = zeros(4, tall, wide), zeros(2 * radius + 1, wide), zeros(wide)
+        even, samples, sums, weights = planes = memory[0], memory[1], memory[2], memory[3]
+        for window in range(worker, windows, workers):
+            top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
+            down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
+            for row in range(down + 2 * halo):
+                source = mirrored(top - halo + row, height)
+                for column in range(across + 2 * halo):
+                    place = mirrored(left - halo + column, width)
+                    value = clean[source - first, place]
+                    even[row, column] = scale * _even(value, shot, read)
+                    samples[row, column] = value if uncertain[source, place] else noisy[source, place]
+            sums[:] = samples
+            weights[:] = _ONE
+            end = down + halo
+            for row in range(SURROUNDINGS, end):
+                for apart in range(radius + 1):
+                    rights = offsets[groups[apart] : groups[apart + 1], 1]
+                    if row >= halo or halo <= row + apart < end:
+                        _weigh(even, row, apart, rights, across + 2 * halo, distances, pairs)
+                    if row >= halo:
+                        _add(planes, row, row + apart, rights, (halo, halo + across), pairs, True)
+                    if halo <= row + apart < end:
+                        _add(planes, row + apart, row, rights, (halo, halo + across), pairs, False)
+            for row in range(down):
+                for column in range(across):
+                    value = clean[top + row - first, left + column]
+                    mean = sums[row + halo, column + halo] / weights[row + halo, column + halo]
+                    out[top - rows[0] + row, left + column] = value + share * (mean - value)
+
+
+@kernel
+def _even(signal: Scalar, shot: Scalar, read: Scalar) -> Scalar:
+    """A signal transformed so that its noise has a standard deviation of 1 at any brightness (Anscombe 1948)."""
+    if shot > 0:
+        return _TWO / shot * np.sqrt(max(shot * signal + read * read, _NONE))
+    return signal / read
+
+
+@kernel
+def _weigh(even: FloatArray, row: int, apart: int, rights: IndexArray, end: int, distances: FloatArray, pairs: FloatArray) -> None:
+    """Weigh all pixels of a row, to column `end`, with those `apart` rows below, as many pixels to the right as `rights` say."""
+    for index in range(len(rights)):
+        right = rights[index]
+        for column in range(0, end, WIDTH):
+            above = load(even, (row - 1 + apart, column + right)) - load(even, (row - 1, column))
+            middle = load(even, (row + apart, column + right)) - load(even, (row, column))
+            below = load(even, (row + 1 + apart, column + right)) - load(even, (row + 1, column))
+            store(distances, column, above * above + _TWO * (middle * middle) + below * below)
+        for column in range(SURROUNDINGS, end, WIDTH):
+            distance = load(distances, column - 1) + _TWO * load(distances, column) + load(distances, column + 1)
+            weight = greater(_ONE - distance, _NONE)
+            weight = weight * weight
+            store(pairs, (index, column), weight * weight)
+
+
+@kernel
+def _add(planes: Planes, row: int, other: int, rights: IndexArray, span: tuple[int, int], pairs: FloatArray, forward: bool) -> None:
+    """Add weighted samples of the row `other` to `row`. forward: `row` is the one from which the offsets of the pairs count."""
+    _, samples, sums, weights = planes
+    for column in range(span[0], span[1], WIDTH):
+        total, light = load(sums, (row, column)), load(weights, (row, column))
+        for index in range(len(rights)):
+            step = rights[index]
+            if forward:
+                weight, value = load(pairs, (index, column)), load(samples, (other, column + step))
+            else:
+                weight, value = load(pairs, (index, column - step)), load(samples, (other, column - step))
+            total += weight * value
+            light += weight
+        store(sums, (row, column), total)
+        store(weights, (row, column), light)

@@ -1,0 +1,67 @@
+"""Non-local means of luminance in windows against their reference."""
+
+import numpy as np
+import pytest
+
+from offline.denoising import half_window
+from offline.kernels.compile import available_threads
+from offline.kernels.similar import SURROUNDINGS, average_similar
+from shared.arrays import BoolArray, FloatArray
+from tests.reference import denoising as reference
+from tests.reference.compare import assert_close
+
+# Sums of up to 289 float32 products, divided by the sum of the weights.
+FLOAT32 = 5e-6
+SHARE, SIMILARITY = 0.6, 0.7
+
+
+def scene(shape: tuple[int, int]) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Waves with noise, without it, and which samples are in doubt."""
+    random = np.random.default_rng(0)
+    row, column = np.indices(shape)
+    clean = 0.6 + 0.4 * np.sin(row / 6.0) * np.cos(column / 9.0) + random.normal(0, 0.02, shape)
+    return (clean + random.normal(0, 0.05, shape)).astype(np.float32), clean.astype(np.float32), random.random(shape) < 0.1
+
+
+def averaged(
+    planes: tuple[FloatArray, FloatArray, BoolArray], radius: int, shot: float, read: float, workers: int = 2
+) -> FloatArray:
+    noisy, clean, uncertain = planes
+    return rows_of(noisy, clean, 0, uncertain, (0, len(noisy)), radius, shot, read, workers)
+
+
+def rows_of(
+    noisy: FloatArray,
+    clean: FloatArray,
+    first: int,
+    uncertain: BoolArray,
+    rows: tuple[int, int],
+    radius: int,
+    shot: float,
+    read: float,
+    workers: int,
+) -> FloatArray:
+    out = np.full((rows[1] - rows[0], noisy.shape[1]), np.nan, np.float32)
+    model = [np.float32(number) for number in (shot, read, SIMILARITY, SHARE)]
+    average_similar(noisy, uncertain, clean, first, rows, half_window(radius), *model, workers, out)
+    return out
+
+
+@pytest.mark.parametrize(("shot", "read"), [(0.0, 0.05), (0.002, 0.02)])
+@pytest.mark.parametrize(("shape", "radius"), [((1, 1), 1), ((2, 40), 3), ((31, 14), 8), ((140, 30), 2), ((20, 270), 7)])
+def test_equals_the_reference(shape: tuple[int, int], radius: int, shot: float, read: float) -> None:
+    noisy, clean, uncertain = planes = scene(shape)
+    exact = clean.astype(np.float64)
+    samples = np.where(uncertain, exact, noisy)
+    expected = (1 - SHARE) * exact + SHARE * reference.similar_mean(samples, exact, shot, read, SIMILARITY, radius)
+    assert_close(averaged(planes, radius, shot, read), expected, FLOAT32)
+
+
+def test_rows_and_workers_leave_no_trace() -> None:
+    noisy, clean, uncertain = planes = scene((300, 530))
+    whole = averaged(planes, 5, 0.001, 0.04, workers=1)
+    assert np.array_equal(averaged(planes, 5, 0.001, 0.04, workers=available_threads() + 1), whole)
+    for top, bottom in ((0, 37), (100, 101), (143, 300), (290, 300)):
+        first, last = max(top - 5 - SURROUNDINGS, 0), min(bottom + 5 + SURROUNDINGS, 300)
+        found = rows_of(noisy, clean[first:last], first, uncertain, (top, bottom), 5, 0.001, 0.04, 2)
+        assert np.array_equal(found, whole[top:bottom])
