@@ -10,7 +10,6 @@ of the JPEG received. `view` runs with the default options in a process of its o
 """
 
 import argparse
-import fcntl
 import os
 import socket
 import sys
@@ -40,7 +39,6 @@ from tools.live.viewfinder import _jpeg
 WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}
 STRIDES = {"u16": 8128, "raw12": 6112, "raw10": 5120}  # of an IMX477 on a Raspberry Pi
 FRAMES, WARM = 4, 3.0  # different frames; seconds before the measurement
-PIPE = 1 << 20  # bytes: the most that an ordinary user may ask for
 MARK, MARKS = 48, 12  # rows of a mark and bytes of a line; bits of a frame's number
 BRIGHT = {"u16": (0x01, 0x0B), "raw12": (0x10, 0xB0), "raw10": (0x10, 0xB0)}  # bytes of a dark mark, and of a bright one
 
@@ -84,7 +82,6 @@ class Camera:
     stopping: bool = False
 
     def run(self) -> None:
-        fcntl.fcntl(self.pipe, fcntl.F_SETPIPE_SZ, PIPE)
         number, due = 0, time.monotonic()
         with suppress(BrokenPipeError):
             while not self.stopping:
