@@ -112,11 +112,18 @@ class Viewfinder:
             view = self._view
             if view is None or self._closed:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
+            previewing = 0.0
+
+            def picture() -> ByteArray:
+                nonlocal previewing
+                begun = perf_counter()
+                made = preview(view.mosaic)
+                previewing = perf_counter() - begun
+                return made
+
             started = perf_counter()
-            picture = preview(view.mosaic)
-            made = perf_counter()
             path = folder.save(view.mosaic, picture, view.taken)
-            return Saved(path, made - started, perf_counter() - made)
+            return Saved(path, previewing, perf_counter() - started - previewing)
 
     def close(self) -> None:
         """End all streams; returns after a shot in progress has been saved."""
