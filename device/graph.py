@@ -100,7 +100,10 @@ class Inputs:
 
 
 def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
-    """The probes of every block, a tensor (n, blocks) per kind. Colour samples are converted to panchromatic codes, sums stay as read."""
+    """The probes of every block, a tensor (n, blocks) per kind.
+
+    Colour samples are converted to panchromatic codes; the sums of cells stay as read.
+    """
     period = geometry.pattern.period
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
     probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])

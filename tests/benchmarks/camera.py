@@ -4,9 +4,9 @@ live     `panchroma view` takes frames from a pipe, and a browser's part, a clie
 saving   the same, while shots are saved.
 stages   processor time of each step from the raw bytes to the JPEG, and of a saved shot, one thread, one after the other.
 
-The frames are made before the clock starts, and numbered by marks in a corner, so that each JPEG tells which frame it shows. A frame
-that is due while the one before is still being written is lost, as in a camera. Latency is from the first byte written to the last byte
-of the JPEG received. `view` runs with the default options in a process of its own; camera and client share the cores with it.
+The frames are made before the clock starts, and numbered by marks in a corner, so that each JPEG tells which frame it shows. A
+frame that is due while the one before is still being written is lost, as in a camera. Latency is from the first byte written to the
+last byte of the JPEG received. `view` runs with the default options in a process of its own; camera and client share its cores.
 """
 
 import argparse
@@ -46,7 +46,7 @@ BRIGHT = {"u16": (0x01, 0x0B), "raw12": (0x10, 0xB0), "raw10": (0x10, 0xB0)}  # 
 def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
     """The layout, and frames as bytes (H, stride)."""
     layout = FrameLayout(WIDTH, HEIGHT, name, STRIDES[name])
-    codes: CodeArray = Material((HEIGHT + 8, WIDTH)).shot.codes >> (12 - BITS[name])
+    codes = (Material((HEIGHT + 8, WIDTH)).shot.codes >> (12 - BITS[name])).astype(np.uint16)
     frames = []
     for number in range(FRAMES):
         shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]
@@ -89,7 +89,7 @@ class Camera:
                 self._mark(frame, number)
                 time.sleep(max(due - time.monotonic(), 0))
                 self.started[number] = time.monotonic()
-                data = memoryview(frame).cast("B")
+                data = frame.data.cast("B")
                 while data:
                     data = data[os.write(self.pipe, data) :]
                 number += 1

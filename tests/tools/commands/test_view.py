@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
 from pathlib import Path
@@ -30,6 +31,7 @@ from tests.tools.command import run, start
 from tools.commands.view import _scale
 from tools.live import server
 from tools.live.server import ViewfinderServer
+from tools.live.showing import show_frames
 from tools.live.viewfinder import Viewfinder
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -116,6 +118,35 @@ def test_the_stream_shows_each_picture(served: Served) -> None:
         assert abs(picture - expected).mean() < 12  # JPEG of noise; another frame is off by 85
         assert abs(picture - codes(number + 1)[..., None] / 4).mean() > 60
         show(served.finder, number + 1)
+
+
+def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    finder, seen, refused = Viewfinder(lambda: 0), list[int](), list[InputError]()
+    first = [int(codes(number)[0, 0]) for number in range(6)]
+
+    def preview(mosaic: Mosaic) -> ByteArray:
+        time.sleep(0.02 * (int(mosaic.codes[0, 0]) == first[2]))
+        seen.append(int(mosaic.codes[0, 0]))
+        return grey(mosaic)
+
+    shown = []
+    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived: shown.append(int(mosaic.codes[0, 0])))
+    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(6)), SENSOR, preview, finder, refused.append)
+    assert shown == seen == first
+    assert refused == []
+
+
+def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_stream_breaks() -> None:
+    def frames() -> Iterator[RawFrame]:
+        for number in range(5):
+            yield RawFrame.now(codes(number).tobytes()[: None if number != 2 else -1])
+        raise InputError("the stream broke")
+
+    finder, refused = Viewfinder(lambda: 0), list[InputError]()
+    with pytest.raises(InputError, match="the stream broke"):
+        show_frames(frames(), SENSOR, grey, finder, refused.append)
+    assert finder.status()["frames"] == 4
+    assert len(refused) == 1
 
 
 def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
