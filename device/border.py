@@ -6,10 +6,11 @@ outside, or is cut by the edge, repeats the nearest one inside.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
-from shared.arrays import CodeArray, IndexArray, mirrored
+from shared.arrays import BoolArray, CodeArray, IndexArray, mirrored
 from shared.pattern import CfaPattern
 
 Span = tuple[int, int]
@@ -46,12 +47,21 @@ class ExtendedFrame:
 
 def _outside(codes: CodeArray, pattern: CfaPattern, rows: Span, columns: Span) -> CodeArray:
     """Samples at rows x columns, which lie partly or wholly outside the frame."""
+    images, nearest, clear = _places(pattern, (codes.shape[0], codes.shape[1]), rows, columns)
+    return np.where(clear, _take(codes, images), _take(codes, nearest))
+
+
+@lru_cache(maxsize=4)  # the four sides of the frames of one stream
+def _places(
+    pattern: CfaPattern, shape: tuple[int, int], rows: Span, columns: Span
+) -> tuple[list[IndexArray], list[IndexArray], BoolArray]:
+    """(mirror images, nearest places of the same filter), each rows and columns, and whether the image takes the place."""
     places = np.arange(*rows), np.arange(*columns)
-    images = [mirrored(place, size) for place, size in zip(places, codes.shape, strict=True)]
-    nearest = [_repeated(place, size, pattern.period) for place, size in zip(places, codes.shape, strict=True)]
+    images = [mirrored(place, size) for place, size in zip(places, shape, strict=True)]
+    nearest = [_repeated(place, size, pattern.period) for place, size in zip(places, shape, strict=True)]
     tile = pattern.filter_map((pattern.period, pattern.period)) == len(pattern.channels)
     clear, clear_image = (tile[np.ix_(*(axis % pattern.period for axis in axes))] for axes in (places, images))
-    return np.where(clear & clear_image, _take(codes, images), _take(codes, nearest))
+    return images, nearest, clear & clear_image
 
 
 def _take(codes: CodeArray, places: Sequence[IndexArray]) -> CodeArray:

@@ -60,7 +60,7 @@ class Saved:
 
     path: the DNG file.
     preview: seconds that the preview took.
-    write: seconds that encoding and writing the file took.
+    write: seconds that encoding and writing the file took beyond that.
     """
 
     path: Path

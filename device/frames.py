@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from shared.arrays import CodeArray
+from shared.arrays import ByteArray, CodeArray
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
@@ -115,24 +115,34 @@ class FrameLayout:
         return self.height * self.stride
 
     def unpack(self, data: bytes | bytearray | memoryview) -> CodeArray:
-        """The samples of one frame, uint16 (height, width). Raises InputError unless `data` is `frame_bytes` long."""
+        """The samples of one frame, uint16 (height, width), which a `Mosaic` keeps without another copy.
+
+        Raises InputError unless `data` is `frame_bytes` long.
+        """
         if len(data) != self.frame_bytes:
             raise InputError(self.misfit(len(data)))
         lines = np.frombuffer(data, np.uint8).reshape(self.height, self.stride)[:, : self.line_bytes]
+        codes = np.empty((self.height, self.width), np.uint16)
         if self.format == "u16":
-            return np.ascontiguousarray(lines).view("<u2").astype(np.uint16, copy=False)
+            codes[:] = lines.view("<u2")
+        else:
+            self._unpack_groups(lines, codes)
+        codes.flags.writeable = False
+        return codes
+
+    def _unpack_groups(self, lines: ByteArray, codes: CodeArray) -> None:
         packing = FORMATS[self.format]
-        groups = np.empty((self.height, self.line_bytes // packing.length, packing.pixels), np.uint16)
+        groups = np.empty((_STRIP, self.line_bytes // packing.length, packing.pixels), np.uint16)
         # All samples of a group as one integer, so that a table adds their lower bits in one step.
         whole = groups.view(f"u{2 * packing.pixels}")[..., 0]
         for top in range(0, self.height, _STRIP):
-            rows = slice(top, top + _STRIP)
-            packed = lines[rows].reshape(-1, groups.shape[1], packing.length)
+            packed = lines[top : top + _STRIP].reshape(-1, groups.shape[1], packing.length)
+            count = len(packed)
             for pixel in range(packing.pixels):
-                groups[rows, :, pixel] = packed[..., pixel]
-            groups[rows] <<= packing.bits - 8
-            whole[rows] |= self._lower_bits[packed[..., -1]]
-        return groups.reshape(self.height, -1)[:, : self.width]
+                groups[:count, :, pixel] = packed[..., pixel]
+            groups <<= packing.bits - 8
+            whole[:count] |= self._lower_bits[packed[..., -1]]
+            codes[top : top + count] = groups[:count].reshape(count, -1)[:, : self.width]
 
     def misfit(self, length: int) -> str:
         """Message that `length` bytes are not a frame, with a likely reason."""

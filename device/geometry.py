@@ -90,6 +90,19 @@ class Geometry:
         """Masks of the panchromatic pixels of a patch that lie in each cell: 1 or 0, float32 (cells, K, K)."""
         return _cells(self.pattern, self.cell)
 
+    @property
+    def has_cell_probes(self) -> bool:
+        """Whether cells are pixels of the picture, one at each corner of a patch: probes then read them for next to nothing.
+
+        With more cells the window would grow, and the probes would cost more than a second reading of the frame.
+        """
+        return self.scale > 1 and self.across == 2
+
+    def corner(self, cell: int) -> Place:
+        """(down, right), 0 or 1: the corner of the patch that is nearest to a cell."""
+        row, column = divmod(cell, self.across)
+        return row * 2 // self.across, column * 2 // self.across
+
     @cached_property
     def window(self) -> tuple[range, range]:
         """(rows, columns) that the probes read, counted from the origin of a block."""
@@ -101,8 +114,9 @@ class Geometry:
     def probes(self) -> FloatArray:
         """Weights of all probes, float32 (probes, window rows, window columns), kind by kind; `kinds` counts them.
 
-        The kinds: interpolation along rows, along columns (one probe per site each), differences along rows, along columns, and the
-        samples themselves (one probe per site).
+        The kinds: interpolation along rows, along columns (one probe per site each), differences along rows, along columns, the
+        samples themselves (one probe per site), and, where `has_cell_probes`, sums over the panchromatic pixels of every cell,
+        measured from the block at the nearest corner of its patch.
         """
         rows, columns = self.window
         weights = np.zeros((len(self._probes), len(rows), len(columns)), np.float32)
@@ -112,10 +126,11 @@ class Geometry:
         return weights
 
     @property
-    def kinds(self) -> tuple[int, int, int, int, int]:
+    def kinds(self) -> tuple[int, ...]:
         """Number of probes of each kind, in the order of `probes`."""
         sites = len(self.sites)
-        return sites, sites, len(self._differences(1)), len(self._differences(0)), sites
+        kinds = sites, sites, len(self._differences(1)), len(self._differences(0)), sites
+        return (*kinds, len(self.cells)) if self.has_cell_probes else kinds
 
     @property
     def halo(self) -> tuple[int, int, int, int]:
@@ -168,7 +183,13 @@ class Geometry:
             *(self._interpolation(site, axis) for axis in (1, 0) for site in sites),
             *({after: 1.0, before: -1.0} for axis in (1, 0) for before, after in self._differences(axis)),
             *({site: 1.0} for site in sites),
+            *(self._cell_sum(number) for number in range(len(self.cells)) if self.has_cell_probes),
         ]
+
+    def _cell_sum(self, number: int) -> dict[Place, float]:
+        """Weights that add up the panchromatic pixels of a cell."""
+        down, right = (half - self.pattern.period * far for half, far in zip(self.half, self.corner(number), strict=True))
+        return {(down + row, right + column): 1.0 for row, column in np.argwhere(self.cells[number]).tolist()}
 
     def _is_clear(self, place: Place) -> bool:
         """Whether a place, counted from the origin of a block, is panchromatic."""

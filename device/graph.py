@@ -20,7 +20,7 @@ from . import contract
 from .geometry import Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
-BUILDER = "2"
+BUILDER = "3"
 """Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
 
 _FLOOR = 1e-3
@@ -67,7 +67,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
         settled = settle(g, geometry, inputs, probes, filled, pooled, contrast)
         pixels, cells = pixel_light(g, geometry, inputs, settled)
     else:
-        pixels, cells = cell_light(g, geometry, inputs)
+        pixels, cells = cell_light(g, geometry, inputs, *probes[5:])
     spread = propagate(g, geometry, blocks, cells)  # Eq. 10
     camera = [g("Mul", light, spread) for light in pixels]  # Eq. 17
     picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
@@ -100,16 +100,19 @@ class Inputs:
 
 
 def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
-    """The probes of every block, a tensor (n, blocks) per kind. Colour samples are converted to panchromatic codes."""
+    """The probes of every block, a tensor (n, blocks) per kind.
+
+    Colour samples are converted to panchromatic codes; the sums of cells stay as read.
+    """
     period = geometry.pattern.period
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
     probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])
-    rows, columns, row_steps, column_steps, samples = g.split(probes, geometry.kinds, axis=0)
+    rows, columns, row_steps, column_steps, samples, *cells = g.split(probes, geometry.kinds, axis=0)
     channels = [channel for _, _, channel in geometry.sites]
     black = g("Unsqueeze", g("Gather", contract.BLACK, channels), [1, 2])
     gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), inputs.unit), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples]
+    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples, *cells]
 
 
 def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str, str]:
@@ -118,7 +121,7 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
     It is a weighted mean of the interpolations along rows and along columns. The weights are the inverse squared differences around
     the block, so that the direction with less change counts more. Contrast is the larger of these differences beyond the noise.
     """
-    rows, columns, *steps, _ = probes
+    rows, columns, *steps = probes[:4]
     variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
     least = g("Add", inputs.still, g("Mul", variance, 2.0))  # what noise alone adds to a squared difference
     row_change, column_change = (
@@ -144,7 +147,7 @@ def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes
     variance = g("Max", inputs.variance(g, luminance), _LEAST_VARIANCE)
     full_scale = g.total(inputs.gamma, inputs.channels, axis=0)
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
-    free = g("Div", g("Add", of_channels(g("Mul", filled, probes[-1])), g("Div", variance, full_scale)), a)
+    free = g("Div", g("Add", of_channels(g("Mul", filled, probes[4])), g("Div", variance, full_scale)), a)
     pull = g("Div", inputs.gamma, a)
     missing = g("Sub", 1.0, g.total(g("Mul", free, inputs.gamma), inputs.channels, axis=0))
     return g("Add", free, g("Mul", pull, g("Div", missing, g.total(g("Mul", pull, inputs.gamma), inputs.channels, axis=0))))
@@ -183,7 +186,7 @@ def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], fill
     What chromaticity times luminance misses at the sites of a block is mapped to errors of luminance there (`shared.site_errors`),
     as far as it is more than noise, and as there is contrast: next to flat luminance it is an error of colour.
     """
-    samples, filled, contrast = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (probes[-1], filled, contrast))
+    samples, filled, contrast = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (probes[4], filled, contrast))
     channels, count = [channel for _, _, channel in geometry.sites], len(geometry.sites)
     gamma = g("Gather", inputs.gamma, channels)
     missed = g("Mul", g("Sub", samples, g("Mul", g("Gather", chromaticity, channels), filled)), gamma)
@@ -230,15 +233,22 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
     return pixels, g("Mul", g.sum(pixels), 1 / cell**2)
 
 
-def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs) -> tuple[list[str], str]:
+def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs, measured: str = "") -> tuple[list[str], str]:
     """Luminance of every cell if it is one pixel of the picture: the mean of its panchromatic samples, (cells, patches).
 
+    measured: the sums of the cells, (cells, blocks), if probes have measured them.
     It is returned twice, in the form of `pixel_light`: as pixels, and as the means of the cells.
     """
-    above, below, left, right = geometry.halo
-    codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
-    image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
-    sums = g("Squeeze", g("Conv", image, geometry.cells[:, None], strides=[geometry.pattern.period] * 2), [0])
+    if measured:
+        # Around the blocks at the corners of the patches there is one more on each side, see `Geometry.halo`.
+        places = [(cell, *geometry.corner(cell)) for cell in range(len(geometry.cells))]
+        parts = [g("Slice", measured, [n, 1 + i, 1 + j], [n + 1, i - 2, j - 2], [0, 1, 2]) for n, i, j in places]
+        sums = g("Concat", *parts, axis=0)
+    else:
+        above, below, left, right = geometry.halo
+        codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
+        image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
+        sums = g("Squeeze", g("Conv", image, geometry.cells[:, None], strides=[geometry.pattern.period] * 2), [0])
     light = g("Sub", g("Div", sums, geometry.cells.sum(axis=(1, 2))[:, None, None]), inputs.black)
     return [light], light
 
@@ -253,8 +263,10 @@ def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
     for down in (0, 1):
         for right in (0, 1):
             near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
-            corner = g("Slice", blocks, [down, right], [END if down else -1, END if right else -1], [1, 2])
-            inverse, least, colour = g.split(corner, (1, 1, len(geometry.pattern.channels)), axis=0)
+            ends = [END if down else -1, END if right else -1]
+            inverse, least, colour = (
+                g("Slice", blocks, [first, down, right], [last, *ends], [0, 1, 2]) for first, last in ((0, 1), (1, 2), (2, END))
+            )
             apart = g("Sub", g("Mul", cells, inverse), 1.0)
             weights.append(g("Div", near.reshape(-1, 1, 1), g("Add", g("Mul", apart, apart), least)))
             mixed.append(g("Mul", weights[-1], g("Unsqueeze", colour, [1])))

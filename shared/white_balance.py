@@ -35,7 +35,8 @@ def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float,
     is 2 to 6 degrees; for the plain mean (grey world) it is 4 to 8.
     """
     colours = colours.reshape(-1, colours.shape[-1])
-    usable = colours[(colours.max(axis=1) < _BRIGHT * full_scale) & (colours.mean(axis=1) > _DARK)].astype(np.float64)
+    planes = np.ascontiguousarray(colours.T)  # many times faster to compare than channels that lie side by side
+    usable = colours[(planes.max(axis=0) < _BRIGHT * full_scale) & (planes.mean(axis=0) > _DARK)].astype(np.float64)
     if len(usable) < _ENOUGH:
         return None
     shade = np.mean(usable**_MINKOWSKI, axis=0) ** (1 / _MINKOWSKI)

@@ -11,7 +11,6 @@ from pathlib import Path
 from device.frame_queue import FrameQueue
 from device.geometry import Geometry
 from device.shots import ShotFolder
-from device.white_balance import SteadyWhite
 from shared import CfaPattern
 from shared.errors import InputError
 from tools.host import options
@@ -19,6 +18,7 @@ from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.server import ViewfinderServer
+from tools.live.showing import show_frames
 from tools.live.source import add_source_options, open_source
 from tools.live.viewfinder import Viewfinder
 from tools.pictures.previews import preview_maker
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     preview = preview_maker(sensor, graph=arguments.graph, scale=scale, threads=arguments.jobs)
     for note in source.notes:
         console.note(note)
-    balance, failed = SteadyWhite(), False
+    failed = False
 
     def refused(error: InputError) -> None:
         nonlocal failed
@@ -67,16 +67,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     with Stopping() as stopping:
         queue = FrameQueue(source.frames(stopping, refused, console.note), 1, stopped=stopping)
-        finder = Viewfinder(preview, lambda: queue.dropped, shots)
+        finder = Viewfinder(lambda: queue.dropped, shots)
         with ViewfinderServer((arguments.bind, arguments.port), finder) as server:
             threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
             console.say(f"the viewfinder is at {server.url}")
             try:
-                for frame in queue:
-                    try:
-                        finder.show(frame, balance(sensor.mosaic(frame)))
-                    except InputError as error:
-                        refused(error)
+                show_frames(queue, sensor, preview, finder, refused)
             except InputError as error:  # the stream broke off
                 refused(error)
             finally:

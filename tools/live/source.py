@@ -1,11 +1,13 @@
 """Sources of frames, and the options of `capture` and `view` that describe them."""
 
 import argparse
+import fcntl
 import os
 import re
 import stat
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from tools.host.options import add_camera, camera_of
 
 _STREAM, _BUILTIN = "-", "builtin:"
 _BUILTIN_BITS = 12
+_PIPE = 1 << 20  # bytes: the most that Linux gives any user
 
 Frames = Callable[[Callable[[], bool], Callable[[InputError], None], Callable[[str], None]], Iterator[RawFrame]]
 """Opens a source. Arguments: `stopped()`, polled between frames; `refused(error)`, called for each file that is not a frame;
@@ -93,6 +96,7 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
             layout.check_recording(status.st_size)
 
         def opened(stopped: Callable[[], bool], refused: Callable[[InputError], None]) -> Iterator[RawFrame]:
+            _enlarge_pipe(sys.stdin.fileno())
             # Unbuffered: a buffered reader that is interrupted in a read would keep the interpreter from ending.
             return read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout)
     else:
@@ -110,6 +114,12 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
         return raw if arguments.unchecked else checked(raw, sensor, note)
 
     return FrameSource(sensor, frames, waits, notes)
+
+
+def _enlarge_pipe(descriptor: int) -> None:
+    """Let a pipe hold a part of a frame that takes the writer a while: each time it is full costs two changes of process."""
+    with suppress(OSError, AttributeError):  # no pipe; the user has too many; not Linux
+        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
 
 
 def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str) -> None:

@@ -4,6 +4,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from time import monotonic, perf_counter
 from typing import Any
@@ -12,7 +13,6 @@ import imagecodecs
 import numpy as np
 
 from device.capture import PreviewMaker, Saved
-from device.frames import RawFrame
 from device.shots import ShotFolder
 from shared import Mosaic
 from shared.arrays import ByteArray
@@ -29,28 +29,25 @@ class View:
     jpeg: the picture as a JPEG file.
     number: counts the pictures, from 1.
     latency: seconds from the arrival of the frame until the picture was ready.
-    frame, mosaic: the frame that it shows, raw and unpacked.
+    mosaic: the frame that it shows.
+    taken: when that was, with time zone.
     """
 
     jpeg: bytes
     number: int
     latency: float
-    frame: RawFrame
     mosaic: Mosaic
+    taken: datetime
 
 
 class Viewfinder:
     """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow viewer.
 
-    preview: makes the picture that is shown.
     dropped: returns the number of frames that came too fast to be shown.
     shots: the folder in which `shoot` saves, and the full preview for the files; None = shots cannot be saved.
     """
 
-    def __init__(
-        self, preview: PreviewMaker, dropped: Callable[[], int], shots: tuple[ShotFolder, PreviewMaker] | None = None
-    ) -> None:
-        self._preview = preview
+    def __init__(self, dropped: Callable[[], int], shots: tuple[ShotFolder, PreviewMaker] | None = None) -> None:
         self._dropped = dropped
         self._shots = shots
         self._changed = threading.Condition()
@@ -64,13 +61,18 @@ class Viewfinder:
         """Where `shoot` saves."""
         return self._shots[0].path if self._shots else None
 
-    def show(self, frame: RawFrame, mosaic: Mosaic) -> None:
-        """Show a frame: make its picture the latest view."""
-        jpeg = _jpeg(self._preview(mosaic))
+    def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float) -> None:
+        """Make a picture the latest view.
+
+        picture: preview of the mosaic, uint8 sRGB (h, w, 3).
+        mosaic: the frame that it shows; `shoot` saves it.
+        taken, arrived: see `RawFrame`.
+        """
+        jpeg = _jpeg(picture)
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
-            self._view = View(jpeg, number, now - frame.arrived, frame, mosaic)
+            self._view = View(jpeg, number, now - arrived, mosaic, taken)
             self._shown.append(now)
             while self._shown[0] < now - _SPAN:
                 self._shown.popleft()
@@ -110,11 +112,18 @@ class Viewfinder:
             view = self._view
             if view is None or self._closed:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
+            previewing = 0.0
+
+            def picture() -> ByteArray:
+                nonlocal previewing
+                begun = perf_counter()
+                made = preview(view.mosaic)
+                previewing = perf_counter() - begun
+                return made
+
             started = perf_counter()
-            picture = preview(view.mosaic)
-            made = perf_counter()
-            path = folder.save(view.mosaic, picture, view.frame.taken)
-            return Saved(path, made - started, perf_counter() - made)
+            path = folder.save(view.mosaic, picture, view.taken)
+            return Saved(path, previewing, perf_counter() - started - previewing)
 
     def close(self) -> None:
         """End all streams; returns after a shot in progress has been saved."""

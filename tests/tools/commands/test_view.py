@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
 from pathlib import Path
@@ -16,7 +17,7 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from device.capture import Sensor
+from device.capture import PreviewMaker, Sensor
 from device.frames import FrameLayout, RawFrame
 from device.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
@@ -30,6 +31,7 @@ from tests.tools.command import run, start
 from tools.commands.view import _scale
 from tools.live import server
 from tools.live.server import ViewfinderServer
+from tools.live.showing import show_frames
 from tools.live.viewfinder import Viewfinder
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -52,16 +54,17 @@ def codes(number: int) -> Any:
     return random_codes(SIZE, 10, number)
 
 
-def show(finder: Viewfinder, number: int) -> None:
+def show(finder: Viewfinder, number: int, preview: PreviewMaker = grey) -> None:
     frame = RawFrame.now(codes(number).tobytes())
-    finder.show(frame, SENSOR.mosaic(frame))
+    mosaic = SENSOR.mosaic(frame)
+    finder.show(preview(mosaic), mosaic, frame.taken, frame.arrived)
 
 
 class Served:
     """A viewfinder at work."""
 
-    def __init__(self, folder: Path | None, preview: Any = grey) -> None:
-        self.finder = Viewfinder(preview, lambda: 7, (ShotFolder(folder), grey) if folder else None)
+    def __init__(self, folder: Path | None) -> None:
+        self.finder = Viewfinder(lambda: 7, (ShotFolder(folder), grey) if folder else None)
         self.server = ViewfinderServer(("127.0.0.1", 0), self.finder)
         self.port = int(self.server.server_address[1])
         threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
@@ -115,6 +118,35 @@ def test_the_stream_shows_each_picture(served: Served) -> None:
         assert abs(picture - expected).mean() < 12  # JPEG of noise; another frame is off by 85
         assert abs(picture - codes(number + 1)[..., None] / 4).mean() > 60
         show(served.finder, number + 1)
+
+
+def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    finder, seen, refused = Viewfinder(lambda: 0), list[int](), list[InputError]()
+    first = [int(codes(number)[0, 0]) for number in range(6)]
+
+    def preview(mosaic: Mosaic) -> ByteArray:
+        time.sleep(0.02 * (int(mosaic.codes[0, 0]) == first[2]))
+        seen.append(int(mosaic.codes[0, 0]))
+        return grey(mosaic)
+
+    shown = []
+    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived: shown.append(int(mosaic.codes[0, 0])))
+    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(6)), SENSOR, preview, finder, refused.append)
+    assert shown == seen == first
+    assert refused == []
+
+
+def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_stream_breaks() -> None:
+    def frames() -> Iterator[RawFrame]:
+        for number in range(5):
+            yield RawFrame.now(codes(number).tobytes()[: None if number != 2 else -1])
+        raise InputError("the stream broke")
+
+    finder, refused = Viewfinder(lambda: 0), list[InputError]()
+    with pytest.raises(InputError, match="the stream broke"):
+        show_frames(frames(), SENSOR, grey, finder, refused.append)
+    assert finder.status()["frames"] == 4
+    assert len(refused) == 1
 
 
 def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
@@ -216,14 +248,14 @@ def test_another_site_s_page_takes_no_shots(served: Served, tmp_path: Path, orig
 
 
 def test_a_watcher_that_does_not_read_holds_up_nobody() -> None:
-    running = Served(None, noise)
+    running = Served(None)
     sleeper = socket.create_connection(("127.0.0.1", running.port))
     sleeper.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     sleeper.sendall(b"GET /stream.mjpg HTTP/1.0\r\nHost: localhost\r\n\r\n")
     assert sleeper.recv(12) == b"HTTP/1.0 200"
     awake = pictures(running.ask("/stream.mjpg"))
     for number in range(5):
-        show(running.finder, number)
+        show(running.finder, number, noise)
         view = running.finder.after(number)
         assert view is not None
         assert next(awake) == view.jpeg
@@ -255,7 +287,7 @@ def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path)
         assert go_on.wait(60)
         return grey(mosaic)
 
-    finder = Viewfinder(grey, lambda: 0, (ShotFolder(tmp_path), slow))
+    finder = Viewfinder(lambda: 0, (ShotFolder(tmp_path), slow))
     show(finder, 0)
     ended: list[object] = []
     watcher = threading.Thread(target=lambda: ended.append(finder.after(1)))
@@ -283,7 +315,7 @@ def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path)
 )
 def test_an_address_that_is_not_ours(address: tuple[str, int], kind: type[Exception], words: str) -> None:
     with pytest.raises(kind, match=words):
-        ViewfinderServer(address, Viewfinder(grey, lambda: 0))
+        ViewfinderServer(address, Viewfinder(lambda: 0))
 
 
 def test_a_port_that_is_taken(served: Served) -> None:

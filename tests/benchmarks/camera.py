@@ -1,0 +1,277 @@
+"""Measure the camera's path from end to end, 12 megapixels a frame: python -m tests.benchmarks.camera [FIGURE]...
+
+live     `panchroma view` takes frames from a pipe, and a browser's part, a client that only reads, receives the JPEGs.
+saving   the same, while shots are saved.
+stages   processor time of each step from the raw bytes to the JPEG, and of a saved shot, one thread, one after the other.
+
+The frames are made before the clock starts, and numbered by marks in a corner, so that each JPEG tells which frame it shows. A
+frame that is due while the one before is still being written is lost, as in a camera. Latency is from the first byte written to the
+last byte of the JPEG received. `view` runs with the default options in a process of its own; camera and client share its cores.
+"""
+
+import argparse
+import os
+import socket
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from http.client import HTTPConnection
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+
+from device import Preview
+from device.capture import Sensor
+from device.frames import FORMATS, FrameLayout, RawFrame
+from device.white_balance import SteadyWhite
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import ByteArray, CodeArray
+from shared.dng import encode_dng
+from tests.tools.command import start
+from tools.evaluation.speed.material import Material
+from tools.live.viewfinder import _jpeg
+
+WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}
+STRIDES = {"u16": 8128, "raw12": 6112, "raw10": 5120}  # of an IMX477 on a Raspberry Pi
+FRAMES, WARM = 4, 3.0  # different frames; seconds before the measurement
+MARK, MARKS = 48, 12  # rows of a mark and bytes of a line; bits of a frame's number
+BRIGHT = {"u16": (0x01, 0x0B), "raw12": (0x10, 0xB0), "raw10": (0x10, 0xB0)}  # bytes of a dark mark, and of a bright one
+
+
+def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
+    """The layout, and frames as bytes (H, stride)."""
+    layout = FrameLayout(WIDTH, HEIGHT, name, STRIDES[name])
+    codes = (Material((HEIGHT + 8, WIDTH)).shot.codes >> (12 - BITS[name])).astype(np.uint16)
+    frames = []
+    for number in range(FRAMES):
+        shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]
+        lines = shifted.astype("<u2").view(np.uint8) if name == "u16" else _packed(shifted, name)
+        frames.append(np.zeros((HEIGHT, layout.stride), np.uint8))
+        frames[-1][:, : layout.line_bytes] = lines[:, : layout.line_bytes]
+    return layout, frames
+
+
+def _packed(codes: CodeArray, name: str) -> ByteArray:
+    """Lines in a format of MIPI CSI-2."""
+    packing = FORMATS[name]
+    groups, lower = codes.reshape(len(codes), -1, packing.pixels), packing.bits - 8
+    last = ((groups & ((1 << lower) - 1)) << (lower * np.arange(packing.pixels, dtype=np.uint16))).sum(axis=-1, keepdims=True)
+    return np.concatenate([groups >> lower, last], axis=-1).astype(np.uint8).reshape(len(codes), -1)
+
+
+@dataclass
+class Camera:
+    """Writes frames into a pipe, `rate` a second, in a thread.
+
+    started: when the writing of each frame began, by number, seconds.
+    lost: frames that were due while another was written.
+    """
+
+    layout: FrameLayout
+    frames: list[ByteArray]
+    rate: float
+    pipe: int
+    started: dict[int, float] = field(default_factory=dict)
+    lost: int = 0
+    used: float = 0.0
+    stopping: bool = False
+
+    def run(self) -> None:
+        number, due = 0, time.monotonic()
+        with suppress(BrokenPipeError):
+            while not self.stopping:
+                frame = self.frames[number % FRAMES]
+                self._mark(frame, number)
+                time.sleep(max(due - time.monotonic(), 0))
+                self.started[number] = time.monotonic()
+                data = frame.data.cast("B")
+                while data:
+                    data = data[os.write(self.pipe, data) :]
+                number += 1
+                due += 1 / self.rate
+                while due < time.monotonic() - 0.5 / self.rate:
+                    due += 1 / self.rate
+                    self.lost += 1
+                self.used = time.thread_time()
+        os.close(self.pipe)
+
+    def _mark(self, frame: ByteArray, number: int) -> None:
+        marks = np.array(BRIGHT[self.layout.format], np.uint8)[number >> np.arange(MARKS) & 1]
+        frame[:MARK, : MARKS * MARK * 2] = np.repeat(marks, MARK * 2)
+
+
+@dataclass
+class Client:
+    """Reads the stream of JPEGs in a thread, and keeps them. received: (time, JPEG) of each."""
+
+    port: int
+    received: list[tuple[float, bytes]] = field(default_factory=list)
+    used: float = 0.0
+
+    def run(self) -> None:
+        with socket.create_connection(("127.0.0.1", self.port)) as connection:
+            connection.sendall(b"GET /stream.mjpg HTTP/1.0\r\nHost: localhost\r\n\r\n")
+            file = connection.makefile("rb", 1 << 16)
+            while line := file.readline():
+                if line.startswith(b"Content-Length: "):
+                    file.readline()
+                    jpeg = file.read(int(line[16:]))
+                    self.received.append((time.monotonic(), jpeg))
+                    self.used = time.thread_time()
+
+    def number(self, jpeg: bytes, layout: FrameLayout) -> int:
+        """The frame's number, modulo 2**MARKS."""
+        picture = imagecodecs.jpeg8_decode(jpeg)
+        pixels = MARK * 2 * picture.shape[1] / layout.line_bytes  # of a mark
+        centres = ((np.arange(MARKS) + 0.5) * pixels).astype(int)
+        return int((picture[4:9, centres, 1].mean(axis=0) > 100) @ (1 << np.arange(MARKS)))
+
+
+def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
+    """Run `view` on frames of a format, `rate` a second, and save `shots` a second."""
+    layout, frames = camera_frames(name)
+    description = ["--width", WIDTH, "--height", HEIGHT, "--format", name, "--stride", layout.stride, "--bits", BITS[name]]
+    with tempfile.TemporaryDirectory() as folder:
+        folders = ["-o", folder] if shots else []
+        command = [*map(str, description), "--port", "0", *folders, *options]
+        reading, writing = os.pipe()
+        process = start("view", "-", *command, stdin=reading)
+        os.close(reading)
+        assert process.stdout is not None
+        camera = Camera(layout, frames, rate, writing)
+        for line in process.stdout:
+            if "http://" in line:
+                port = int(line.rstrip("/\n").rpartition(":")[2])
+                break
+        else:
+            sys.exit("view did not start")
+        client = Client(port)
+        threads = [threading.Thread(target=each.run, daemon=True) for each in (camera, client)]
+        for thread in threads:
+            thread.start()
+        time.sleep(WARM)
+        before = _counts(process.pid, port, camera, client)
+        began = time.monotonic()
+        saved = _shoot(port, shots, began + seconds) if shots else []
+        time.sleep(max(began + seconds - time.monotonic(), 0))
+        lasted = time.monotonic() - began
+        after = _counts(process.pid, port, camera, client)
+        camera.stopping = True
+        _, errors = process.communicate(timeout=60)
+        if process.returncode:
+            sys.exit(f"view failed: {errors}")
+        sizes = [path.stat().st_size for path in Path(folder).glob("*.dng")]
+    each = {key: (after[key] - before[key]) / lasted for key in after}
+    shown = [(when, jpeg) for when, jpeg in client.received if began <= when <= began + lasted]
+    late = []
+    for when, jpeg in shown:
+        number = client.number(jpeg, layout)
+        number += round((max(camera.started) - number) / (1 << MARKS)) << MARKS
+        late.append(when - camera.started[number])
+    middle, slowest = 1e3 * np.quantile(late, (0.5, 0.99))
+    print(
+        f"{name}, {layout.frame_bytes / 1e6:.1f} MB a frame, {rate:g} offered a second: {each['taken']:.1f} taken, "
+        f"{each['shown']:.1f} shown as JPEG ({np.mean([len(jpeg) for _, jpeg in shown]) / 1e3:.0f} kB), "
+        f"{each['dropped']:.1f} dropped by view, {each['lost']:.1f} by the camera, which had to wait\n"
+        f"  latency {middle:.0f} ms, 99 % {slowest:.0f} ms\n"
+        f"  cores used: view {each['view']:.2f}, camera {each['camera']:.2f}, client {each['client']:.2f}"
+    )
+    if shots:
+        took = np.array([seconds for ok, seconds in saved if ok])
+        print(
+            f"  {len(took) / lasted:.2f} DNGs a second ({np.mean(sizes) / 1e6:.1f} MB), {np.median(took):.2f} s each, "
+            f"{len(saved) - len(took)} not saved"
+        )
+
+
+def _counts(pid: int, port: int, camera: Camera, client: Client) -> dict[str, float]:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    connection = HTTPConnection("127.0.0.1", port)
+    connection.request("GET", "/status")
+    dropped = float(connection.getresponse().read().partition(b'"dropped": ')[2].partition(b",")[0])
+    return {
+        "view": (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"),
+        "camera": camera.used,
+        "client": client.used,
+        "taken": len(camera.started),
+        "lost": camera.lost,
+        "shown": len(client.received),
+        "dropped": dropped,
+    }
+
+
+def _shoot(port: int, rate: float, until: float) -> list[tuple[bool, float]]:
+    """Press the button `rate` times a second; (whether a shot was saved, seconds that the answer took) of each."""
+    answers, due = [], time.monotonic()
+    while (begun := time.monotonic()) < until:
+        connection = HTTPConnection("127.0.0.1", port, timeout=60)
+        connection.request("POST", "/capture")
+        answer = connection.getresponse()
+        answer.read()
+        answers.append((answer.status == 200, time.monotonic() - begun))
+        due += 1 / rate
+        time.sleep(max(due - time.monotonic(), 0))
+    return answers
+
+
+def stages(name: str, rounds: int = 9) -> None:
+    """Print the processor time of each step."""
+    layout, frames = camera_frames(name)
+    sensor = Sensor(layout, CfaPattern.bayer(), SensorCalibration.of_bits(BITS[name], headroom=False))
+    data = memoryview(bytearray(frames[0].tobytes()))
+    frame = RawFrame.now(data)
+    mosaic = sensor.mosaic(frame)
+    balance = SteadyWhite()
+    small, large = (Preview.for_mosaic(mosaic, scale, threads=1) for scale in (3, 1))
+    picture, full = small.run(mosaic), large.run(mosaic)
+    balanced = balance(mosaic)
+
+    def timed(title: str, work: Callable[[], object]) -> float:
+        found = []
+        for _ in range(rounds):
+            begun = time.process_time()
+            work()
+            found.append(time.process_time() - begun)
+        print(f"  {title:<36}{1e3 * np.median(found):7.1f} ms")
+        return float(np.median(found))
+
+    print(f"{name}, processor time of a frame")
+    total = sum(
+        (
+            timed("receiving (one copy)", lambda: bytearray(data)),
+            timed("unpacking, mosaic", lambda: sensor.mosaic(frame)),
+            timed("white balance", lambda: balance(mosaic)),
+            timed("preview, 1 : 3", lambda: small.run(balanced)),
+            timed("JPEG", lambda: _jpeg(picture)),  # type: ignore[arg-type]
+        )
+    )
+    print(f"  {'all':<36}{1e3 * total:7.1f} ms: {os.cpu_count()} cores could show {(os.cpu_count() or 1) / total:.0f} a second")
+    print("of a saved shot")
+    timed("preview, 1 : 1", lambda: large.run(balanced))
+    timed("DNG with preview", lambda: encode_dng(balanced, full))  # type: ignore[arg-type]
+
+
+def main() -> None:
+    """Print the chosen figures, by default all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("figures", nargs="*", metavar="FIGURE", help="live, saving or stages; default: all")
+    parser.add_argument("--format", default="u16", choices=FORMATS, help="format of the frames (default u16)")
+    parser.add_argument("--rate", type=float, help="frames a second (default 30, saving 20)")
+    parser.add_argument("--shots", type=float, default=2.0, help="shots a second (default 2)")
+    parser.add_argument("--seconds", type=float, default=15.0, help="how long each measurement lasts (default 15)")
+    given, options = parser.parse_known_args()
+    for figure in given.figures or ("live", "saving", "stages"):
+        if figure == "stages":
+            stages(given.format)
+        else:
+            rate, shots = (given.rate or 30, 0) if figure == "live" else (given.rate or 20, given.shots)
+            measure(given.format, rate, given.seconds, shots, options)
+
+
+if __name__ == "__main__":
+    main()
