@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import FloatArray
+from shared.arrays import CACHED, FloatArray, strips
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import encode_picture_dng
@@ -190,9 +190,19 @@ def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureM
 
 def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float) -> NDArray[Any]:
     """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32."""
-    if kind.space != CAMERA:
-        rgb = ColourTransform.to_space(calibration, kind.space).apply(rgb, exposure)
-    return rgb if kind.bits == 32 or kind.format == "exr" else quantise(rgb, kind.bits)
+    floating = kind.bits == 32 or kind.format == "exr"
+    if kind.space == CAMERA:
+        return rgb if floating else quantise(rgb, kind.bits)
+    shown = ColourTransform.to_space(calibration, kind.space)
+    return shown.apply(rgb, exposure) if floating else display_codes(rgb, shown, kind.bits, exposure)
+
+
+def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0) -> NDArray[Any]:
+    """`quantise(shown.apply(rgb, exposure), bits)`, by a few rows at a time that stay in the processor's cache."""
+    codes = np.empty((*rgb.shape[:2], 3), np.uint8 if bits == 8 else np.uint16)
+    for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
+        codes[rows] = quantise(shown.apply(rgb[rows], exposure), bits)
+    return codes
 
 
 def _encode_dng(rgb: FloatArray, calibration: SensorCalibration, metadata: CaptureMetadata) -> bytes:
