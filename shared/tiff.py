@@ -48,7 +48,7 @@ class Directory:
     """
 
     fields: Fields = field(default_factory=dict)
-    strips: Sequence[bytes] = ()
+    strips: Sequence[bytes | memoryview] = ()
     children: dict[int, "Directory"] = field(default_factory=dict)
 
 
@@ -59,7 +59,7 @@ def encode_tiff(directory: Directory) -> bytes:
     return file.getvalue()
 
 
-def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) -> None:
+def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | memoryview]) -> None:
     """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with these strips.
 
     file: seekable, at its beginning.
@@ -73,7 +73,7 @@ def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) ->
     file.write(struct.pack("<I", first))
 
 
-def _place(directory: Directory, strips: Iterable[bytes], file: BinaryIO) -> int:
+def _place(directory: Directory, strips: Iterable[bytes | memoryview], file: BinaryIO) -> int:
     """Append a directory with these strips, after everything it points to, to a file. Returns its offset."""
     fields = dict(directory.fields)
     if placed := [(_append(strip, file), len(strip)) for strip in strips]:
@@ -90,7 +90,7 @@ def _place(directory: Directory, strips: Iterable[bytes], file: BinaryIO) -> int
     return _append(bytes(table + bytes(4)), file)
 
 
-def _append(data: bytes, file: BinaryIO) -> int:
+def _append(data: bytes | memoryview, file: BinaryIO) -> int:
     """Append data at an even offset, as TIFF requires, and return that offset."""
     file.write(bytes(file.tell() % 2))
     offset = file.tell()

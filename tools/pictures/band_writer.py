@@ -13,6 +13,7 @@ from shared.arrays import FloatArray
 from shared.display import checked_picture
 from shared.errors import InputError
 from shared.writing import OnComplete, durable_file
+from tools.host.ahead import ahead
 
 from .encoders import write_tiff_picture
 from .exif_writing import picture_directory
@@ -35,14 +36,18 @@ def write_picture_bands(
     exposure: float = 0.0,
     overwrite: bool = False,
     on_complete: OnComplete | None = None,
+    threads: int = 1,
 ) -> None:
     """Write the bands of a rendering as they arrive; the file is identical to the one of `write_picture`, and written atomically.
+
+    The bands are taken in this thread. Others convert, compress and write those that have arrived.
 
     path: the file.
     bands: float32 (rows, W, C), scene units, from top to bottom.
     shape: (H, W) of the whole rendering.
     kind, calibration, metadata, exposure: see `encode_picture`; the format must be TIFF.
     overwrite, on_complete: see `durable_file`.
+    threads: number of threads that convert and compress.
 
     Pictures that must be rotated or flipped vertically are assembled in an anonymous temporary file in the same folder. Raises
     InputError for another format, and as `write_picture` does. Exceptions raised by `bands` pass through, and leave no file.
@@ -51,8 +56,11 @@ def write_picture_bands(
         raise InputError(f"{kind.format} cannot be written in parts; use {FORMAT}")
     check_output(kind, calibration, shape, exposure)
     channels, icc, noted, turn = labels(kind, calibration, metadata)
-    checked = (checked_picture(band, len(calibration.channels)) for band in bands)
-    samples = (to_samples(band, kind, calibration, exposure) for band in checked)
+
+    def convert(band: FloatArray) -> NDArray[Any]:
+        return to_samples(checked_picture(band, len(calibration.channels)), kind, calibration, exposure)
+
+    samples = ahead(convert, bands, threads)
     whole = (*(shape[::-1] if turn >= 5 else shape), len(channels))
     dtype = {8: np.uint8, 16: np.uint16, 32: np.float32}[kind.bits]
     directory = picture_directory(noted, srgb=kind.space == "srgb")
@@ -61,7 +69,7 @@ def write_picture_bands(
         tempfile.TemporaryFile(dir=Path(path).parent) as spool,
     ):
         turned = _turn(samples, (*shape, len(channels)), dtype, turn, spool)
-        write_tiff_picture(file, turned, whole, dtype, directory, icc=icc, rgb=channels == "RGB")
+        write_tiff_picture(file, turned, whole, dtype, directory, icc=icc, rgb=channels == "RGB", threads=threads)
 
 
 def _turn(

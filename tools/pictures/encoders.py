@@ -21,6 +21,7 @@ from shared.dng.container import picture_fields
 from shared.dng.tags import LONGEST_SIDE, Compression, Tag
 from shared.errors import InputError, OutputError
 from shared.tiff import Directory, Fields, FieldType, write_tiff
+from tools.host.ahead import ahead
 
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a JPEG segment
 _QUALITIES, _QUALITY = range(1, 101), 95  # of a JPEG, and the one if none is asked for
@@ -48,6 +49,7 @@ def write_tiff_picture(
     *,
     icc: bytes = b"",
     rgb: bool = True,
+    threads: int = 1,
 ) -> None:
     """Write a TIFF of samples that arrive as bands; each band goes to the file as it comes and does not stay in memory.
 
@@ -59,11 +61,13 @@ def write_tiff_picture(
     directory: fields and child directories to write as well.
     icc: colour profile; b"" = none.
     rgb: whether the channels are red, green, blue.
+    threads: number of threads that compress.
 
     Raises InputError if the file would exceed 4 GiB.
     """
     fields = _tiff_fields(shape, np.dtype(dtype), icc, rgb=rgb)
-    strips = (_tiff_strip(rows) for rows in regrouped(bands, _STRIP_ROWS))
+    rows = regrouped(bands, _STRIP_ROWS)
+    strips = ahead(_lzw_strip, rows, threads) if np.dtype(dtype) == np.uint8 else map(_plain_strip, rows)
     write_tiff(file, Directory({**directory.fields, **fields}, (), directory.children), strips)
 
 
@@ -98,9 +102,11 @@ def _tiff_fields(shape: tuple[int, ...], dtype: np.dtype[Any], icc: bytes, *, rg
     return fields
 
 
-def _tiff_strip(rows: NDArray[Any]) -> bytes:
-    if rows.dtype != np.uint8:
-        return rows.astype(rows.dtype.newbyteorder("<"), copy=False).tobytes()
+def _plain_strip(rows: NDArray[Any]) -> memoryview:
+    return memoryview(np.ascontiguousarray(rows, rows.dtype.newbyteorder("<"))).cast("B")
+
+
+def _lzw_strip(rows: NDArray[Any]) -> bytes:
     differences = imagecodecs.delta_encode(np.ascontiguousarray(rows), axis=-2)
     return bytes(imagecodecs.lzw_encode(differences.tobytes()))
 

@@ -1,6 +1,6 @@
 """Render a mosaic to a picture file within a limit of memory: TIFF band by band, straight to the disk, other formats as a whole."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shared import Mosaic
+from shared.arrays import CodeArray, strips
 from shared.errors import InputError
 from shared.progress import Progress
 from shared.writing import OnComplete
@@ -65,12 +66,12 @@ def render_to(
     overwrite: replace an existing file.
     on_complete: see `shared.writing.durable_file`.
     """
-    from offline import SolverLog, render_bands
+    from offline import SolverLog, render_bands, threads
 
     log = SolverLog(progress)
     bands = render_bands(mosaic, settings, log)
     if kind.format == FORMAT:
-        write = partial(write_picture_bands, output, bands, mosaic.shape, kind)
+        write = partial(write_picture_bands, output, bands, mosaic.shape, kind, threads=threads())
     else:
         rgb, top = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0
         for band in bands:
@@ -87,13 +88,18 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
 
     Settings that restore luminance from the colour samples accept a frame until these are saturated as well.
     """
-    codes, calibration = mosaic.codes, mosaic.calibration
-    measured = codes[mosaic.pattern.panchromatic_mask(mosaic.shape)]
-    if not measured.size:
+    codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
+
+    def parts(*, every: bool = False) -> Iterator[CodeArray]:
+        """The panchromatic samples, or all, a few rows at a time: of a picture the first ones say enough."""
+        for rows in strips(len(codes)):
+            part = codes[rows]
+            yield part if every else part[mosaic.pattern.panchromatic_mask((len(part), codes.shape[1]), (rows.start, 0))]
+
+    if not any(part.size for part in parts()):
         return
-    if measured.max() <= calibration.black_level[-1]:
+    if not any((part > calibration.black_level[-1]).any() for part in parts()):
         raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
-    restored = settings.highlights.restored
-    if (codes if restored else measured).min() >= calibration.white_level:
+    if not any((part < calibration.white_level).any() for part in parts(every=restored)):
         which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")
