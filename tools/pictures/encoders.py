@@ -20,6 +20,7 @@ from shared.arrays import FloatArray
 from shared.dng.container import picture_fields
 from shared.dng.tags import LONGEST_SIDE, Compression, Tag
 from shared.errors import InputError, OutputError
+from shared.jpeg_writing import ROWS, encode_strip, join_strips
 from shared.tiff import Directory, Fields, FieldType, write_tiff
 from tools.host.ahead import ahead
 
@@ -103,7 +104,7 @@ def _tiff_fields(shape: tuple[int, ...], dtype: np.dtype[Any], icc: bytes, *, rg
 
 
 def _plain_strip(rows: NDArray[Any]) -> memoryview:
-    return memoryview(np.ascontiguousarray(rows, rows.dtype.newbyteorder("<"))).cast("B")
+    return np.ascontiguousarray(rows, rows.dtype.newbyteorder("<")).data.cast("B")
 
 
 def _lzw_strip(rows: NDArray[Any]) -> bytes:
@@ -132,24 +133,36 @@ def check_quality(quality: int | None) -> None:
 
 
 def encode_jpeg(codes: NDArray[Any], *, icc: bytes, exif: bytes, quality: int | None = None) -> bytes:
-    """Return a JPEG of uint8 RGB (H, W, 3) with full-resolution colour, Exif block and profile (b"" = none: sRGB).
+    """Return a JPEG of uint8 RGB (H, W, 3); parameters and errors are those of `encode_jpeg_bands`."""
+    return encode_jpeg_bands([codes], (codes.shape[0], codes.shape[1]), icc=icc, exif=exif, quality=quality)
 
+
+def encode_jpeg_bands(
+    bands: Iterable[NDArray[Any]],
+    shape: tuple[int, int],
+    *,
+    icc: bytes,
+    exif: bytes,
+    quality: int | None = None,
+    threads: int = 1,
+) -> bytes:
+    """Return a JPEG of uint8 RGB with full-resolution colour, Exif block and profile (b"" = none: sRGB).
+
+    bands: (rows, W, 3), any number of rows each. shape: (H, W) of the whole picture.
     quality: 1 to 100; None = 95.
+    threads: number of threads that compress.
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the Exif block 64 KiB.
     """
     check_quality(quality)
-    height, width = codes.shape[:2]
+    height, width = shape
     if max(height, width) > LONGEST_SIDE:
         raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
     if len(exif) > _LONGEST_EXIF:
         raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
-    jpeg = bytes(
-        imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=_QUALITY if quality is None else quality, subsampling="444")
-    )
-    segments = _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
-    start = 4 + int.from_bytes(jpeg[4:6], "big")  # after SOI and JFIF's APP0, which must be first
-    return jpeg[:start] + segments + jpeg[start:]
+    level = _QUALITY if quality is None else quality
+    strips = list(ahead(lambda rows: encode_strip(rows, level, "444"), regrouped(bands, ROWS), threads))
+    return join_strips(strips, _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b""))
 
 
 def _segment(marker: int, data: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""Render a mosaic to a picture file within a limit of memory: TIFF band by band, straight to the disk, other formats as a whole."""
+"""Render a mosaic to a picture file within a limit of memory: band by band, where the format allows it, otherwise as a whole."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -13,7 +13,7 @@ from shared.errors import InputError
 from shared.progress import Progress
 from shared.writing import OnComplete
 from tools.host.memory import format_bytes
-from tools.pictures.band_writer import FORMAT, write_picture_bands
+from tools.pictures.band_writer import FORMATS, write_picture_bands
 from tools.pictures.writer import PictureKind, write_picture
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
+_LEAST = "tif"  # the format that needs least
 _ENCODING = {"png": 36.0, "jpg": 20.0, "dng": 30.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself
 
 
@@ -30,7 +31,7 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings")
     from offline import rendering_memory
 
     pixels = mosaic.shape[0] * mosaic.shape[1]
-    picture = 0 if kind.format == FORMAT else 4 * len(mosaic.pattern.channels) * pixels
+    picture = 0 if kind.format in FORMATS else 4 * len(mosaic.pattern.channels) * pixels
     encoding = _ENCODING.get(kind.format, 0.0) * pixels
     return round(_PROGRAM + _MOSAIC * pixels + picture + max(rendering_memory(mosaic, settings), encoding))
 
@@ -41,8 +42,8 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
     if need <= limit:
         return
     rows, columns = mosaic.shape
-    least = needed_memory(mosaic, PictureKind.of(FORMAT), settings)
-    remedy = f"use -f {FORMAT}, which needs {format_bytes(least)}, or " if kind.format != FORMAT and least <= limit else ""
+    least = needed_memory(mosaic, PictureKind.of(_LEAST), settings)
+    remedy = f"use -f {_LEAST}, which needs {format_bytes(least)}, or " if kind.format != _LEAST and least <= limit else ""
     raise InputError(
         f"{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
         f"{remedy}set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much"
@@ -70,7 +71,7 @@ def render_to(
 
     log = SolverLog(progress)
     bands = render_bands(mosaic, settings, log)
-    if kind.format == FORMAT:
+    if kind.format in FORMATS:
         write = partial(write_picture_bands, output, bands, mosaic.shape, kind, threads=threads())
     else:
         rgb, top = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0
