@@ -109,7 +109,7 @@ class ColourTransform:
         result = np.empty((*rgb.shape[:2], 3), np.float32)
         # Planes that fit in the processor's cache: NumPy takes three times as long for channels that lie side by side.
         for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
-            planes = np.ascontiguousarray(rgb[rows].transpose(2, 0, 1))
+            planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")  # a copy, even of one pixel: it is clipped in place
             if not self.space.linear:
                 # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
                 np.clip(planes, -white, white, out=planes)

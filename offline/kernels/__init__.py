@@ -4,6 +4,7 @@ Results are identical for any number of threads: pieces that run in parallel wri
 depends on the picture alone.
 """
 
+import importlib
 import sys
 
 # Numba asks whether there is a BLAS, and so loads SciPy's linear algebra: half of what loading a kernel takes. No kernel needs it.
@@ -11,6 +12,6 @@ _BLAS = "scipy.linalg.cython_blas"
 if _BLAS not in sys.modules:
     sys.modules[_BLAS] = None  # type: ignore[assignment]  # importing it fails at once
     try:
-        import numba.np.arraymath
+        importlib.import_module("numba.np.arraymath")
     finally:
         del sys.modules[_BLAS]
