@@ -3,7 +3,7 @@
 from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
 from .learned import network_name
 from .memory import rendering_memory
-from .render import Rendering, render, render_bands
+from .render import Rendering, render, render_bands, warm_up
 from .settings import BEST, PAPER, RenderSettings
 from .solvers import Solved, SolverLog
 
@@ -23,4 +23,5 @@ __all__ = [
     "rendering_memory",
     "threads",
     "use_threads",
+    "warm_up",
 ]

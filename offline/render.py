@@ -6,12 +6,15 @@ and for too little.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from shared.arrays import FloatArray
+from shared.calibration import NoiseModel, SensorCalibration
 from shared.mosaic import Mosaic
+from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
 from .affinity import solve_affinities
@@ -95,6 +98,19 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     """
     for part in finish(mosaic, measure(mosaic, settings, progress), settings, progress):
         yield part.chromaticity * part.luminance[..., None]  # Eq. 17
+
+
+@cache
+def warm_up(settings: RenderSettings = BEST) -> None:
+    """Load what a render with these settings needs, kernels and network, by rendering a tiny frame; once per program.
+
+    A first render takes half a second longer than later ones. A program that has to wait for its shot can do that meanwhile.
+
+    >>> from offline import PAPER, warm_up
+    >>> warm_up(PAPER)
+    """
+    calibration = SensorCalibration(noise=NoiseModel((1e-4,) * 4, (1e-3,) * 4))
+    render(Mosaic(np.full((24, 24), 0.5, np.float32), CfaPattern.bayer(), calibration), settings)
 
 
 class Measured(NamedTuple):

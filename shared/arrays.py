@@ -32,6 +32,10 @@ STRIP = 256
 """Rows of a picture that are processed at a time, so that temporary arrays stay small compared with the picture."""
 
 
-def strips(rows: int) -> Iterator[slice]:
-    """Slices of at most STRIP rows that together cover the rows 0 to `rows`."""
-    return (slice(first, min(first + STRIP, rows)) for first in range(0, rows, STRIP))
+CACHED = 1 << 14
+"""Pixels whose planes fit in the processor's cache, for work of many steps."""
+
+
+def strips(rows: int, height: int = STRIP) -> Iterator[slice]:
+    """Slices of at most `height` rows that together cover the rows 0 to `rows`."""
+    return (slice(first, min(first + height, rows)) for first in range(0, rows, height))

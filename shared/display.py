@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import DoubleArray, FloatArray, strips
+from .arrays import CACHED, DoubleArray, FloatArray, strips
 from .calibration import SensorCalibration
 from .colorimetry import BRADFORD, D50, P3_PRIMARIES, SRGB_PRIMARIES, Matrix, adaptation, as_rows, encode_srgb, primaries_to_xyz
 from .errors import InputError
@@ -105,15 +105,17 @@ class ColourTransform:
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
         matrix = (np.array(self.matrix) * 2.0**exposure).astype(np.float32)
-        white = np.array(self.white, np.float32)
+        white = np.array(self.white, np.float32)[:, None, None]
         result = np.empty((*rgb.shape[:2], 3), np.float32)
-        for rows in strips(len(rgb)):
-            # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
-            strip = rgb[rows] if self.space.linear else np.clip(rgb[rows], -white, white)
-            for output, row in enumerate(matrix):
-                result[rows, :, output] = sum(weight * strip[..., channel] for channel, weight in enumerate(row))
+        # Planes that fit in the processor's cache: NumPy takes three times as long for channels that lie side by side.
+        for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
+            planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")  # a copy, even of one pixel: it is clipped in place
             if not self.space.linear:
-                result[rows] = encode_srgb(result[rows])
+                # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
+                np.clip(planes, -white, white, out=planes)
+            for output, weights in enumerate(matrix):
+                plane: FloatArray = sum(weight * each for weight, each in zip(weights, planes, strict=True))
+                result[rows, :, output] = plane if self.space.linear else encode_srgb(plane)
         return result
 
 

@@ -14,6 +14,7 @@ from typing import BinaryIO
 from .errors import InputError
 
 STRIP_OFFSETS, STRIP_BYTES = 273, 279
+TILE_WIDTH, TILE_OFFSETS, TILE_BYTES = 322, 324, 325
 LARGEST = 2**32  # bytes: offsets have 32 bits
 _HEADER, _FIRST = b"II*\0\0\0\0\0", 4  # the header, and where in it the offset of the first directory belongs
 
@@ -43,7 +44,7 @@ class Directory:
     """One image file directory.
 
     fields: the fields by tag, without those of strips and children.
-    strips: the encoded strips of its image, from top to bottom.
+    strips: the encoded strips of its image, from top to bottom; tiles, if there is a field TileWidth.
     children: directories that a field points to (SubIFDs, Exif), by the tag of that field.
     """
 
@@ -59,7 +60,7 @@ def encode_tiff(directory: Directory) -> bytes:
     return file.getvalue()
 
 
-def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) -> None:
+def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes | memoryview]) -> None:
     """Write a TIFF file strip by strip; the bytes are those of `encode_tiff` for a directory with these strips.
 
     file: seekable, at its beginning.
@@ -73,12 +74,13 @@ def write_tiff(file: BinaryIO, directory: Directory, strips: Iterable[bytes]) ->
     file.write(struct.pack("<I", first))
 
 
-def _place(directory: Directory, strips: Iterable[bytes], file: BinaryIO) -> int:
+def _place(directory: Directory, strips: Iterable[bytes | memoryview], file: BinaryIO) -> int:
     """Append a directory with these strips, after everything it points to, to a file. Returns its offset."""
     fields = dict(directory.fields)
     if placed := [(_append(strip, file), len(strip)) for strip in strips]:
-        fields[STRIP_OFFSETS] = FieldType.LONG, [offset for offset, _ in placed]
-        fields[STRIP_BYTES] = FieldType.LONG, [size for _, size in placed]
+        offsets, sizes = (TILE_OFFSETS, TILE_BYTES) if TILE_WIDTH in fields else (STRIP_OFFSETS, STRIP_BYTES)
+        fields[offsets] = FieldType.LONG, [offset for offset, _ in placed]
+        fields[sizes] = FieldType.LONG, [size for _, size in placed]
     for tag, child in directory.children.items():
         fields[tag] = FieldType.LONG, [_place(child, child.strips, file)]
     table = bytearray(struct.pack("<H", len(fields)))
@@ -90,7 +92,7 @@ def _place(directory: Directory, strips: Iterable[bytes], file: BinaryIO) -> int
     return _append(bytes(table + bytes(4)), file)
 
 
-def _append(data: bytes, file: BinaryIO) -> int:
+def _append(data: bytes | memoryview, file: BinaryIO) -> int:
     """Append data at an even offset, as TIFF requires, and return that offset."""
     file.write(bytes(file.tell() % 2))
     offset = file.tell()

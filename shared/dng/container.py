@@ -1,6 +1,7 @@
 """The common parts of all our DNG files: first a JPEG preview, below it the lossless samples, and the digest of the samples."""
 
 import hashlib
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -16,7 +17,7 @@ from .exif_reading import printable
 from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, MAKER, PREVIEW_SRGB, Compression, Photometric, Tag
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
-_DIGEST_TILE = 256
+DIGEST_TILE = 256
 _CHUNKY, _CENTRED = 1, 1
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
@@ -25,21 +26,26 @@ _XMP = (
 )
 
 
+@dataclass(frozen=True)
+class EncodedPreview:
+    """A preview that is a JPEG already (4:2:0). shape: (h, w, 3)."""
+
+    jpeg: bytes
+    shape: tuple[int, int, int]
+
+
 def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Directory, digest: bytes) -> Directory:
     """The first directory of a DNG: preview, metadata, and the raw directory below it.
 
-    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples.
+    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples, or an `EncodedPreview`.
     metadata: capture data.
     camera: UniqueCameraModel and Model, a name under which converters look up colour profiles; Make is `MAKER`.
     raw: directory of the samples, from `raw_directory`.
     digest: digest of the samples, from `raw_digest`.
     Raises InputError for another kind of preview.
     """
-    picture = np.asarray(preview)
-    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
-        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
-    _check_sides(picture.shape)
-    jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
+    encoded = preview if isinstance(preview, EncodedPreview) else _encoded(np.asarray(preview))
+    check_sides(encoded.shape)
     main = metadata_directory(metadata)
     # Raw developers take Make and Model for the camera that saw these samples, and give them its colours. No camera but ours did;
     # the source's name is in the XMP, which none of them looks into for that.
@@ -48,8 +54,8 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
         main.fields[Tag.XMP] = FieldType.BYTE, _xmp(metadata)
     main.fields |= {Tag.MAKE: (FieldType.ASCII, MAKER), Tag.MODEL: (FieldType.ASCII, named)}
     # One strip, so that it is a whole JPEG, which exiftool, LibRaw and every picture viewer can extract.
-    main.strips = [bytes(jpeg)]
-    main.fields.update(picture_fields(picture.shape, 8, Compression.JPEG, Photometric.YCBCR))
+    main.strips = [encoded.jpeg]
+    main.fields.update(picture_fields(encoded.shape, 8, Compression.JPEG, Photometric.YCBCR))
     main.fields.update(resolution_fields())
     main.fields.update(
         {
@@ -69,6 +75,14 @@ def main_directory(preview: Any, metadata: CaptureMetadata, camera: str, raw: Di
     return main
 
 
+def _encoded(picture: NDArray[Any]) -> EncodedPreview:
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not min(picture.shape):
+        raise InputError(f"the preview is {picture.dtype} {picture.shape}, expected a uint8 picture (rows, columns, 3)")
+    check_sides(picture.shape)
+    jpeg = imagecodecs.jpeg8_encode(np.ascontiguousarray(picture), level=PREVIEW_QUALITY, subsampling="420")
+    return EncodedPreview(bytes(jpeg), picture.shape)
+
+
 def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometric) -> Directory:
     """The directory of the samples, as one strip of lossless JPEG.
 
@@ -77,11 +91,15 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     photometric: interpretation of the samples.
     Raises InputError when a side is longer than a JPEG can be.
     """
-    _check_sides(samples.shape)
-    # Predictor 1, not jpegsof3's 6: darktable reads no other.
-    jpeg = imagecodecs.jpeg8_encode(samples, lossless=True, predictor=1, bitspersample=bits)
+    check_sides(samples.shape)
     fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
-    return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[bytes(jpeg)])
+    return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[lossless_jpeg(samples, bits)])
+
+
+def lossless_jpeg(samples: NDArray[np.uint16], bits: int) -> bytes:
+    """Samples (H, W) or (H, W, planes) as a lossless JPEG."""
+    # Predictor 1, not jpegsof3's 6: darktable reads no other.
+    return bytes(imagecodecs.jpeg8_encode(samples, lossless=True, predictor=1, bitspersample=bits))
 
 
 def raw_digest(samples: NDArray[np.uint16]) -> bytes:
@@ -89,14 +107,24 @@ def raw_digest(samples: NDArray[np.uint16]) -> bytes:
 
     It is the MD5 over the MD5s of the 256 x 256 tiles in row order (cut off at the edges), samples little-endian, plane by plane.
     """
+    return joined_digest(tile_digests(samples))
+
+
+def tile_digests(samples: NDArray[np.uint16]) -> bytes:
+    """The MD5s that `raw_digest` joins; those of parts of a picture, each `DIGEST_TILE` rows but the last, follow each other."""
     planes = np.moveaxis(samples[..., None] if samples.ndim == 2 else samples, -1, 0).astype("<u2", copy=False)
     rows, columns = planes.shape[1:]
-    whole = hashlib.md5(usedforsecurity=False)
-    for top in range(0, rows, _DIGEST_TILE):
-        for left in range(0, columns, _DIGEST_TILE):
-            tile = planes[:, top : top + _DIGEST_TILE, left : left + _DIGEST_TILE]
-            whole.update(hashlib.md5(tile.tobytes(), usedforsecurity=False).digest())
-    return whole.digest()
+    digests = bytearray()
+    for top in range(0, rows, DIGEST_TILE):
+        for left in range(0, columns, DIGEST_TILE):
+            tile = planes[:, top : top + DIGEST_TILE, left : left + DIGEST_TILE]
+            digests += hashlib.md5(tile.tobytes(), usedforsecurity=False).digest()
+    return bytes(digests)
+
+
+def joined_digest(digests: bytes) -> bytes:
+    """The digest of a picture from those of its tiles."""
+    return hashlib.md5(digests, usedforsecurity=False).digest()
 
 
 def _xmp(metadata: CaptureMetadata) -> bytes:
@@ -126,6 +154,7 @@ def picture_fields(shape: tuple[int, ...], bits: int, compression: int, photomet
     }
 
 
-def _check_sides(shape: tuple[int, ...]) -> None:
+def check_sides(shape: tuple[int, ...]) -> None:
+    """Raise InputError if a side is longer than a JPEG can be."""
     if max(shape[:2]) > LONGEST_SIDE:
         raise InputError(f"{shape[1]} x {shape[0]} pixels: a side of a DNG's JPEG holds at most {LONGEST_SIDE}; cut it into parts")

@@ -1,20 +1,76 @@
 """Encode a rendered picture as a linear DNG with three samples per pixel, to be finished in a raw developer."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import ByteArray, FloatArray
 from ..errors import InputError
+from ..jpeg_writing import ROWS as STRIP_ROWS
+from ..jpeg_writing import JpegStrip, encode_strip, join_strips
 from ..metadata import CaptureMetadata
-from ..tiff import FieldType, encode_tiff
+from ..tiff import Directory, FieldType, encode_tiff
 from .colour_tags import colour_fields
-from .container import main_directory, picture_id, raw_digest, raw_directory
-from .tags import MAKER, Photometric, Tag
+from .container import (
+    DIGEST_TILE,
+    PREVIEW_QUALITY,
+    EncodedPreview,
+    check_sides,
+    joined_digest,
+    lossless_jpeg,
+    main_directory,
+    picture_fields,
+    picture_id,
+    tile_digests,
+)
+from .tags import MAKER, PICTURE_PLANES, Compression, Photometric, Tag
 
+PART = DIGEST_TILE
+"""Rows of a part of a picture."""
 _BITS = 16
 _WHITE_CODE = 65535
+_TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
+
+
+@dataclass(frozen=True)
+class EncodedPart:
+    """Some rows of a picture, encoded: the tile, the digests of the samples, and strips of the preview."""
+
+    tile: bytes
+    digests: bytes
+    preview: Sequence[JpegStrip]
+
+
+def encode_part(rgb: FloatArray, preview: ByteArray | None, shape: tuple[int, int], *, white: float = 1.0) -> EncodedPart:
+    """Encode some rows of a picture; parts are independent of each other, and may be encoded in parallel.
+
+    rgb: (rows, W, 3), see `encode_picture_dng`: `PART` rows, or what is left of the picture.
+    preview: the same rows, (rows, W, 3) uint8 sRGB; None if the preview has another size.
+    shape: (H, W) of the picture.
+    """
+    if not np.isfinite(rgb).all():
+        raise InputError("the picture has values that are not finite (NaN or infinite)")
+    scaled = rgb * (_WHITE_CODE / white)
+    codes = np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16)
+    tall, wide = _tile(shape)
+    # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so takes a bit per sample.
+    tile = np.pad(codes, ((0, 0), (0, wide - codes.shape[1]), (0, 0)), mode="edge")
+    jpeg = lossless_jpeg(np.pad(tile, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS)
+    strips: list[JpegStrip] = []
+    if preview is not None:
+        pieces = (preview[top : top + STRIP_ROWS] for top in range(0, len(preview), STRIP_ROWS))
+        strips += (encode_strip(piece, PREVIEW_QUALITY, "420") for piece in pieces)
+    return EncodedPart(jpeg, tile_digests(codes), strips)
+
+
+def _tile(shape: tuple[int, int]) -> tuple[int, int]:
+    """Rows and columns of a tile: a picture of one part is one strip."""
+    if shape[0] <= PART:
+        return shape
+    return PART, -(-shape[1] // _TILE) * _TILE
 
 
 def encode_picture_dng(
@@ -42,20 +98,43 @@ def encode_picture_dng(
         raise InputError(f"the picture is {picture.dtype} {picture.shape}, expected floats (rows, columns, 3)")
     if not (math.isfinite(white) and white > 0):
         raise InputError(f"white is {white}, expected a positive number of scene units")
-    if not np.isfinite(picture).all():
-        raise InputError("the picture has values that are not finite (NaN or infinite)")
-    codes = np.rint(picture * (_WHITE_CODE / white)).clip(0, _WHITE_CODE).astype(np.uint16)
-    raw = raw_directory(codes, _BITS, Photometric.LINEAR_RAW)
-    raw.fields.update(
-        {
-            Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, [1, 1]),
-            Tag.BLACK_LEVEL: (FieldType.SHORT, [0] * 3),
-            Tag.WHITE_LEVEL: (FieldType.SHORT, [_WHITE_CODE] * 3),
-        }
-    )
-    digest = raw_digest(codes)
-    main = main_directory(preview, metadata, f"{MAKER} render", raw, digest)
+    shape = picture.shape[0], picture.shape[1]
+    check_sides(shape)
+    parts = [encode_part(picture[top : top + PART], None, shape, white=white) for top in range(0, shape[0], PART)]
+    return join_parts(parts, shape, metadata, camera_to_xyz, neutral, preview, white=white)
+
+
+def join_parts(
+    parts: Sequence[EncodedPart],
+    shape: tuple[int, int],
+    metadata: CaptureMetadata,
+    camera_to_xyz: ArrayLike | None,
+    neutral: ArrayLike | None,
+    preview: ByteArray | None = None,
+    *,
+    white: float = 1.0,
+) -> bytes:
+    """The DNG of a picture of this shape (H, W) from its parts, from top to bottom; see `encode_picture_dng`.
+
+    preview: None = the parts have it.
+    """
+    whole = (*shape, PICTURE_PLANES)
+    fields = picture_fields(whole, _BITS, Compression.JPEG, Photometric.LINEAR_RAW) | {
+        Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0]),
+        Tag.BLACK_LEVEL_REPEAT_DIM: (FieldType.SHORT, [1, 1]),
+        Tag.BLACK_LEVEL: (FieldType.SHORT, [0] * 3),
+        Tag.WHITE_LEVEL: (FieldType.SHORT, [_WHITE_CODE] * 3),
+    }
+    if len(parts) > 1:
+        # Tiles, as wide as the picture: of several strips LibRaw reads only the first.
+        del fields[Tag.ROWS_PER_STRIP]
+        tall, wide = _tile(shape)
+        fields |= {Tag.TILE_WIDTH: (FieldType.LONG, [wide]), Tag.TILE_LENGTH: (FieldType.LONG, [tall])}
+    raw = Directory(fields, strips=[part.tile for part in parts])
+    digest = joined_digest(b"".join(part.digests for part in parts))
+    shown = EncodedPreview(join_strips([strip for part in parts for strip in part.preview]), whole) if preview is None else preview
+    main = main_directory(shown, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
-    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, picture_id(codes.shape, digest).encode()
+    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, picture_id(whole, digest).encode()
     main.fields[Tag.BASELINE_EXPOSURE] = FieldType.SRATIONAL, [math.log2(white)]
     return encode_tiff(main)

@@ -39,6 +39,8 @@ class Tag(IntEnum):
     Y_RESOLUTION = 283
     PLANAR_CONFIG = 284
     RESOLUTION_UNIT = 296
+    TILE_WIDTH = 322
+    TILE_LENGTH = 323
     SUB_IFDS = 330  # LONG, not IFD: older readers know no type 13
     YCBCR_SUBSAMPLING = 530
     YCBCR_POSITIONING = 531

@@ -1,7 +1,8 @@
 """How fast is it, here? Time the renderer and its stages, the preview, the files, and rivals on a Bayer mosaic of the same size.
 
-Speeds are for arrays in memory. Everything runs once per round, after a warm-up round that does not count; a ratio is the median of
-the rounds' ratios. With several sizes: measure how time and memory grow, from a DNG to a TIFF, each size in a process of its own.
+Speeds are for arrays in memory, and from a DNG to a 16-bit TIFF on the disk without the start of the program. Everything runs once
+per round, after a warm-up round that does not count; a ratio is the median of the rounds' ratios. With several sizes: measure how
+time and memory grow, from a DNG to a TIFF, each size in a process of its own.
 """
 
 import argparse

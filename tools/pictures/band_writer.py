@@ -1,7 +1,8 @@
-"""Write a rendering to a TIFF file band by band, so that it is never in memory as a whole."""
+"""Write a rendering to a file band by band, so that it is never in memory as a whole: of a JPEG or DNG only what is compressed."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -12,15 +13,17 @@ from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import checked_picture
 from shared.errors import InputError
-from shared.writing import OnComplete, durable_file
+from shared.tiff import encode_tiff
+from shared.writing import OnComplete, durable_file, write_durably
+from tools.host.ahead import ahead
 
-from .encoders import write_tiff_picture
-from .exif_writing import picture_directory
+from .encoders import encode_jpeg_bands, write_tiff_picture
+from .exif_writing import jpeg_directory, picture_directory
 from .samples import upright
-from .writer import PictureKind, check_output, labels, to_samples
+from .writer import PictureKind, check_output, encode_linear_dng, labels, to_samples, written_shape
 
-FORMAT = "tif"
-"""The only format that can be written in bands."""
+FORMATS = ("tif", "jpg", "dng")
+"""The formats that can be written in bands."""
 _READ = 64  # rows read back at a time
 
 
@@ -35,33 +38,50 @@ def write_picture_bands(
     exposure: float = 0.0,
     overwrite: bool = False,
     on_complete: OnComplete | None = None,
+    threads: int = 1,
 ) -> None:
     """Write the bands of a rendering as they arrive; the file is identical to the one of `write_picture`, and written atomically.
+
+    The bands are taken in this thread. Others convert, compress and write those that have arrived.
 
     path: the file.
     bands: float32 (rows, W, C), scene units, from top to bottom.
     shape: (H, W) of the whole rendering.
-    kind, calibration, metadata, exposure: see `encode_picture`; the format must be TIFF.
+    kind, calibration, metadata, exposure: see `encode_picture`; the format is one of `FORMATS`.
     overwrite, on_complete: see `durable_file`.
+    threads: number of threads that convert and compress.
 
     Pictures that must be rotated or flipped vertically are assembled in an anonymous temporary file in the same folder. Raises
     InputError for another format, and as `write_picture` does. Exceptions raised by `bands` pass through, and leave no file.
     """
-    if kind.format != FORMAT:
-        raise InputError(f"{kind.format} cannot be written in parts; use {FORMAT}")
+    if kind.format not in FORMATS:
+        raise InputError(f"{kind.format} cannot be written in parts; use {FORMATS[0]}")
     check_output(kind, calibration, shape, exposure)
     channels, icc, noted, turn = labels(kind, calibration, metadata)
-    checked = (checked_picture(band, len(calibration.channels)) for band in bands)
-    samples = (to_samples(band, kind, calibration, exposure) for band in checked)
-    whole = (*(shape[::-1] if turn >= 5 else shape), len(channels))
+    whole = written_shape(kind, shape, metadata)
+    checked = partial(checked_picture, channels=len(calibration.channels))
+    if kind.format == "dng":
+        data = encode_linear_dng(map(checked, bands), shape, calibration, metadata, threads)
+        write_durably(path, data, overwrite=overwrite, on_complete=on_complete)
+        return
+
+    def convert(band: FloatArray) -> NDArray[Any]:
+        return to_samples(checked(band), kind, calibration, exposure)
+
     dtype = {8: np.uint8, 16: np.uint16, 32: np.float32}[kind.bits]
-    directory = picture_directory(noted, srgb=kind.space == "srgb")
+    srgb = kind.space == "srgb"
     with (
         durable_file(path, overwrite=overwrite, on_complete=on_complete) as file,
         tempfile.TemporaryFile(dir=Path(path).parent) as spool,
     ):
-        turned = _turn(samples, (*shape, len(channels)), dtype, turn, spool)
-        write_tiff_picture(file, turned, whole, dtype, directory, icc=icc, rgb=channels == "RGB")
+        turned = _turn(ahead(convert, bands, threads), (*shape, len(channels)), dtype, turn, spool)
+        if kind.format == "jpg":
+            exif = encode_tiff(jpeg_directory(noted, whole, srgb=srgb))
+            file.write(encode_jpeg_bands(turned, whole, icc=icc, exif=exif, quality=kind.quality, threads=threads))
+        else:
+            directory = picture_directory(noted, srgb=srgb)
+            rgb = channels == "RGB"
+            write_tiff_picture(file, turned, (*whole, len(channels)), dtype, directory, icc=icc, rgb=rgb, threads=threads)
 
 
 def _turn(

@@ -20,7 +20,9 @@ from shared.arrays import FloatArray
 from shared.dng.container import picture_fields
 from shared.dng.tags import LONGEST_SIDE, Compression, Tag
 from shared.errors import InputError, OutputError
+from shared.jpeg_writing import ROWS, encode_strip, join_strips
 from shared.tiff import Directory, Fields, FieldType, write_tiff
+from tools.host.ahead import ahead
 
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a JPEG segment
 _QUALITIES, _QUALITY = range(1, 101), 95  # of a JPEG, and the one if none is asked for
@@ -48,6 +50,7 @@ def write_tiff_picture(
     *,
     icc: bytes = b"",
     rgb: bool = True,
+    threads: int = 1,
 ) -> None:
     """Write a TIFF of samples that arrive as bands; each band goes to the file as it comes and does not stay in memory.
 
@@ -59,11 +62,13 @@ def write_tiff_picture(
     directory: fields and child directories to write as well.
     icc: colour profile; b"" = none.
     rgb: whether the channels are red, green, blue.
+    threads: number of threads that compress.
 
     Raises InputError if the file would exceed 4 GiB.
     """
     fields = _tiff_fields(shape, np.dtype(dtype), icc, rgb=rgb)
-    strips = (_tiff_strip(rows) for rows in regrouped(bands, _STRIP_ROWS))
+    rows = regrouped(bands, _STRIP_ROWS)
+    strips = ahead(_lzw_strip, rows, threads) if np.dtype(dtype) == np.uint8 else map(_plain_strip, rows)
     write_tiff(file, Directory({**directory.fields, **fields}, (), directory.children), strips)
 
 
@@ -98,9 +103,11 @@ def _tiff_fields(shape: tuple[int, ...], dtype: np.dtype[Any], icc: bytes, *, rg
     return fields
 
 
-def _tiff_strip(rows: NDArray[Any]) -> bytes:
-    if rows.dtype != np.uint8:
-        return rows.astype(rows.dtype.newbyteorder("<"), copy=False).tobytes()
+def _plain_strip(rows: NDArray[Any]) -> memoryview:
+    return np.ascontiguousarray(rows, rows.dtype.newbyteorder("<")).data.cast("B")
+
+
+def _lzw_strip(rows: NDArray[Any]) -> bytes:
     differences = imagecodecs.delta_encode(np.ascontiguousarray(rows), axis=-2)
     return bytes(imagecodecs.lzw_encode(differences.tobytes()))
 
@@ -126,24 +133,36 @@ def check_quality(quality: int | None) -> None:
 
 
 def encode_jpeg(codes: NDArray[Any], *, icc: bytes, exif: bytes, quality: int | None = None) -> bytes:
-    """Return a JPEG of uint8 RGB (H, W, 3) with full-resolution colour, Exif block and profile (b"" = none: sRGB).
+    """Return a JPEG of uint8 RGB (H, W, 3); parameters and errors are those of `encode_jpeg_bands`."""
+    return encode_jpeg_bands([codes], (codes.shape[0], codes.shape[1]), icc=icc, exif=exif, quality=quality)
 
+
+def encode_jpeg_bands(
+    bands: Iterable[NDArray[Any]],
+    shape: tuple[int, int],
+    *,
+    icc: bytes,
+    exif: bytes,
+    quality: int | None = None,
+    threads: int = 1,
+) -> bytes:
+    """Return a JPEG of uint8 RGB with full-resolution colour, Exif block and profile (b"" = none: sRGB).
+
+    bands: (rows, W, 3), any number of rows each. shape: (H, W) of the whole picture.
     quality: 1 to 100; None = 95.
+    threads: number of threads that compress.
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the Exif block 64 KiB.
     """
     check_quality(quality)
-    height, width = codes.shape[:2]
+    height, width = shape
     if max(height, width) > LONGEST_SIDE:
         raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
     if len(exif) > _LONGEST_EXIF:
         raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
-    jpeg = bytes(
-        imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=_QUALITY if quality is None else quality, subsampling="444")
-    )
-    segments = _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
-    start = 4 + int.from_bytes(jpeg[4:6], "big")  # after SOI and JFIF's APP0, which must be first
-    return jpeg[:start] + segments + jpeg[start:]
+    level = _QUALITY if quality is None else quality
+    strips = list(ahead(lambda rows: encode_strip(rows, level, "444"), regrouped(bands, ROWS), threads))
+    return join_strips(strips, _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b""))
 
 
 def _segment(marker: int, data: bytes) -> bytes:

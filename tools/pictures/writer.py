@@ -6,6 +6,7 @@ keep the sensor's orientation, so that one can be subtracted from another; the o
 it. Capture data are written to every format that has fields for them.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,17 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import FloatArray
+from shared.arrays import CACHED, FloatArray, strips
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
-from shared.dng import encode_picture_dng
+from shared.dng import PART, EncodedPart, encode_part, join_parts
 from shared.dng.exif_reading import altitude, place
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import OnComplete, write_durably
+from tools.host.ahead import ahead
 
-from .encoders import check_quality, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture
+from .encoders import check_quality, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture, regrouped
 from .exif_writing import jpeg_directory, picture_directory, software
 from .icc_writing import icc_profile
 from .samples import quantise, upright
@@ -156,7 +158,7 @@ def encode_picture(
     rgb = checked_picture(rgb, len(calibration.channels))
     check_output(kind, calibration, (rgb.shape[0], rgb.shape[1]), exposure)
     if kind.format == "dng":
-        return _encode_dng(rgb, calibration, metadata)
+        return encode_linear_dng([rgb], (rgb.shape[0], rgb.shape[1]), calibration, metadata)
     channels, icc, metadata, turn = labels(kind, calibration, metadata)
     samples = to_samples(upright(rgb, turn), kind, calibration, exposure)
     srgb = kind.space == "srgb"
@@ -190,21 +192,40 @@ def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureM
 
 def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float) -> NDArray[Any]:
     """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32."""
-    if kind.space != CAMERA:
-        rgb = ColourTransform.to_space(calibration, kind.space).apply(rgb, exposure)
-    return rgb if kind.bits == 32 or kind.format == "exr" else quantise(rgb, kind.bits)
+    floating = kind.bits == 32 or kind.format == "exr"
+    if kind.space == CAMERA:
+        return rgb if floating else quantise(rgb, kind.bits)
+    shown = ColourTransform.to_space(calibration, kind.space)
+    return shown.apply(rgb, exposure) if floating else display_codes(rgb, shown, kind.bits, exposure)
 
 
-def _encode_dng(rgb: FloatArray, calibration: SensorCalibration, metadata: CaptureMetadata) -> bytes:
+def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0) -> NDArray[Any]:
+    """`quantise(shown.apply(rgb, exposure), bits)`, by a few rows at a time that stay in the processor's cache."""
+    codes = np.empty((*rgb.shape[:2], 3), np.uint8 if bits == 8 else np.uint16)
+    for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
+        codes[rows] = quantise(shown.apply(rgb[rows], exposure), bits)
+    return codes
+
+
+def encode_linear_dng(
+    bands: Iterable[FloatArray], shape: tuple[int, int], calibration: SensorCalibration, metadata: CaptureMetadata, threads: int = 1
+) -> bytes:
     """Return a linear DNG with the colours and the white of our own rendering.
 
     Code 65535 stands for 1.0 in all files: the brightness does not depend on the picture's brightest spot, and raw developers find
     clipped highlights at the white level and make them white.
+
+    bands: (rows, W, 3) scene units, any number of rows each. shape: (H, W) of the whole picture.
+    threads: number of threads that compress.
     """
     shown = ColourTransform.to_space(calibration)
-    preview = quantise(shown.apply(rgb), 8).astype(np.uint8, copy=False)
     camera_to_xyz = shown.space.to_xyz @ np.array(shown.matrix)
-    return encode_picture_dng(rgb, metadata, camera_to_xyz, shown.white, preview, white=1.0)
+
+    def encode(rgb: FloatArray) -> EncodedPart:
+        return encode_part(rgb, display_codes(rgb, shown, 8), shape)
+
+    parts = list(ahead(encode, regrouped(bands, PART), threads))
+    return join_parts(parts, shape, metadata, camera_to_xyz, shown.white)
 
 
 def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:

@@ -64,13 +64,11 @@ def _make(order: Order, share: Share, shot: Shot, note: Note, progress: StagePro
 class _Existing:
     """What exists already under the name of an output.
 
-    key: digest of everything that the output depends on.
     current: the outcome when it is up to date, made by this run or by an earlier one; otherwise None.
     replace: it may be replaced.
     changed: a render made it, and somebody has changed it since.
     """
 
-    key: str
     current: State | None = None
     replace: bool = False
     changed: bool = False
@@ -78,23 +76,23 @@ class _Existing:
 
 def _existing(order: Order, shot: Shot, source_digest: str | None) -> _Existing:
     """What exists under the output's name. Raises OutputError for a file that must stay."""
-    output, wanted = shot.output, order.key(shot.output, source_digest or "")
+    output = shot.output
     if not output.exists():
-        return _Existing(wanted, replace=order.overwrite)
+        return _Existing(replace=order.overwrite)
     made = _journal(order.folder).of(order.name(output))
     of_this_run = bool(made) and made[-1].run == order.run  # by a process that died before it could say so
     if not (order.resume or of_this_run):
         if not order.overwrite:
             refuse_existing([output])
-        return _Existing(wanted, replace=True)
+        return _Existing(replace=True)
     if not made and not order.overwrite:
         raise OutputError(f"{output}: exists already, and no render noted that it made it; --overwrite replaces it all the same")
     found = digest(output)
-    if made and source_digest and (made[-1].key, made[-1].digest) == (wanted, found):
-        return _Existing(wanted, "made" if of_this_run else "current")
+    if made and source_digest and made[-1].digest == found and made[-1].key == order.key(output, source_digest):
+        return _Existing("made" if of_this_run else "current")
     if made and not order.overwrite and _both_there(made[-1].source, shot.source):
         raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or --overwrite")
-    return _Existing(wanted, None, True, not order.overwrite and found not in {entry.digest for entry in made})
+    return _Existing(None, True, not order.overwrite and found not in {entry.digest for entry in made})
 
 
 def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress) -> Outcome:
@@ -105,11 +103,16 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     existing = _existing(order, shot, source_digest)
     if existing.current:
         return Outcome(existing.current, f"{output}: is up to date", {"output": str(output), "current": True})
-    from offline import network_name
+    progress.stage("reading", 1)
+    with ThreadPoolExecutor(1, "reading") as reader:
+        decoded = reader.submit(order.decode, source)
+        from offline import network_name, warm_up  # meanwhile: decoding leaves a processor to this thread
 
+        with announced_compilation(note, progress):
+            if not decoded.done():
+                warm_up(order.settings)
+        mosaic = order.prepared(decoded.result())
     with announced_compilation(note, progress):
-        progress.stage("reading", 1)
-        mosaic = order.read(source)
         if source_digest is None or _state(source) != before:
             raise InputError(f"{source}: has changed while it was read; render it again when it is complete")
         settings = order.settings
@@ -125,13 +128,17 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         if existing.changed:
             note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
 
-        def journal(part: Path) -> Callable[[], None]:
+        def note_made(part: Path) -> None:
             absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
-            entry = Entry(order.name(output), digest(part) or "", existing.key, order.run, absolute)
-            return writer.submit(_journal(order.folder).append, entry).result
+            key = order.key(output, source_digest)
+            _journal(order.folder).append(Entry(order.name(output), digest(part) or "", key, order.run, absolute))
 
-        # Journal and picture are fsynced at the same time, because for small pictures fsync takes most of the time. The pool is
-        # this picture's own: one that stays would wait for ever for a thread whose start is interrupted.
+        def journal(part: Path) -> Callable[[], None]:
+            return writer.submit(note_made, part).result
+
+        # Journal and picture are fsynced at the same time: for small pictures fsync takes most of the time, and a large one is
+        # digested meanwhile. The pool is this picture's own: one that stays would wait for ever for a thread whose start is
+        # interrupted.
         with ThreadPoolExecutor(1) as writer:
             solved = render_to(
                 output,

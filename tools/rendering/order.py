@@ -61,7 +61,14 @@ class Order:
 
     def read(self, source: str) -> Mosaic:
         """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
-        mosaic = read_dng(source, max_pixels=self.max_pixels)
+        return self.prepared(self.decode(source))
+
+    def decode(self, source: str) -> Mosaic:
+        """The shot as it is in the file; this does not load the renderer. Raises InputError as `read_dng` does."""
+        return read_dng(source, max_pixels=self.max_pixels)
+
+    def prepared(self, mosaic: Mosaic) -> Mosaic:
+        """A shot, calibrated. Raises InputError for one that cannot become such a picture."""
         if self.camera is not None:
             mosaic = self.camera.calibrated(mosaic)
         if self.defects:

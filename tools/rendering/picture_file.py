@@ -1,6 +1,6 @@
-"""Render a mosaic to a picture file within a limit of memory: TIFF band by band, straight to the disk, other formats as a whole."""
+"""Render a mosaic to a picture file within a limit of memory: band by band, where the format allows it, otherwise as a whole."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shared import Mosaic
+from shared.arrays import CodeArray, strips
 from shared.errors import InputError
 from shared.progress import Progress
 from shared.writing import OnComplete
 from tools.host.memory import format_bytes
-from tools.pictures.band_writer import FORMAT, write_picture_bands
+from tools.pictures.band_writer import FORMATS, write_picture_bands
 from tools.pictures.writer import PictureKind, write_picture
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
+_LEAST = "tif"  # the format that needs least
 _ENCODING = {"png": 36.0, "jpg": 20.0, "dng": 30.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself
 
 
@@ -29,7 +31,7 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings")
     from offline import rendering_memory
 
     pixels = mosaic.shape[0] * mosaic.shape[1]
-    picture = 0 if kind.format == FORMAT else 4 * len(mosaic.pattern.channels) * pixels
+    picture = 0 if kind.format in FORMATS else 4 * len(mosaic.pattern.channels) * pixels
     encoding = _ENCODING.get(kind.format, 0.0) * pixels
     return round(_PROGRAM + _MOSAIC * pixels + picture + max(rendering_memory(mosaic, settings), encoding))
 
@@ -40,8 +42,8 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
     if need <= limit:
         return
     rows, columns = mosaic.shape
-    least = needed_memory(mosaic, PictureKind.of(FORMAT), settings)
-    remedy = f"use -f {FORMAT}, which needs {format_bytes(least)}, or " if kind.format != FORMAT and least <= limit else ""
+    least = needed_memory(mosaic, PictureKind.of(_LEAST), settings)
+    remedy = f"use -f {_LEAST}, which needs {format_bytes(least)}, or " if kind.format != _LEAST and least <= limit else ""
     raise InputError(
         f"{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
         f"{remedy}set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much"
@@ -65,12 +67,12 @@ def render_to(
     overwrite: replace an existing file.
     on_complete: see `shared.writing.durable_file`.
     """
-    from offline import SolverLog, render_bands
+    from offline import SolverLog, render_bands, threads
 
     log = SolverLog(progress)
     bands = render_bands(mosaic, settings, log)
-    if kind.format == FORMAT:
-        write = partial(write_picture_bands, output, bands, mosaic.shape, kind)
+    if kind.format in FORMATS:
+        write = partial(write_picture_bands, output, bands, mosaic.shape, kind, threads=threads())
     else:
         rgb, top = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0
         for band in bands:
@@ -87,13 +89,18 @@ def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:
 
     Settings that restore luminance from the colour samples accept a frame until these are saturated as well.
     """
-    codes, calibration = mosaic.codes, mosaic.calibration
-    measured = codes[mosaic.pattern.panchromatic_mask(mosaic.shape)]
-    if not measured.size:
+    codes, calibration, restored = mosaic.codes, mosaic.calibration, settings.highlights.restored
+
+    def parts(*, every: bool = False) -> Iterator[CodeArray]:
+        """The panchromatic samples, or all, a few rows at a time: of a picture the first ones say enough."""
+        for rows in strips(len(codes)):
+            part = codes[rows]
+            yield part if every else part[mosaic.pattern.panchromatic_mask((len(part), codes.shape[1]), (rows.start, 0))]
+
+    if not any(part.size for part in parts()):
         return
-    if measured.max() <= calibration.black_level[-1]:
+    if not any((part > calibration.black_level[-1]).any() for part in parts()):
         raise InputError("no sample is above the black level: nothing was exposed, or the calibration's black level is too high")
-    restored = settings.highlights.restored
-    if (codes if restored else measured).min() >= calibration.white_level:
+    if not any((part < calibration.white_level).any() for part in parts(every=restored)):
         which = "sample" if restored else "panchromatic sample"
         raise InputError(f"every {which} is saturated: there is no picture in it; expose less")

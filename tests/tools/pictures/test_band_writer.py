@@ -10,13 +10,13 @@ import pytest
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, OutputError
-from tools.pictures.band_writer import write_picture_bands
+from tools.pictures.band_writer import FORMATS, write_picture_bands
 from tools.pictures.encoders import regrouped
 from tools.pictures.writer import CAMERA, POSSIBLE, PictureKind, write_picture
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
 METADATA = CaptureMetadata(make="Acme", model="Käthe 3", iso=400)
-KINDS = [PictureKind("tif", bits, space) for space, depths in POSSIBLE["tif"].items() for bits in depths]
+KINDS = [PictureKind(name, bits, space) for name in FORMATS for space, depths in POSSIBLE[name].items() for bits in depths]
 
 
 def scene(shape: tuple[int, int], channels: int = 3) -> FloatArray:
@@ -36,6 +36,15 @@ def test_the_same_bytes(tmp_path: Path, kind: PictureKind, orientation: int, sha
     write_picture_bands(tmp_path / "bands.tif", cut(rgb, rows), shape, kind, calibration=CALIBRATION, metadata=metadata)
     assert (tmp_path / "bands.tif").read_bytes() == (tmp_path / "whole.tif").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bands.tif", "whole.tif"]
+
+
+@pytest.mark.parametrize("kind", [PictureKind("tif", 8, "srgb"), PictureKind.of("jpg"), PictureKind.of("dng")], ids=str)
+def test_any_number_of_threads_writes_the_same_bytes(tmp_path: Path, kind: PictureKind) -> None:
+    shape = (700, 50)
+    for threads in (1, 3):
+        bands, path = cut(scene(shape), 90), tmp_path / str(threads)
+        write_picture_bands(path, bands, shape, kind, calibration=CALIBRATION, metadata=METADATA, threads=threads)
+    assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
 
 
 def test_the_same_bytes_of_other_channels_and_exposure(tmp_path: Path) -> None:
@@ -77,7 +86,7 @@ def test_a_full_disk_is_named(tmp_path: Path, full_disk: Callable[[], None]) -> 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["png", "jpg", "dng", "exr", "npy"])
+@pytest.mark.parametrize("name", ["png", "exr", "npy"])
 def test_other_formats_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match=f"{name} cannot be written in parts; use tif"):
         write_picture_bands(tmp_path / "picture", [], (9, 9), PictureKind.of(name), calibration=CALIBRATION, metadata=METADATA)

@@ -5,9 +5,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from offline import render_bands, use_threads
+from offline import RenderSettings, render_bands, threads, use_threads
 from shared import Mosaic, read_dng
 from shared.arrays import FloatArray
 from tools.host.isolated import peak_memory, run_isolated
@@ -29,7 +29,7 @@ class FileTiming:
     """Time and memory from one DNG to one TIFF of 16 bits.
 
     pixels: of the shot.
-    rendering: seconds, without reading and writing; median of several runs.
+    rendering: seconds in which bands were made, while those before were written; median of several runs.
     whole: seconds; median of several runs.
     peak: bytes of the process with its libraries.
     """
@@ -40,37 +40,41 @@ class FileTiming:
     peak: int
 
 
-def measure_files(material: "Material", preset: str, threads: int) -> FileTiming:
-    """Save the shot and render it in a new process. Raises OutputError when there is no room for the files."""
+def measure_files(material: "Material", preset: str, count: int) -> FileTiming:
+    """Save the shot and render it in a new process, by `count` threads. Raises OutputError when there is no room for the files."""
     with material.saved_shot() as shot:
-        return run_isolated(_measure, shot, preset, threads)
+        return run_isolated(_measure, shot, preset, count)
 
 
-def _measure(shot: Path, preset: str, threads: int) -> FileTiming:
+def _measure(shot: Path, preset: str, count: int) -> FileTiming:
     """In the new process: measure until enough megapixels have been rendered."""
-    use_threads(threads)
-    kind = PictureKind.of("tif")
-
-    def run(mosaic: Mosaic) -> float:
-        seconds: list[float] = []
-        bands = _timed(render_bands(mosaic, PRESETS[preset]), seconds)
-        calibration, metadata, picture = mosaic.calibration, mosaic.metadata, shot.with_suffix(".tif")
-        write_picture_bands(picture, bands, mosaic.shape, kind, calibration=calibration, metadata=metadata, overwrite=True)
-        return sum(seconds)
-
+    use_threads(count)
+    settings = PRESETS[preset]
     mosaic = read_dng(shot)
     pixels = mosaic.samples.size
     # A small piece first: kernels are loaded when they are first called.
-    run(Mosaic(mosaic.samples[: _WARM[0], : _WARM[1]], mosaic.pattern, mosaic.calibration, mosaic.metadata))
+    _write(shot, Mosaic(mosaic.samples[: _WARM[0], : _WARM[1]], mosaic.pattern, mosaic.calibration, mosaic.metadata), settings)
     del mosaic  # so that the peak of memory holds one shot, not two
     whole: list[float] = []
     rendering: list[float] = []
     while not whole or (len(whole) < _MOST_RUNS and pixels * len(whole) < _TOGETHER * 1e6):
         start = time.perf_counter()
-        mosaic = read_dng(shot)
-        rendering.append(run(mosaic))
+        rendering.append(render_file(shot, settings))
         whole.append(time.perf_counter() - start)
     return FileTiming(pixels, statistics.median(rendering), statistics.median(whole), peak_memory())
+
+
+def render_file(shot: Path, settings: RenderSettings) -> float:
+    """Render a DNG to a TIFF of 16 bits beside it, in this process; returns the seconds in which bands were made."""
+    return _write(shot, read_dng(shot), settings)
+
+
+def _write(shot: Path, mosaic: Mosaic, settings: RenderSettings) -> float:
+    seconds: list[float] = []
+    bands, kind = _timed(render_bands(mosaic, settings), seconds), PictureKind.of("tif")
+    known: dict[str, Any] = {"calibration": mosaic.calibration, "metadata": mosaic.metadata}
+    write_picture_bands(shot.with_suffix(".tif"), bands, mosaic.shape, kind, **known, overwrite=True, threads=threads())
+    return sum(seconds)
 
 
 def _timed(bands: Iterator[FloatArray], seconds: list[float]) -> Iterator[FloatArray]:

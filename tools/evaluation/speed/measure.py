@@ -5,6 +5,7 @@ Each prints a table for people and returns its figures for `--json`.
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -17,7 +18,7 @@ from tools.host.console import Console
 from tools.pictures.previews import Previews
 
 from ..presets import PRESETS
-from .files import FileTiming, measure_files
+from .files import FileTiming, measure_files, render_file
 from .material import Material
 from .preview import measure_preview
 from .rivals import RIVALS, limit_threads
@@ -25,6 +26,7 @@ from .rounds import StageClock, Timing, alternate
 from .tables import preview_lines, scaling_lines, speed_lines
 
 _SCALES = (1, 3)
+FILE_TO_FILE = "DNG to 16-bit TIFF"
 
 
 def measure_speeds(material: Material, rounds: int, threads: int, console: Console) -> dict[str, Any]:
@@ -32,12 +34,13 @@ def measure_speeds(material: Material, rounds: int, threads: int, console: Conso
     limit_threads(threads)
     clocks = {name: StageClock() for name in PRESETS}
     works: dict[str, Callable[[], object]] = {}
-    with console.progress("bench") as progress, announced_compilation(console.note, progress):
+    with console.progress("bench") as progress, announced_compilation(console.note, progress), ExitStack() as stack:
         progress.stage("scene", 1)
-        mosaic, shot = material.mosaic, material.shot
+        mosaic, shot, saved = material.mosaic, material.shot, stack.enter_context(material.saved_shot())
         for name, settings in PRESETS.items():
             works[name] = partial(clocks[name].run, partial(render, mosaic, settings, clocks[name]))
             works[f"{name}, band by band"] = partial(_render_by_bands, mosaic, settings)
+            works[f"{name}, {FILE_TO_FILE}"] = partial(render_file, saved, settings)
         picture = Previews()(shot)
         data = encode_dng(shot, picture)
         works |= {"DNG, writing": partial(encode_dng, shot, picture), "DNG, reading": partial(decode_dng, data)}
@@ -52,7 +55,7 @@ def measure_speeds(material: Material, rounds: int, threads: int, console: Conso
     }
     rivals = {rival.name: timings.get(rival.name) for rival in RIVALS}
     rows, columns = material.shape
-    title = f"{columns} x {rows}, {material.pixels / 1e6:.1f} megapixels, {rounds} rounds, arrays in memory"
+    title = f"{columns} x {rows}, {material.pixels / 1e6:.1f} megapixels, {rounds} rounds, arrays in memory but for files"
     console.say("", title, *speed_lines({name: timings[name] for name in ours}, stage_timings, rivals))
     return {
         "pixels": material.pixels,

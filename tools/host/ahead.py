@@ -1,0 +1,36 @@
+"""Work on the pieces of a sequence in threads, while the caller makes the next pieces: a queue of bounded length."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+P = TypeVar("P")
+R = TypeVar("R")
+
+WAITING = 2
+"""Pieces, beside one per thread, that wait until they are worked on or used."""
+
+
+def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iterator[R]:
+    """Yield `work(piece)` for each piece, in order; `work` runs in threads of its own, `pieces` are taken in this one.
+
+    It pays where `work` spends its time in NumPy, in a codec or on a file, which let other threads run. At most `threads + WAITING`
+    pieces are held. Raises what `work` and `pieces` raise. When the iteration is left early, pieces that have begun are finished,
+    and the others are dropped.
+
+    >>> from tools.host.ahead import ahead
+    >>> list(ahead(abs, [-1, 2, -3]))
+    [1, 2, 3]
+    """
+    pending: deque[Future[R]] = deque()
+    pool = ThreadPoolExecutor(threads, "ahead")
+    try:
+        for piece in pieces:
+            pending.append(pool.submit(work, piece))
+            while pending and (len(pending) >= threads + WAITING or pending[0].done()):
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
