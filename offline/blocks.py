@@ -44,7 +44,7 @@ def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
     columns = np.broadcast_to(origins[1][None, :, None] + sites[:, 1], shape)
     panchromatic = tile(mosaic)
     light, lowest, highest = np.empty(shape), np.empty(shape[:2]), np.empty(shape[:2])
-    surroundings(signal, panchromatic, *origins, pattern.block_shape, sites[:, :2], light, lowest, highest)
+    surroundings(signal, panchromatic, *origins, pattern.block_shape, np.ascontiguousarray(sites[:, :2]), light, lowest, highest)
     samples = signal[rows, columns].astype(np.float64)
     return BlockSamples(origins, (rows, columns), sites[:, 2], samples, light, lowest, highest, panchromatic)
 

@@ -26,7 +26,7 @@ Memory = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """(light, blurred, weights, colour): what one worker computes with."""
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], i8, f4[:, ::1], (i8, i8), i8, f4[::1], f8, i8, i8, f4[:, :, ::1]")
 def average(
     initial: FloatArray,
     first: int,

@@ -29,7 +29,7 @@ Memory = tuple[FloatArray, FloatArray, FloatArray]
 """What one worker computes with: planes of a window (samples, pilot, sums, weights), half-transformed rows, and blocks in lanes."""
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, ::1], b1[:, ::1], (i8, i8), i8[::1], f4[:, :, ::1], f4, f4, f4, i8, f4[:, ::1]")
 def denoise(
     noisy: FloatArray,
     uncertain: BoolArray,

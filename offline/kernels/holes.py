@@ -24,7 +24,10 @@ _ONE = np.float32(1)
 _NONE = np.float32(0)
 
 
-@parallel_kernel
+@parallel_kernel(
+    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), "
+    "i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]"
+)
 def fill_blocks(
     signal: FloatArray,
     luminance: FloatArray,

@@ -15,7 +15,7 @@ _LEAST = np.finfo(np.float32).tiny
 Places = tuple[IndexArray, IndexArray]
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), f8, f4[:, :, ::1]")
 def mix(
     fields: FloatArray,
     blocks: FloatArray,

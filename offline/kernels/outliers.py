@@ -13,7 +13,7 @@ _MOST = (2 * _WIDE + 1) ** 2
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), f4[:, ::1], f8, f8, f8, (f8, f8), b1[:, ::1]")
 def find_outliers(
     signal: FloatArray,
     gains: FloatArray,
@@ -86,7 +86,7 @@ def _neighbours(
     return count
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[::1], i8[::1], f4[::1]")
 def mend_panchromatic(
     signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, rows: IndexArray, columns: IndexArray, values: FloatArray
 ) -> None:
@@ -149,7 +149,7 @@ def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> boo
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]")
 def surroundings(
     signal: FloatArray,
     panchromatic: BoolArray,

@@ -21,7 +21,7 @@ _STRIP = 64
 _ONE = np.float32(1)
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, ::1], f4[:, ::1], i8, f4[:, ::1], f4[:, ::1], f4")
 def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float) -> None:
     """Shrink the coefficients of `plane` once, and write the new values of the holes to `result`.
 

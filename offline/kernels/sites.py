@@ -10,7 +10,7 @@ _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose 
 _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]")
 def solve_jointly(
     light: FloatArray,
     samples: FloatArray,
@@ -79,7 +79,10 @@ def solve_jointly(
                     out[row, column, i] = right[i, 0] + right[i, 1] * (1 - free) / pull
 
 
-@parallel_kernel
+@parallel_kernel(
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], "
+    "i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]"
+)
 def share_out(
     error: FloatArray,
     colour: FloatArray,
