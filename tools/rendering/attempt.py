@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from shared.errors import ForeignFileError, InputError, OutputError
-from tools.host.compilation import announced_compilation
+from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.writer import written_shape
@@ -107,6 +107,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         return Outcome(existing.current, f"{output}: is up to date", {"output": str(output), "current": True})
     from offline import network_name
 
+    compile_ahead([order.settings], share.processes, note, progress)
     with announced_compilation(note, progress):
         progress.stage("reading", 1)
         mosaic = order.read(source)

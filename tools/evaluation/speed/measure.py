@@ -12,7 +12,7 @@ from typing import Any
 from offline import RenderSettings, render, render_bands
 from shared import Mosaic
 from shared.dng import decode_dng, encode_dng
-from tools.host.compilation import announced_compilation
+from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.pictures.previews import Previews
 
@@ -33,6 +33,7 @@ def measure_speeds(material: Material, rounds: int, threads: int, console: Conso
     clocks = {name: StageClock() for name in PRESETS}
     works: dict[str, Callable[[], object]] = {}
     with console.progress("bench") as progress, announced_compilation(console.note, progress):
+        compile_ahead(list(PRESETS.values()), threads, console.note, progress)
         progress.stage("scene", 1)
         mosaic, shot = material.mosaic, material.shot
         for name, settings in PRESETS.items():

@@ -1,0 +1,54 @@
+"""Which kernels a render needs, so that a program can compile them before the first one, side by side in several processes.
+
+Kernels that are not compiled ahead are compiled when they are first called. Nothing in `offline` starts processes.
+"""
+
+from collections.abc import Callable
+
+from .kernels.compile import kernel_cache, kernels
+from .settings import RenderSettings
+
+# Kernel -> what uses it. Those that take longest to compile come first, so that several processes end at about the same time.
+_USED: dict[str, Callable[[RenderSettings], bool]] = {
+    "solve_regions": lambda _: True,
+    "average": lambda settings: settings.refinement.repetitions > 0 or settings.denoising.strength > 0,
+    "fill_blocks": lambda _: True,
+    "find_outliers": lambda settings: settings.defects.contrast > 0,
+    "denoise": lambda settings: settings.denoising.strength > 0,
+    "oriented_median": lambda settings: settings.chromaticity.taps > 1,
+    "shrink_once": lambda _: True,
+    "solve_jointly": lambda settings: settings.chromaticity.mismatch > 0,
+    "mix": lambda _: True,
+    "pool": lambda settings: bool(settings.pooling.passes),
+    "mend_panchromatic": lambda settings: settings.defects.listed or settings.defects.contrast > 0,
+    "raise_clipped": lambda settings: settings.highlights.restored,
+    "share_out": lambda settings: settings.sites.corrected,
+    "surroundings": lambda settings: settings.highlights.restored or settings.defects.listed or settings.defects.contrast > 0,
+    "interpolate": lambda settings: settings.highlights.restored,
+}
+
+
+def kernels_to_compile(*settings: RenderSettings) -> list[str]:
+    """Names of the kernels that renders with these settings may call and that are not on the disk yet.
+
+    settings: without any, all kernels.
+    Returns those that take longest first. Raises RuntimeError when there is no folder to keep them in.
+
+    >>> from offline import BEST, PAPER, kernels_to_compile
+    >>> set(kernels_to_compile(PAPER)) <= set(kernels_to_compile(PAPER, BEST)) <= set(kernels_to_compile())
+    True
+    """
+    kernel_cache()
+    wanted = [name for name, used in _USED.items() if not settings or any(map(used, settings))]
+    return [name for name in wanted if not kernels[name].kept()]
+
+
+def compile_kernel(name: str) -> None:
+    """Compile a kernel and keep it on the disk; reads it if it is there already. Raises KeyError for an unknown name.
+
+    >>> from offline import compile_kernel, kernels_to_compile
+    >>> compile_kernel("mix")
+    >>> "mix" in kernels_to_compile()
+    False
+    """
+    kernels[name].compile()
