@@ -97,6 +97,14 @@ class ParallelKernel:
         return tuple(map(_as_type, eval(f"{self._signature},", names)))
 
 
+def _general(kind: Any) -> Any:
+    """The type of a variable that can hold values of a type; integers are signed."""
+    kind = types.unliteral(kind)
+    if isinstance(kind, types.BaseTuple):
+        return types.BaseTuple.from_types(tuple(map(_general, kind)))
+    return types.intp if isinstance(kind, types.Integer) else kind
+
+
 def _as_type(given: Any) -> Any:
     return types.BaseTuple.from_types(tuple(map(_as_type, given))) if isinstance(given, tuple) else given
 
@@ -110,8 +118,15 @@ def kernel(function: F) -> F:
 
     Parts are not kept on the disk: who compiles a kernel compiles its parts, and so two programs never write the same file.
     """
-    part: F = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
-    return part
+    part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    template = part.get_call_template
+
+    def general(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        return template(tuple(map(_general, args)), {name: _general(each) for name, each in named.items()})
+
+    # Numba would compile it again for each constant among its arguments, and for unsigned indices, which `prange` counts with.
+    part.get_call_template = general
+    return part  # type: ignore[no-any-return]
 
 
 def parallel_kernel(signature: str) -> Callable[[F], F]:
