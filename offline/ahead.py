@@ -10,21 +10,21 @@ from .settings import RenderSettings
 
 # Kernel -> what uses it. Those that take longest to compile come first, so that several processes end at about the same time.
 _USED: dict[str, Callable[[RenderSettings], bool]] = {
-    "solve_regions": lambda _: True,
     "average": lambda settings: settings.refinement.repetitions > 0 or settings.denoising.strength > 0,
-    "fill_blocks": lambda _: True,
+    "solve_regions": lambda _: True,
     "find_outliers": lambda settings: settings.defects.contrast > 0,
     "denoise": lambda settings: settings.denoising.strength > 0,
-    "oriented_median": lambda settings: settings.chromaticity.taps > 1,
+    "fill_blocks": lambda _: True,
     "shrink_once": lambda _: True,
     "solve_jointly": lambda settings: settings.chromaticity.mismatch > 0,
-    "mix": lambda _: True,
-    "pool": lambda settings: bool(settings.pooling.passes),
+    "oriented_median": lambda settings: settings.chromaticity.taps > 1,
     "mend_panchromatic": lambda settings: settings.defects.listed or settings.defects.contrast > 0,
     "raise_clipped": lambda settings: settings.highlights.restored,
     "share_out": lambda settings: settings.sites.corrected,
-    "surroundings": lambda settings: settings.highlights.restored or settings.defects.listed or settings.defects.contrast > 0,
+    "mix": lambda _: True,
+    "pool": lambda settings: bool(settings.pooling.passes),
     "interpolate": lambda settings: settings.highlights.restored,
+    "surroundings": lambda settings: settings.highlights.restored or settings.defects.listed or settings.defects.contrast > 0,
 }
 
 

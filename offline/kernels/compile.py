@@ -117,6 +117,8 @@ def kernel(function: F) -> F:
     """Make a function a part of the kernels that call it; it cannot be called from Python.
 
     Parts are not kept on the disk: who compiles a kernel compiles its parts, and so two programs never write the same file.
+
+    In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a message about shapes that differ.
     """
     part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
     template = part.get_call_template

@@ -347,4 +347,5 @@ def _finish(
             for field in range(SOLVED):
                 store(line, (field, column), load(line, (field, column)) * share)
         for field in range(SOLVED + 1):
-            out[field, row] = line[field, :columns]
+            for column in range(columns):
+                out[field, row, column] = line[field, column]

@@ -123,7 +123,8 @@ def _iterate(
     rows, columns = energy.shape[1] - 2, energy.shape[2] - 2
     for iteration in range(len(thresholds)):
         threshold = thresholds[iteration]
-        before[:] = values
+        for hole in range(len(values)):
+            store(before, (hole, 0), load(values, (hole, 0)))
         for chunk in range(response.shape[1]):
             source = removed if chunk else fixed
             h0, h1, h2, h3 = _four(values, CHUNK * chunk)

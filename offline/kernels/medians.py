@@ -39,7 +39,9 @@ def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps:
                         found[row] = True
                 _mirror(after[channel, row], columns, half)
         else:
-            after[:, row] = before[:, row]
+            for channel in range(channels):
+                for column in range(before.shape[2]):
+                    after[channel, row, column] = before[channel, row, column]
     return found
 
 

@@ -48,7 +48,9 @@ def mix(
         alpha, line = zeros(_CLASSES, width), zeros(channels, width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
-            alpha[:, : fields.shape[2]] = fields[:, row + corner[0]]
+            for kind in range(_CLASSES):
+                for column in range(fields.shape[2]):
+                    alpha[kind, column] = fields[kind, row + corner[0], column]
             _mix_row(alpha, fields.shape[2], light, colour, np.float32(softness), line)
             for channel in range(channels):
                 for column in range(out.shape[1]):
