@@ -28,6 +28,11 @@ _USED: dict[str, Callable[[RenderSettings], bool]] = {
 }
 
 
+def used_kernels(*settings: RenderSettings) -> list[str]:
+    """Names of the kernels that renders with these settings may call, without any settings of all kernels."""
+    return [name for name, used in _USED.items() if not settings or any(map(used, settings))]
+
+
 def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     """Names of the kernels that renders with these settings may call and that are not on the disk yet.
 
@@ -39,8 +44,7 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     True
     """
     kernel_cache()
-    wanted = [name for name, used in _USED.items() if not settings or any(map(used, settings))]
-    return [name for name in wanted if not kernels[name].kept()]
+    return [name for name in used_kernels(*settings) if not kernels[name].kept()]
 
 
 def compile_kernel(name: str) -> None:

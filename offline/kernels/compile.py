@@ -75,6 +75,7 @@ class ParallelKernel:
         self.ready = False
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
         if not self.ready:
             self.compile()
         return self._dispatcher(*arguments)

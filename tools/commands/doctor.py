@@ -1,16 +1,15 @@
 """Check the installation (versions, missing packages, kernels, threads, memory, writing) and say how to repair what is wrong.
 
-With --compile, compile the renderer for this processor first: for images of machines, clusters, and those who do not want to wait later.
+With --compile, compile the renderer for this processor first, so that no render has to: for container images and clusters.
 """
 
 import argparse
 import time
 
-from shared.errors import InputError
 from tools.host import options
 from tools.host.compilation import CACHE_REMEDY, compile_all
 from tools.host.console import Console
-from tools.host.installation import BAD, CHECKS, MISSING, Finding
+from tools.host.installation import BAD, CHECKS, GOOD, MISSING, Finding
 from tools.host.jobs import FAILED
 from tools.host.processors import processors
 
@@ -28,9 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show what every check finds; returns the exit code: 1 when something is wrong, 0 when something optional is missing."""
-    if arguments.compile:
-        _compile(console)
-    findings = [finding for check in CHECKS for finding in check()]
+    findings = [_compiled(console)] if arguments.compile else []
+    findings += [finding for check in CHECKS for finding in check()]
     width = max(len(finding.name) for finding in findings)
     for finding in findings:
         console.say(*_lines(finding, width))
@@ -41,31 +39,29 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     return FAILED if wrong else 0
 
 
-def _compile(console: Console) -> None:
-    """Compile all kernels that are not in the cache. Raises InputError when they cannot be compiled or kept."""
+def _compiled(console: Console) -> Finding:
+    """Compile all kernels that are not in the cache."""
+    name, everything = "compilation", "pip install -e '.[all]'"
     try:
         from offline import kernels_to_compile
-    except ModuleNotFoundError as error:
-        raise InputError(f"there is nothing to compile without {error.name}: pip install -e '.[all]'") from None
-    try:
+
         names = kernels_to_compile()
-        if names:
-            start = time.monotonic()
-            with console.progress("doctor") as progress:
-                progress.stage("compiling", len(names))
-                for number, (name, error) in enumerate(compile_all(names, processors(), console.note), 1):
-                    if isinstance(error, BaseException):
-                        raise InputError(f"{name}: {error}") from None
-                    progress.advance()
-                    progress.remark(f"compiled kernel {number} of {len(names)}")
-            console.say(f"compiled {len(names)} kernels in {time.monotonic() - start:.0f} s")
-        else:
-            console.say("all kernels are compiled already")
-        missing = kernels_to_compile()
+        start = time.monotonic()
+        with console.progress("doctor") as progress:
+            progress.stage("compiling", len(names))
+            for number, (kernel, error) in enumerate(compile_all(names, processors(), console.note), 1):
+                if error is not None:
+                    return Finding(name, BAD, f"{kernel}: {error}", "close other programs, and run it again")
+                progress.advance()
+                progress.remark(f"compiled kernel {number} of {len(names)}")
+        if missing := kernels_to_compile():
+            return Finding(name, BAD, f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
+    except ModuleNotFoundError as error:
+        return Finding(name, BAD, f"needs {error.name}, which is not installed", everything)
     except RuntimeError:
-        raise InputError(f"there is no folder to keep compiled kernels in; {CACHE_REMEDY}") from None
-    if missing:
-        raise InputError(f"{', '.join(missing)}: compiled, but could not be kept; free some disk space, or {CACHE_REMEDY}")
+        return Finding(name, BAD, "there is no folder to keep compiled kernels in", CACHE_REMEDY)
+    took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s" if names else "all kernels were compiled already"
+    return Finding(name, GOOD, took)
 
 
 def _lines(finding: Finding, width: int) -> list[str]:

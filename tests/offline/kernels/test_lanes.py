@@ -1,11 +1,14 @@
 """Lanes and the functions of them: each does what NumPy does, element by element."""
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from offline.kernels import functions
-from offline.kernels.compile import kernel
 from offline.kernels.lanes import BYTES, WIDTH, greater, lesser, load, quotient, shifted, square_root, store, total, where_less
 from shared.arrays import FloatArray
 
@@ -13,8 +16,15 @@ Values = NDArray[np.floating]
 # What the docstrings of the approximations promise.
 APPROXIMATE = 1e-6
 
+F = TypeVar("F", bound=Callable[..., Any])
 
-@kernel
+
+def callable_kernel(function: F) -> F:
+    """A kernel that Python can call, with arguments of any type."""
+    return numba.njit(fastmath={"contract"}, error_model="numpy")(function)  # type: ignore[no-any-return]
+
+
+@callable_kernel
 def calculate(a: Values, b: Values, scalar: float, out: Values) -> None:
     x, y = load(a, 1), load(b, (0, 2))
     s = a.dtype.type(scalar)
@@ -54,7 +64,7 @@ def test_lanes_calculate_like_numpy(kind: type[np.floating]) -> None:
     assert out[12, 0] == pytest.approx(x.sum(), rel=8 * rounding, abs=8 * rounding)
 
 
-@kernel
+@callable_kernel
 def root_of(values: FloatArray, scale: float, out: FloatArray) -> None:
     for place in range(0, len(values), WIDTH):
         store(out, place, functions.scaled_reciprocal_root(load(values, place), np.float32(scale)))
@@ -70,7 +80,7 @@ def test_reciprocal_root() -> None:
     assert found[0] > 1e10
 
 
-@kernel
+@callable_kernel
 def exponential_of(values: FloatArray, out: FloatArray) -> None:
     for place in range(0, len(values), WIDTH):
         store(out, place, functions.exponential(load(values, place)))
@@ -99,7 +109,7 @@ def test_mirrored_is_the_border_of_numpy(size: int) -> None:
         assert target[count] == -1
 
 
-@kernel
+@callable_kernel
 def places_of_zeros(sizes: "NDArray[np.intp]") -> "NDArray[np.intp]":
     places = np.empty(len(sizes), np.intp)
     for index in range(len(sizes)):
