@@ -5,12 +5,13 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numba
 from llvmlite import binding
 from numba.core import event, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic as _intrinsic
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -122,14 +123,17 @@ def kernel(function: F) -> F:
     In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a message about shapes that differ.
     """
     part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
-    template = part.get_call_template
-
-    def general(args: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        return template(tuple(map(_general, args)), {name: _general(each) for name, each in named.items()})
-
-    # Numba would compile it again for each constant among its arguments, and for unsigned indices, which `prange` counts with.
-    part.get_call_template = general
+    part.__class__ = _Part
     return part  # type: ignore[no-any-return]
+
+
+class _Part(CPUDispatcher):  # type: ignore[misc]
+    def __call__(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError(f"{self.__name__} is a part of kernels, which Python cannot call")
+
+    def get_call_template(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+        """Numba would compile it again for each constant among its arguments, and for unsigned ones, as `prange` has."""
+        return super().get_call_template(tuple(map(_general, args)), {name: _general(each) for name, each in kws.items()})
 
 
 def parallel_kernel(signature: str) -> Callable[[F], F]:

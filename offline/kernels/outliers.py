@@ -86,7 +86,7 @@ def _neighbours(
     return count
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[::1], i8[::1], f4[::1]")
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]")
 def mend_panchromatic(
     signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, rows: IndexArray, columns: IndexArray, values: FloatArray
 ) -> None:

@@ -1,9 +1,5 @@
 """Lanes and the functions of them: each does what NumPy does, element by element."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,17 +7,12 @@ from numpy.typing import NDArray
 from offline.kernels import functions
 from offline.kernels.lanes import BYTES, WIDTH, greater, lesser, load, quotient, shifted, square_root, store, total, where_less
 from shared.arrays import FloatArray
+from tests.offline.kernels.from_python import callable_kernel
 
 Values = NDArray[np.floating]
 # What the docstrings of the approximations promise.
 APPROXIMATE = 1e-6
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def callable_kernel(function: F) -> F:
-    """A kernel that Python can call, with arguments of any type."""
-    return numba.njit(fastmath={"contract"}, error_model="numpy")(function)  # type: ignore[no-any-return]
+MIRRORED, COPY_MIRRORED = callable_kernel(functions.mirrored), callable_kernel(functions.copy_mirrored)
 
 
 @callable_kernel
@@ -101,10 +92,10 @@ def test_exponential() -> None:
 @pytest.mark.parametrize("size", [1, 2, 3, 7])
 def test_mirrored_is_the_border_of_numpy(size: int) -> None:
     wide = np.pad(np.arange(size, dtype=np.float32), 20, mode="reflect")
-    assert [functions.mirrored(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
+    assert [MIRRORED(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
     for first, count in ((-20, size + 40), (-20, 5), (-3, 4), (0, size), (size - 1, 9), (size + 2, 6), (-4, size + 4)):
         target = np.full(count + 1, -1, np.float32)
-        functions.copy_mirrored(np.arange(size, dtype=np.float32), first, target, count)
+        COPY_MIRRORED(np.arange(size, dtype=np.float32), first, target, count)
         assert np.array_equal(target[:count], wide[20 + first : 20 + first + count])
         assert target[count] == -1
 
