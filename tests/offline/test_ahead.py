@@ -16,8 +16,8 @@ from shared.sensor import simulate_additive
 scene = np.full((90, 120, 3), 0.3, np.float32)
 scene[20:50, 30:70] = 2  # clipped
 mosaic = simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration.of_bits(12), 0.01, np.random.default_rng(0))
-samples = mosaic.samples.copy()
-samples[70, 100] = samples.max()  # defective
+samples = np.clip(mosaic.samples / 3 * 4095, 0, 4095).astype(np.uint16)
+samples[70, 100] = 4095  # defective
 settings = getattr(offline, sys.argv[1])
 offline.render(type(mosaic)(samples, mosaic.pattern, mosaic.calibration), settings)
 print({name for name in kernels if kernels[name].ready} ^ set(used_kernels(settings)))
