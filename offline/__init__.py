@@ -1,5 +1,6 @@
 """The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
 
+from .ahead import compile_kernel, kernels_to_compile
 from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
 from .learned import network_name
 from .memory import rendering_memory
@@ -16,7 +17,9 @@ __all__ = [
     "SolverLog",
     "available_threads",
     "compilation",
+    "compile_kernel",
     "kernel_cache",
+    "kernels_to_compile",
     "network_name",
     "render",
     "render_bands",

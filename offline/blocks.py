@@ -44,7 +44,8 @@ def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
     columns = np.broadcast_to(origins[1][None, :, None] + sites[:, 1], shape)
     panchromatic = tile(mosaic)
     light, lowest, highest = np.empty(shape), np.empty(shape[:2]), np.empty(shape[:2])
-    surroundings(signal, panchromatic, *origins, pattern.block_shape, sites[:, :2], light, lowest, highest)
+    places = np.ascontiguousarray(sites[:, :2])
+    surroundings(signal, panchromatic, *origins, pattern.block_shape, places, light, lowest, highest)
     samples = np.stack([signal[down, across] for _, down, across in block_sites(pattern, grid)], axis=2).astype(np.float64)
     return BlockSamples(origins, (rows, columns), sites[:, 2], samples, light, lowest, highest, panchromatic)
 

@@ -88,9 +88,9 @@ class Cells:
         place = _slices(down, across) or np.ix_(down, across)
         light, colour = part.luminance[place], part.chromaticity[place]
         planes = np.empty((len(self.channels), *light.shape), np.float32)
-        for plane, channel in zip(planes, self.channels, strict=True):
-            np.multiply(colour[..., channel], light, out=plane[:: self.steps[0], :: self.steps[1]])
-            plane *= gamma[channel]
+        for plane, channel in zip(planes[:, :: self.steps[0], :: self.steps[1]], self.channels, strict=True):
+            np.multiply(colour[..., channel], light, out=plane)
+        planes *= gamma[self.channels, None, None]
         return planes
 
     def blocks_of(self, values: FloatArray, rows: tuple[int, int], columns: tuple[int, int], outside: float) -> FloatArray:

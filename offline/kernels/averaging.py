@@ -26,7 +26,7 @@ Memory = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """(light, blurred, weights, colour): what one worker computes with."""
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], i8, f4[:, ::1], (i8, i8), i8, f4[::1], f8, i8, i8, f4[:, :, ::1]")
 def average(
     initial: FloatArray,
     first: int,
@@ -124,8 +124,9 @@ def _weigh(
     offset = 0
     for down in range(radius + 1):
         for across in range(-radius if down else 1, radius + 1):
-            if known:
-                blurred[offset, :known] = blurred[offset, _BATCH : _BATCH + known]
+            for row in range(known):
+                for column in range(0, columns, WIDTH):
+                    store(blurred, (offset, row, column), load(blurred, (offset, _BATCH + row, column)))
             for row in range(known, count):
                 # Squared differences from the pixel at the offset, stored in the row after the batch's blurred rows.
                 for column in range(0, columns + 2 * reach, WIDTH):
@@ -236,6 +237,8 @@ def _mirror(colour: FloatArray, edge: int, width: int, start: int, stop: int, ra
     """Mirror a row beyond the frame's edges, if it ends there."""
     for step in range(1, radius + 1):
         if start + edge == 0:
-            colour[:, radius - edge - step] = colour[:, radius - edge + mirrored(-step, width)]
+            for plane in range(len(colour)):
+                colour[plane, radius - edge - step] = colour[plane, radius - edge + mirrored(-step, width)]
         if stop + edge == width:
-            colour[:, radius - edge + width - 1 + step] = colour[:, radius - edge + mirrored(width - 1 + step, width)]
+            for plane in range(len(colour)):
+                colour[plane, radius - edge + width - 1 + step] = colour[plane, radius - edge + mirrored(width - 1 + step, width)]

@@ -1,14 +1,17 @@
-"""Numba's decorators with the options that all kernels share, typed; the number of threads; notice of compilation."""
+"""Numba's decorators with the options that all kernels share, typed; the kernels' cache on disk; the number of threads."""
 
 import hashlib
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numba
-from numba.core import event
-from numba.core.caching import FunctionCache
+from llvmlite import binding
+from numba.core import event, types
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic as _intrinsic
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -16,16 +19,22 @@ F = TypeVar("F", bound=Callable[..., Any])
 # Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend on where a row begins.
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 _SOURCES = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+_PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
 
 prange: type[range] = numba.prange
-_called: list[Any] = []  # the kernels that stages call; the others are parts of these
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     """Numba's cache on disk. Numba recompiles a kernel when its own file has changed; this one, when any kernel file has.
 
-    A kernel that cannot be read from the disk, or not be kept there, is compiled.
+    A kernel that cannot be read from the disk, or not be kept there, is compiled. Files are named after the processor too: machines
+    of different kinds that share a folder, and compile at the same time, would otherwise replace each other's files.
     """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        name, stamp = f"{self._impl.filename_base}-{_PROCESSOR}", self._impl.locator.get_source_stamp()
+        self._cache_file = IndexDataCacheFile(self._cache_path, name, stamp)
 
     def _index_key(self, *args: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*args), _SOURCES)
@@ -42,29 +51,108 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         with suppress(OSError):
             super().save_overload(*args)
 
+    def holds(self, signature: Any, codegen: Any) -> bool:
+        """Whether there is something on the disk for a signature."""
+        try:
+            name = self._cache_file._load_index().get(self._index_key(signature, codegen))
+        except Exception:  # as in `load_overload`
+            return False
+        return name is not None and Path(self._cache_path, name).exists()
+
+
+class ParallelKernel:
+    """A function that stages call. It is compiled, or read from the disk, when it is first called, for one signature alone.
+
+    Arguments of other types are converted if that is possible: an array that may be written can stand for one that may not, but
+    float64 never for float32. Otherwise a call raises TypeError.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: str) -> None:
+        self._signature = signature
+        self._dispatcher = numba.njit(parallel=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+        with suppress(RuntimeError):  # no folder to keep it in: every program compiles it for itself
+            self._dispatcher._cache = _Cache(function)
+        self._lock = threading.Lock()
+        self.ready = False
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function."""
+        if not self.ready:
+            self.compile()
+        return self._dispatcher(*arguments)
+
+    def compile(self) -> None:
+        """Read it from the disk, or compile it and keep it there."""
+        with self._lock:
+            if not self.ready:
+                self._dispatcher.compile(self._types())
+                self._dispatcher.disable_compile()
+                self.ready = True
+
+    def kept(self) -> bool:
+        """Whether it is on the disk."""
+        cache = self._dispatcher._cache
+        return isinstance(cache, _Cache) and cache.holds(self._types(), self._dispatcher.targetctx.codegen())
+
+    def _types(self) -> tuple[Any, ...]:
+        names = {**vars(types), "const": lambda array: array.copy(readonly=True)}
+        return tuple(map(_as_type, eval(f"{self._signature},", names)))
+
+
+def _general(kind: Any) -> Any:
+    """The type of a variable that can hold values of a type; integers are signed."""
+    kind = types.unliteral(kind)
+    if isinstance(kind, types.BaseTuple):
+        return types.BaseTuple.from_types(tuple(map(_general, kind)))
+    return types.intp if isinstance(kind, types.Integer) else kind
+
+
+def _as_type(given: Any) -> Any:
+    return types.BaseTuple.from_types(tuple(map(_as_type, given))) if isinstance(given, tuple) else given
+
+
+kernels: dict[str, ParallelKernel] = {}
+"""All kernels that stages call, by name; the others are parts of these."""
+
 
 def kernel(function: F) -> F:
-    """Compile a function when it is first called, once per machine."""
-    return _compiled(function, parallel=False)
+    """Make a function a part of the kernels that call it; it cannot be called from Python.
+
+    Parts are not kept on the disk: who compiles a kernel compiles its parts, and so two programs never write the same file.
+
+    In kernels and parts copy arrays element by element: for each `a[:] = b` Numba compiles a message about shapes that differ.
+    """
+    part = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    part.__class__ = _Part
+    return part  # type: ignore[no-any-return]
 
 
-def parallel_kernel(function: F) -> F:
-    """Compile a function when it is first called, once per machine, and share its `prange` loops among the threads."""
-    compiled = _compiled(function, parallel=True)
-    _called.append(compiled)
-    return compiled
+class _Part(CPUDispatcher):  # type: ignore[misc]
+    def __call__(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError(f"{self.__name__} is a part of kernels, which Python cannot call")
+
+    def get_call_template(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+        """Numba would compile it again for each constant among its arguments, and for unsigned ones, as `prange` has."""
+        return super().get_call_template(tuple(map(_general, args)), {name: _general(each) for name, each in kws.items()})
+
+
+def parallel_kernel(signature: str) -> Callable[[F], F]:
+    """Compile a function when it is first called, once per machine, and share its `prange` loops among the threads.
+
+    signature: types of the arguments, in Numba's notation: f4 and f8 are floats, i8 is an integer, b1 is bool, f4[:, ::1] is an
+        array, and (i8, i8) is a tuple; const(f4[:, ::1]) may be an array that must not be written.
+    """
+
+    def decorate(function: F) -> F:
+        kernels[function.__name__] = made = ParallelKernel(function, signature)
+        return made  # type: ignore[return-value]
+
+    return decorate
 
 
 def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
     """Turn a code generator into a function that kernels can call. literal: it needs the values of constant arguments."""
     return _intrinsic(prefer_literal=literal)(function)
-
-
-def _compiled(function: F, *, parallel: bool) -> F:
-    dispatcher = numba.njit(parallel=parallel, **_OPTIONS)(function)
-    with suppress(RuntimeError):  # no folder to keep it in: every program compiles it for itself
-        dispatcher._cache = _Cache(function)
-    return dispatcher  # type: ignore[no-any-return]
 
 
 def available_threads() -> int:
@@ -109,7 +197,7 @@ def kernel_cache() -> Path:
     >>> kernel_cache().is_absolute()
     True
     """
-    return Path(_Cache(kernel).cache_path)
+    return Path(FunctionCache(kernel).cache_path)
 
 
 @contextmanager
@@ -138,8 +226,8 @@ class _Listener(event.Listener):  # type: ignore[misc]
     def on_start(self, event: Any) -> None:
         self._depth += 1
         if self._depth == 1:
-            ready = sum(bool(kernel.signatures) for kernel in _called if kernel is not event.data["dispatcher"])
-            self._begins(ready + 1, max(len(_called), ready + 1))
+            ready = sum(kernel.ready for kernel in kernels.values())
+            self._begins(ready + 1, len(kernels))
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1

@@ -31,7 +31,7 @@ Memory = tuple[FloatArray, FloatArray, FloatArray]
 """What one worker computes with: planes of a window (samples, pilot, sums, weights), half-transformed rows, and blocks in lanes."""
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, ::1], b1[:, ::1], (i8, i8), i8[::1], f4[:, :, ::1], f4, f4, f4, i8, f4[:, ::1]")
 def denoise(
     noisy: FloatArray,
     uncertain: BoolArray,
@@ -221,7 +221,7 @@ def _wiener(block: FloatArray, size: int, model: Model) -> Lanes:
 
 @kernel
 def _weight(kept: Lanes, variance: Lanes, size: int) -> Lanes:
-    """Weight of a block whose mean has 1 / `fewer` of its variance left: more than the inverse, fewer / variance, pays (measured)."""
+    """Weight of a block. Its mean has variance / fewer left, and more weight than the inverse of that pays (measured)."""
     fewer = quotient(np.float32(size * size), kept)
     return quotient(fewer * square_root(fewer), variance)
 

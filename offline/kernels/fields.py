@@ -30,7 +30,10 @@ _RESIDUAL, _DIRECTION, _APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED  # planes of th
 _PLANES = 4 + 1 + 2 + 4 * SOLVED
 
 
-@parallel_kernel
+@parallel_kernel(
+    "f4[:, ::1], (i8[::1], i8[::1]), (i8, i8, i8), i8, i8, i8, f4[:, :, ::1], "
+    "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), i8, f4[:, :, ::1], f8[::1], i8[::1]"
+)
 def solve_regions(
     luminance: FloatArray,
     places: tuple[IndexArray, IndexArray],
@@ -344,4 +347,5 @@ def _finish(
             for field in range(SOLVED):
                 store(line, (field, column), load(line, (field, column)) * share)
         for field in range(SOLVED + 1):
-            out[field, row] = line[field, :columns]
+            for column in range(columns):
+                out[field, row, column] = line[field, column]

@@ -53,7 +53,8 @@ def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -
     start, stop = min(max(-first, 0), count), max(min(len(row) - first, count), 0)
     for place in range(start):
         target[place] = row[mirrored(first + place, len(row))]
-    target[start:stop] = row[first + start : first + stop]
+    for place in range(start, stop):
+        target[place] = row[first + place]
     for place in range(max(stop, start), count):
         target[place] = row[mirrored(first + place, len(row))]
 

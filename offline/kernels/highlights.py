@@ -9,7 +9,7 @@ from .compile import kernel, parallel_kernel, prange
 _TAPS = 4
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, ::1], (f8, f8), i8, f4[:, ::1]")
 def interpolate(values: FloatArray, first: tuple[float, float], period: int, plane: FloatArray) -> None:
     """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
@@ -46,7 +46,7 @@ def _taps(place: float) -> tuple[int, tuple[float, float, float, float]]:
     )
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]")
 def raise_clipped(
     signal: FloatArray,
     panchromatic: BoolArray,

@@ -24,7 +24,9 @@ _ONE = np.float32(1)
 _NONE = np.float32(0)
 
 
-@parallel_kernel
+@parallel_kernel(
+    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]"
+)
 def fill_blocks(
     signal: FloatArray,
     luminance: FloatArray,
@@ -120,7 +122,8 @@ def _iterate(
     rows, columns = energy.shape[1] - 2, energy.shape[2] - 2
     for iteration in range(len(thresholds)):
         threshold = thresholds[iteration]
-        before[:] = values
+        for hole in range(len(values)):
+            store(before, (hole, 0), load(values, (hole, 0)))
         for chunk in range(response.shape[1]):
             source = removed if chunk else fixed
             h0, h1, h2, h3 = _four(values, CHUNK * chunk)

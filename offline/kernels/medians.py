@@ -16,7 +16,7 @@ _FIVE = 5
 _FAR = np.float64(np.inf)
 
 
-@parallel_kernel
+@parallel_kernel("f8[:, :, ::1], f8[:, :, ::1], i8, i8, b1[::1]")
 def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray) -> BoolArray:
     """Replace each vector by whichever of its four oriented 1-D medians is nearest to it. Returns which rows changed, bool (rows,).
 
@@ -39,7 +39,9 @@ def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps:
                         found[row] = True
                 _mirror(after[channel, row], columns, half)
         else:
-            after[:, row] = before[:, row]
+            for channel in range(channels):
+                for column in range(before.shape[2]):
+                    after[channel, row, column] = before[channel, row, column]
     return found
 
 

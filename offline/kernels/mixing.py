@@ -15,7 +15,7 @@ _LEAST = np.finfo(np.float32).tiny
 Places = tuple[IndexArray, IndexArray]
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), f8, f4[:, :, ::1]")
 def mix(
     fields: FloatArray,
     blocks: FloatArray,
@@ -48,7 +48,9 @@ def mix(
         alpha, line = zeros(_CLASSES, width), zeros(channels, width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
-            alpha[:, : fields.shape[2]] = fields[:, row + corner[0]]
+            for kind in range(_CLASSES):
+                for column in range(fields.shape[2]):
+                    alpha[kind, column] = fields[kind, row + corner[0], column]
             _mix_row(alpha, fields.shape[2], light, colour, np.float32(softness), line)
             for channel in range(channels):
                 for column in range(out.shape[1]):

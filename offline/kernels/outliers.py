@@ -18,7 +18,7 @@ _NONE, _INFINITE = np.float32(0), np.float32(np.inf)
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), f4[:, ::1], f8, f8, f8, (f8, f8), b1[:, ::1]")
 def find_outliers(
     signal: FloatArray,
     gains: FloatArray,
@@ -160,7 +160,7 @@ def _neighbours(
     return count
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]")
 def mend_panchromatic(
     signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, rows: IndexArray, columns: IndexArray, values: FloatArray
 ) -> None:
@@ -223,7 +223,7 @@ def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> boo
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
 
 
-@parallel_kernel
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]")
 def surroundings(
     signal: FloatArray,
     panchromatic: BoolArray,

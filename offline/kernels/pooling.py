@@ -18,7 +18,7 @@ _PAIR = 2  # rows that are computed together: what is read for one serves the ot
 _NONE = np.float32(0)
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], i8, f4[:, ::1], f4, f4[:, :, ::1]")
 def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, light: Scalar, out: FloatArray) -> None:
     """Sum the statistics of the blocks in a window around each block, weighted by similarity.
 

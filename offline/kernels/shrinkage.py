@@ -23,7 +23,7 @@ _ONE = np.float32(1)
 Planes = tuple[FloatArray, ...]
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, ::1], f4[:, ::1], i8, f4[:, ::1], f4[:, ::1], f4")
 def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float) -> None:
     """Shrink the coefficients of `plane` once, and write the new values of the holes to `result`.
 
@@ -41,11 +41,11 @@ def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: Floa
         )
 
 
-@parallel_kernel
+@parallel_kernel("(f4[:, ::1],) * 4, (f4[:, ::1],) * 4, (i8,) * 4, (f4[:, ::1],) * 4, f4[:, ::1], f4[::1]")
 def shrink_margins(
     planes: Planes, results: Planes, columns: tuple[int, ...], holes: Planes, taps: FloatArray, thresholds: FloatArray
 ) -> None:
-    """Run `shrink_once` on several planes of a few rows each, with one threshold after the other, from plane to result and back."""
+    """Run `shrink_once` on four planes of a few rows each, with one threshold after the other, from plane to result and back."""
     for each in prange(len(planes)):
         plane, result = planes[each], results[each]
         for threshold in thresholds:

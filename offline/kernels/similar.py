@@ -24,7 +24,7 @@ Planes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """(even, samples, sums, weights) of a window: what is compared, what is averaged, and what has been added up."""
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, ::1], b1[:, ::1], f4[:, ::1], i8, (i8, i8), i8[:, ::1], f4, f4, f4, f4, i8, f4[:, ::1]")
 def average_similar(
     noisy: FloatArray,
     uncertain: BoolArray,
@@ -43,8 +43,8 @@ def average_similar(
 
     noisy: (H, W), scene units; what is averaged.
     uncertain: bool (H, W), samples that are taken from `clean` instead.
-    clean: (rows, W), scene units, the frame without noise, from its row `first` on: `rows` and as much above and below as offsets and
-        surroundings reach, or to the frame's edge.
+    clean: (rows, W), scene units, the frame without noise, from its row `first` on: `rows`, and as much above and below as offsets
+        and surroundings reach, or to the frame's edge.
     rows: first and end row of the frame to compute.
     offsets: (n, 2), from a pixel to those that it is averaged with, pixels down and right; the opposite offsets come by themselves.
         Down is 0 or more and never falls; where it is 0, right is more.
@@ -75,7 +75,7 @@ def average_similar(
                     value = clean[source - first, place]
                     even[row, column] = scale * _even(value, shot, read)
                     samples[row, column] = value if uncertain[source, place] else noisy[source, place]
-            sums[:] = samples
+                    sums[row, column] = samples[row, column]
             weights[:] = _ONE
             end = down + halo
             for row in range(SURROUNDINGS, end):
@@ -84,9 +84,9 @@ def average_similar(
                     if row >= halo or halo <= row + apart < end:
                         _weigh(even, row, apart, rights, across + 2 * halo, distances, pairs)
                     if row >= halo:
-                        _add(planes, row, row + apart, rights, (halo, halo + across), pairs, True)
+                        _add(planes, row, row + apart, rights, (halo, halo + across), (0, 1), pairs)
                     if halo <= row + apart < end:
-                        _add(planes, row + apart, row, rights, (halo, halo + across), pairs, False)
+                        _add(planes, row + apart, row, rights, (halo, halo + across), (-1, -1), pairs)
             for row in range(down):
                 for column in range(across):
                     value = clean[top + row - first, left + column]
@@ -97,9 +97,8 @@ def average_similar(
 @kernel
 def _even(signal: Scalar, shot: Scalar, read: Scalar) -> Scalar:
     """A signal transformed so that its noise has a standard deviation of 1 at any brightness (Anscombe 1948)."""
-    if shot > 0:
-        return _TWO / shot * np.sqrt(max(shot * signal + read * read, _NONE))
-    return signal / read
+    root: Scalar = np.sqrt(max(shot * signal + read * read, _NONE))
+    return _TWO / shot * root if shot > 0 else signal / read
 
 
 @kernel
@@ -120,18 +119,19 @@ def _weigh(even: FloatArray, row: int, apart: int, rights: IndexArray, end: int,
 
 
 @kernel
-def _add(planes: Planes, row: int, other: int, rights: IndexArray, span: tuple[int, int], pairs: FloatArray, forward: bool) -> None:
-    """Add weighted samples of the row `other` to `row`. forward: `row` is the one from which the offsets of the pairs count."""
-    _, samples, sums, weights = planes
+def _add(
+    planes: Planes, row: int, other: int, rights: IndexArray, span: tuple[int, int], steps: tuple[int, int], pairs: FloatArray
+) -> None:
+    """Add weighted samples of the row `other` to `row`, from the first to the end column of `span`.
+
+    steps: columns to the weight of a pair, and to the other sample, in units of the pair's offset.
+    """
+    (_, samples, sums, weights), (here, there) = planes, steps
     for column in range(span[0], span[1], WIDTH):
         total, light = load(sums, (row, column)), load(weights, (row, column))
         for index in range(len(rights)):
-            step = rights[index]
-            if forward:
-                weight, value = load(pairs, (index, column)), load(samples, (other, column + step))
-            else:
-                weight, value = load(pairs, (index, column - step)), load(samples, (other, column - step))
-            total += weight * value
+            weight = load(pairs, (index, column + here * rights[index]))
+            total += weight * load(samples, (other, column + there * rights[index]))
             light += weight
         store(sums, (row, column), total)
         store(weights, (row, column), light)

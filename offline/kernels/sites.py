@@ -12,7 +12,7 @@ _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose 
 _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
 
 
-@parallel_kernel
+@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]")
 def solve_jointly(
     light: FloatArray,
     samples: FloatArray,
@@ -77,7 +77,8 @@ def solve_jointly(
                     store(solved, (i, 0), load(right, (i, 0, 0)) + step)
             for lane in range(min(_LANES, columns - group)):
                 if power[0, lane] > 0:
-                    out[row, group + lane] = solved[:, lane]
+                    for i in range(count):
+                        out[row, group + lane, i] = solved[i, lane]
 
 
 @kernel
@@ -96,7 +97,9 @@ def _normal(whitened: DoubleArray, grey: float, gamma: DoubleArray, normal: Doub
         right[i, 1] = gamma[i]
 
 
-@parallel_kernel
+@parallel_kernel(
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]"
+)
 def share_out(
     error: FloatArray,
     colour: FloatArray,

@@ -20,6 +20,7 @@ from offline.refinement import noise_level, refine
 from offline.tiling import Band
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
+from tests.offline.kernels.from_python import callable_kernel
 from tests.offline.scenes import whole
 from tools.evaluation.speed.material import Material, frame_shape
 
@@ -82,4 +83,5 @@ def test_averaging(benchmark: Benchmark, chain: Chain) -> None:
 
 def test_fresh_memory(benchmark: Benchmark, chain: Chain) -> None:
     """A cost of every stage: a new plane of the frame's size, written once."""
-    benchmark(lambda: zeros(chain.luminance.size).fill(1))
+    made = callable_kernel(zeros)
+    benchmark(lambda: made(chain.luminance.size).fill(1))

@@ -25,7 +25,7 @@ def aggregated(
 ) -> DoubleArray:
     """The weighted mean of the blocks of a quincunx that cover each pixel.
 
-    first: row and column of the frame at row and column 0. A block's first row is even; half of it is even or odd as its first column.
+    first: row and column of the frame at row and column 0. A block's first row is even; half of it is even where its column is.
     The weight is (pixels / kept)^1.5 / noise, where `kept` is how many coefficients' worth of noise the gains leave.
     """
     sums, weights = np.zeros_like(plane), np.zeros_like(plane)

@@ -23,9 +23,10 @@ from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host import options
-from tools.host.compilation import announced_compilation
+from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.host.jobs import Job, output_folder, run_jobs
+from tools.host.processors import processors
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.drawn.builtin import builtin_scene
@@ -79,6 +80,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
     from tools.pictures.illustrations import comparison, overview
 
     with console.progress("demo") as progress, announced_compilation(console.note, progress):
+        compile_ahead([PAPER, BEST], processors(), console.note, progress)
         paper, best = render(mosaic, PAPER, progress), render(mosaic, BEST, progress)
     bayer = demosaic_bilinear(bayer_mosaic(scene.rgb, sigma, np.random.default_rng(_SEED)))
     for path, rgb, kind in (

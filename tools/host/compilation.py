@@ -1,28 +1,82 @@
-"""Tell the user that the renderer is being compiled, which takes most of the time of a first run, and how far it is."""
+"""Compile the renderer's kernels, ahead or when they are needed, and tell the user, who waits for it in a first run."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from typing import Any
 
+from . import worker_pool
+from .memory import available_memory
 from .progress import StageProgress
+from .worker_pool import Note
 
 _BETWEEN_NOTES = 10.0  # seconds
+_PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
+_REMEDY = "close other programs, or let the first render compile"
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 
 
 @contextmanager
-def announced_compilation(note: Callable[[str], None], progress: StageProgress) -> Iterator[None]:
+def announced_compilation(note: Note, progress: StageProgress) -> Iterator[None]:
     """In the `with` block, say once that the renderer is being compiled, if it has to be, and then how far that is.
 
     note: called with remarks.
     progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, `note` is called for that.
     """
-    from offline import compilation, kernel_cache
+    from offline import compilation
+
+    tell = _teller(note, progress)
+    with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
+        yield
+
+
+def compile_ahead(settings: Sequence[Any], processes: int, note: Note, progress: StageProgress) -> None:
+    """Compile what renders with these settings need, unless it has been compiled before, in several processes at a time.
+
+    With one process, for one kernel, or without a folder to keep the result in, it is left to the renders.
+
+    settings: RenderSettings, one or more.
+    processes: how many may be started. Call this in the command's own process, not in one that it has started.
+    note, progress: as `announced_compilation` takes them.
+    """
+    from offline import kernels_to_compile
+
+    try:
+        names = kernels_to_compile(*settings)
+    except RuntimeError:
+        return
+    if min(processes, len(names)) > 1:
+        tell = _teller(note, progress)
+        progress.stage("compiling", len(names))
+        tell("compiling")
+        for number, _ in enumerate(compile_all(names, processes, note), 1):
+            progress.advance()
+            tell(f"compiled kernel {number} of {len(names)}")
+
+
+def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
+    """Compile kernels in several processes, as many as memory allows; yields (name, None, or the error) as each is done.
+
+    names: those that take longest first.
+    """
+    possible = min(processes, available_memory() // _PROCESS_BYTES)
+    yield from worker_pool.run(_compile, names, max(1, possible), note=note, remedy=_REMEDY)
+
+
+def _compile(name: str, note: Note) -> None:
+    from offline import compile_kernel
+
+    compile_kernel(name)
+
+
+def _teller(note: Note, progress: StageProgress) -> Callable[[str], None]:
+    """A function that says once that the renderer is being compiled, and shows how far it is."""
+    from offline import kernel_cache
 
     note_once, said = cache(note), time.monotonic()
 
-    def begins(number: int, most: int) -> None:
+    def tell(how_far: str) -> None:
         nonlocal said
         try:
             kernel_cache()
@@ -30,13 +84,11 @@ def announced_compilation(note: Callable[[str], None], progress: StageProgress) 
             often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
         else:
             often = "once"
-        note_once(f"compiling the renderer for this processor; it takes a minute or two, {often}")
-        how_far = f"compiling kernel {number} of at most {most}"
+        note_once(f"compiling the renderer for this processor; it takes up to a minute, {often}")
         if progress.shows:
             progress.remark(how_far)
         elif time.monotonic() - said >= _BETWEEN_NOTES:
             said = time.monotonic()
             note(f"{how_far}: {progress.current}")
 
-    with compilation(begins):
-        yield
+    return tell

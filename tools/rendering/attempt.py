@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from shared.errors import ForeignFileError, InputError, OutputError
-from tools.host.compilation import announced_compilation
+from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.writer import written_shape
@@ -108,6 +108,9 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         decoded = reader.submit(order.decode, source)
         from offline import network_name, warm_up  # meanwhile: decoding leaves a processor to this thread
 
+        if decoded.done():
+            decoded.result()  # what is wrong with a shot is said before the user waits
+        compile_ahead([order.settings], share.processes, note, progress)
         with announced_compilation(note, progress):
             if not decoded.done():
                 warm_up(order.settings)

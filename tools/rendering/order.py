@@ -126,7 +126,9 @@ class Share:
 
     memory: bytes.
     last: this is the last pass: do not postpone, but wait for other processes, and fail if the memory is not enough.
+    processes: how many it may start to compile the renderer; 1 = none, where it is in a process that was started itself.
     """
 
     memory: int
     last: bool = False
+    processes: int = 1

@@ -8,6 +8,7 @@ from functools import cache, partial
 
 from shared.errors import PanchromaError
 from tools.host import worker_pool
+from tools.host.compilation import compile_ahead
 from tools.host.console import Console
 from tools.host.countdown import Countdown
 from tools.host.jobs import fail, file_status, identity, refuse_existing, refuse_loss
@@ -80,12 +81,14 @@ def passes(order: Order, resources: Resources, console: Console, count: int) -> 
         for shot in shots:
             raise_lost_signal()
             with console.progress(shot.source) if count == 1 else StageProgress() as progress:
-                outcome = attempt(order, Share(resources.memory, last), shot, console.note, progress)
+                outcome = attempt(order, Share(resources.memory, last, resources.threads), shot, console.note, progress)
             yield shot, outcome
 
     def by_workers(shots: Sequence[Shot]) -> Iterator[tuple[Shot, Outcome]]:
         work = partial(attempt, order, Share(resources.memory // resources.workers))
         note, threads = cache(console.note), resources.threads  # several processes have the same to say: once is enough
+        if shots:
+            compile_ahead([order.settings], resources.workers, note, StageProgress())
         for shot, result in worker_pool.run(work, shots, resources.workers, note=note, remedy=_REMEDY, threads=threads):
             yield shot, result if isinstance(result, Outcome) else Outcome("failed", str(result))
 

@@ -5,30 +5,50 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba.core.caching import CacheImpl, IndexDataCacheFile
 
 from offline.kernels import compile as product
+from offline.kernels.highlights import interpolate, raise_clipped
+from shared.arrays import IndexArray
 from tests.data import ROOT
 from tests.python import run_python
 
+KERNEL = """
+from .compile import parallel_kernel, prange
+from .functions import mirrored
+
+@parallel_kernel("i8[::1], i8")
+def mirror(places, size):
+    for i in prange(len(places)):
+        places[i] = mirrored(places[i], size)
+"""
 SCRIPT = """
 import numpy as np
 from offline.kernels.compile import compilation
-from offline.kernels.functions import mirrored
+from offline.kernels.mirror import mirror
 with compilation(lambda number, most: print("compiling", number)):
-    print(mirrored(-3, 5))
+    places = np.array([-3, 6])
+    mirror(places, 5)
+    print(*places)
 """
 
 
-def test_a_kernel_is_compiled_once_until_any_of_them_changes(tmp_path: Path) -> None:
+def copied(folder: Path) -> None:
+    """A copy of our packages with one more kernel."""
     for package in ("offline", "shared"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
-    assert run_python(SCRIPT, folder=tmp_path) == "compiling 1\n3\n"
-    assert run_python(SCRIPT, folder=tmp_path) == "3\n"
-    lanes = tmp_path / "offline/kernels/lanes.py"  # which the kernel's own file imports
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    (folder / "offline/kernels/mirror.py").write_text(KERNEL)
+
+
+def test_a_kernel_is_compiled_once_until_any_of_them_changes(tmp_path: Path) -> None:
+    copied(tmp_path)
+    assert run_python(SCRIPT, folder=tmp_path) == "compiling 1\n3 2\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "3 2\n"
+    lanes = tmp_path / "offline/kernels/lanes.py"  # which a file imports that the kernel's own file imports
     lanes.write_text(lanes.read_text() + "# changed\n")
-    assert run_python(SCRIPT, folder=tmp_path) == "compiling 1\n3\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "compiling 1\n3 2\n"
 
 
 IN_TURN = """
@@ -39,15 +59,15 @@ from offline.kernels.compile import compilation, kernel, parallel_kernel
 def part(x):
     return x + 1
 
-@parallel_kernel
+@parallel_kernel("f8[::1]")
 def first(x):
     return part(x)
 
-@parallel_kernel
+@parallel_kernel("f8[::1]")
 def second(x):
     return np.sort(part(x))
 
-@parallel_kernel
+@parallel_kernel("f8[::1]")
 def never(x):
     return x
 
@@ -73,35 +93,46 @@ def test_threads_are_what_was_asked_for(each_thread_count: Iterator[int]) -> Non
 
 @pytest.mark.parametrize("damaged", ["nbi", "nbc"])
 def test_a_kernel_that_was_kept_badly_is_compiled_again(tmp_path: Path, damaged: str) -> None:
-    for package in ("offline", "shared"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    copied(tmp_path)
     run_python(SCRIPT, folder=tmp_path)
     for path in tmp_path.rglob(f"*.{damaged}"):
         path.write_bytes(path.read_bytes()[:-9])
-    assert run_python(SCRIPT, folder=tmp_path) == "compiling 1\n3\n"
-    assert run_python(SCRIPT, folder=tmp_path) == "3\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "compiling 1\n3 2\n"
+    assert run_python(SCRIPT, folder=tmp_path) == "3 2\n"
+
+
+def more(numbers: IndexArray) -> None:
+    for place in product.prange(len(numbers)):
+        numbers[place] += 1
 
 
 def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CacheImpl, "_locator_classes", [])
-
-    @product.kernel
-    def following(number: int) -> int:
-        return number + 1
-
-    assert following(3) == 4
+    made, numbers = product.ParallelKernel(more, "i8[::1]"), np.arange(3)
+    made(numbers)
+    assert numbers.tolist() == [1, 2, 3]
+    assert not made.kept()
     with pytest.raises(RuntimeError):
         product.kernel_cache()
 
 
-def test_a_full_disk_behind_the_cache_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_behind_the_cache_costs_only_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(IndexDataCacheFile, "save", full)
+    made, numbers = product.ParallelKernel(more, "i8[::1]"), np.arange(3)
+    made(numbers)
+    assert numbers.tolist() == [1, 2, 3]
+    assert not made.kept()
 
-    @product.kernel
-    def preceding(number: int) -> int:
-        return number - 1
 
-    assert preceding(3) == 2
+def test_a_kernel_takes_what_it_is_declared_for() -> None:
+    values, plane = np.ones((2, 2), np.float32), np.empty((4, 4), np.float32)
+    values.flags.writeable = False
+    raised, all_panchromatic, fall = np.zeros((4, 4), np.float32), np.ones((1, 1), np.bool_), np.ones(2)
+    interpolate(np.ones((2, 2), np.float32), (0.0, 0), 2, plane)  # a whole number for one that need not be
+    raise_clipped(np.broadcast_to(np.float32(2), (4, 4)).copy(), all_panchromatic, 1, 1, plane, fall, 1, raised)
+    assert (raised == 2).all()
+    with pytest.raises(TypeError, match="No matching definition"):
+        interpolate(values, (0.0, 0.0), 2, plane)  # nothing is written to it, but that was not declared

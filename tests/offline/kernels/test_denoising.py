@@ -31,6 +31,7 @@ def denoised(
         transform[:size, :size] = cosines(size)
     out = np.full_like(noisy, np.nan)
     model = np.float32(shot), np.float32(read), np.float32(THRESHOLD)
+    noisy, uncertain = np.ascontiguousarray(noisy), np.ascontiguousarray(uncertain)
     denoise(noisy, uncertain, (0, len(noisy)), np.array(sizes), transforms, *model, workers, out)
     return out
 

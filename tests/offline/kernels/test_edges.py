@@ -7,12 +7,14 @@ from offline.affinity import derivative_filters
 from offline.kernels.edges import transmission
 from offline.kernels.lanes import WIDTH
 from shared.arrays import DoubleArray, FloatArray
+from tests.offline.kernels.from_python import callable_kernel
 from tests.reference import affinity as reference
 from tests.reference.compare import assert_close
 
 # Squares and quotients of float32 differences: parts in a million of values up to a hundred, of which exponentials are made.
 FLOAT32 = 1e-5
 SCALES = (0.5, 1.0)
+TRANSMISSION = callable_kernel(transmission)
 
 
 def through(area: DoubleArray, period: int, scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
@@ -21,7 +23,7 @@ def through(area: DoubleArray, period: int, scales: tuple[float, ...]) -> tuple[
     reach = filters[0].shape[1] - 1
     light = np.pad(np.pad(area.astype(np.float32), reach, mode="reflect"), ((0, 0), (0, 3 * WIDTH)))
     out = np.full((2, area.shape[0] + 2, area.shape[1] + 3 * WIDTH), -1, np.float32)
-    transmission(light, period, filters, out)
+    TRANSMISSION(light, period, filters, out)
     assert (out[:, [0, -1]] == -1).all()
     across, down = out[:, 1:-1, WIDTH : WIDTH + area.shape[1]]
     return across, down

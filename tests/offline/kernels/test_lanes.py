@@ -5,16 +5,17 @@ import pytest
 from numpy.typing import NDArray
 
 from offline.kernels import functions
-from offline.kernels.compile import kernel
 from offline.kernels.lanes import BYTES, WIDTH, greater, lesser, load, quotient, shifted, square_root, store, total, where_less
 from shared.arrays import FloatArray
+from tests.offline.kernels.from_python import callable_kernel
 
 Values = NDArray[np.floating]
 # What the docstrings of the approximations promise.
 APPROXIMATE = 1e-6
+MIRRORED, COPY_MIRRORED = callable_kernel(functions.mirrored), callable_kernel(functions.copy_mirrored)
 
 
-@kernel
+@callable_kernel
 def calculate(a: Values, b: Values, scalar: float, out: Values) -> None:
     x, y = load(a, 1), load(b, (0, 2))
     s = a.dtype.type(scalar)
@@ -54,7 +55,7 @@ def test_lanes_calculate_like_numpy(kind: type[np.floating]) -> None:
     assert out[12, 0] == pytest.approx(x.sum(), rel=8 * rounding, abs=8 * rounding)
 
 
-@kernel
+@callable_kernel
 def root_of(values: FloatArray, scale: float, out: FloatArray) -> None:
     for place in range(0, len(values), WIDTH):
         store(out, place, functions.scaled_reciprocal_root(load(values, place), np.float32(scale)))
@@ -70,7 +71,7 @@ def test_reciprocal_root() -> None:
     assert found[0] > 1e10
 
 
-@kernel
+@callable_kernel
 def exponential_of(values: FloatArray, out: FloatArray) -> None:
     for place in range(0, len(values), WIDTH):
         store(out, place, functions.exponential(load(values, place)))
@@ -91,15 +92,15 @@ def test_exponential() -> None:
 @pytest.mark.parametrize("size", [1, 2, 3, 7])
 def test_mirrored_is_the_border_of_numpy(size: int) -> None:
     wide = np.pad(np.arange(size, dtype=np.float32), 20, mode="reflect")
-    assert [functions.mirrored(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
+    assert [MIRRORED(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
     for first, count in ((-20, size + 40), (-20, 5), (-3, 4), (0, size), (size - 1, 9), (size + 2, 6), (-4, size + 4)):
         target = np.full(count + 1, -1, np.float32)
-        functions.copy_mirrored(np.arange(size, dtype=np.float32), first, target, count)
+        COPY_MIRRORED(np.arange(size, dtype=np.float32), first, target, count)
         assert np.array_equal(target[:count], wide[20 + first : 20 + first + count])
         assert target[count] == -1
 
 
-@kernel
+@callable_kernel
 def places_of_zeros(sizes: "NDArray[np.intp]") -> "NDArray[np.intp]":
     places = np.empty(len(sizes), np.intp)
     for index in range(len(sizes)):

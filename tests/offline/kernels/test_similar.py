@@ -42,8 +42,8 @@ def rows_of(
     workers: int,
 ) -> FloatArray:
     out = np.full((rows[1] - rows[0], noisy.shape[1]), np.nan, np.float32)
-    model = [np.float32(number) for number in (shot, read, SIMILARITY, SHARE)]
-    average_similar(noisy, uncertain, clean, first, rows, half_window(radius), *model, workers, out)
+    model, alike = (np.float32(shot), np.float32(read)), (np.float32(SIMILARITY), np.float32(SHARE))
+    average_similar(noisy, uncertain, clean, first, rows, half_window(radius), *model, *alike, workers, out)
     return out
 
 

@@ -1,11 +1,16 @@
 """`panchroma doctor`: a good installation is well, and each thing that can be wrong is seen, with a remedy."""
 
+import os
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.tools.command import run
+from offline import compile_kernel, kernel_cache
+from offline.ahead import used_kernels
+from tests.python import run_python
+from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
 from tools.host import installation
 from tools.host.installation import BAD, GOOD, MISSING, Finding
@@ -87,6 +92,35 @@ def test_a_cache_that_cannot_be_written_is_seen(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr("offline.kernel_cache", lambda: tmp_path / "file" / "below")
     assert only("kernel cache").state == BAD
     assert "NUMBA_CACHE_DIR" in only("kernel cache").remedy
+
+
+def test_what_is_not_compiled_is_compiled_ahead_and_only_once(tmp_path: Path) -> None:
+    elsewhere = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    missing = ("mix", "surroundings")
+    for name in set(used_kernels()) - set(missing):
+        compile_kernel(name)
+    line = "import os, sys; os.environ['NUMBA_CACHE_DIR'] = sys.argv[1]; import offline; print(offline.kernel_cache())"
+    shutil.copytree(kernel_cache(), run_python(line, tmp_path).strip(), dirs_exist_ok=True)
+    for path in tmp_path.rglob("*.nb?"):
+        if path.name.split(".")[1].partition("-")[0] in missing:
+            path.unlink()
+    first, second = (spawn("doctor", "--compile", "--json", env=elsewhere) for _ in range(2))
+    assert (first.code, second.code) == (0, 0), first.err + second.err
+    assert first.records[0]["check"] == "compilation"
+    assert first.records[0]["found"].startswith("2 kernels in ")
+    assert second.records[0]["found"] == "all kernels were compiled already"
+
+
+def test_what_cannot_be_compiled_ahead_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere() -> list[str]:
+        raise RuntimeError("no locator available")
+
+    monkeypatch.setattr("offline.kernels_to_compile", nowhere)
+    outcome = run("doctor", "--compile", "--json")
+    assert (outcome.code, outcome.records[0]["state"]) == (1, BAD)
+    assert "NUMBA_CACHE_DIR" in outcome.records[0]["remedy"]
+    monkeypatch.setattr("offline.kernels_to_compile", lambda: ["mix"])
+    assert run("doctor", "--compile", "--json").records[0]["found"] == "could not keep mix"
 
 
 @pytest.mark.parametrize(("value", "state"), [("1", GOOD), ("0", BAD), ("many", BAD), ("4096", BAD), ("²", BAD)])

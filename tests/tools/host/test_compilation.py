@@ -1,6 +1,6 @@
 """What the user hears of a compilation: that it takes place, once, how far it is, and for which stage."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import pytest
@@ -53,3 +53,26 @@ def test_without_a_display_notes_do(compiles: list[Callable[[int, int], None]]) 
         "compiling kernel 1 of at most 3: luminance",
         "compiling kernel 2 of at most 3: colour (affinity)",
     ]
+
+
+def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    missing, compiled = ["one", "two", "three"], []
+
+    def compile_all(names: Sequence[str], processes: int, note: Callable[[str], None]) -> Iterator[tuple[str, object]]:
+        for name in names:
+            compiled.append((name, processes))
+            yield name, None
+
+    monkeypatch.setattr(offline, "kernels_to_compile", lambda *settings: missing)
+    monkeypatch.setattr(product, "compile_all", compile_all)
+    monkeypatch.setattr(product, "_BETWEEN_NOTES", 0.0)
+    notes: list[str] = []
+    product.compile_ahead([offline.PAPER], 1, notes.append, StageProgress())
+    assert (notes, compiled) == ([], [])
+    product.compile_ahead([offline.PAPER], 2, notes.append, StageProgress())
+    assert compiled == [("one", 2), ("two", 2), ("three", 2)]
+    assert notes[0].startswith("compiling the renderer for this processor")
+    assert notes[-1] == "compiled kernel 3 of 3: compiling"
+    missing.clear()
+    product.compile_ahead([offline.PAPER], 2, notes.append, StageProgress())
+    assert len(compiled) == 3

@@ -21,7 +21,7 @@ pytest.importorskip("onnxscript", reason="onnxscript is not installed: pip insta
 
 from tools.training import run  # noqa: E402
 from tools.training.graph import TILE, Corrector, save_graph  # noqa: E402
-from tools.training.network import HALO, Network, features, inner, losses  # noqa: E402
+from tools.training.network import BASIS, HALO, Network, cells_of, features, inner, losses  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -110,9 +110,19 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
 def test_features_and_network_agree_on_the_halo() -> None:
     network, side = Network(4), 2 * HALO + 3
     picture = torch.rand(2, 3, side * 4, side * 4)
-    inputs, bound, colour = features(4, picture, torch.rand(2, 4, side, side), torch.zeros(2, 1, side, side))
+    light, colour = cells_of(picture, 4)
+    inputs, bound = features(light, colour, torch.rand(2, 4, side, side), torch.zeros(2, 1, side, side))
     assert network(inputs).shape[-2:] == (3, 3)
-    assert inner(bound, HALO - 2).shape[-2:] == inner(colour, HALO - 2).shape[-2:] == (3, 3)
+    assert inner(bound, HALO - 2).shape[-2:] == inner(colour, HALO).shape[-2:] == (3, 3)
+
+
+def test_cells_have_the_mean_and_the_colour_of_each_pixel() -> None:
+    picture = torch.rand(2, 3, 12, 20)
+    light, colour = cells_of(picture, 4)
+    assert torch.allclose(light, torch.nn.functional.pixel_unshuffle(picture.mean(1, keepdim=True), 4), atol=1e-6)
+    for number, basis in enumerate(torch.as_tensor(BASIS)):
+        plane = torch.einsum("nchw,c->nhw", picture, basis)[:, None]
+        assert torch.allclose(colour[:, 16 * number : 16 * (number + 1)], torch.nn.functional.pixel_unshuffle(plane, 4), atol=1e-6)
 
 
 def test_nothing_is_left_of_the_error_where_the_picture_is_right() -> None:

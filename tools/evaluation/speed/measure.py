@@ -13,7 +13,7 @@ from typing import Any
 from offline import RenderSettings, render, render_bands
 from shared import Mosaic
 from shared.dng import decode_dng, encode_dng
-from tools.host.compilation import announced_compilation
+from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.pictures.previews import Previews
 
@@ -35,6 +35,7 @@ def measure_speeds(material: Material, rounds: int, threads: int, console: Conso
     clocks = {name: StageClock() for name in PRESETS}
     works: dict[str, Callable[[], object]] = {}
     with console.progress("bench") as progress, announced_compilation(console.note, progress), ExitStack() as stack:
+        compile_ahead(list(PRESETS.values()), threads, console.note, progress)
         progress.stage("scene", 1)
         mosaic, shot, saved = material.mosaic, material.shot, stack.enter_context(material.saved_shot())
         for name, settings in PRESETS.items():
