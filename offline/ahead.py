@@ -15,7 +15,7 @@ _USED: dict[str, Callable[[RenderSettings], bool]] = {
     "find_outliers": lambda settings: settings.defects.contrast > 0,
     "denoise": lambda settings: settings.denoising.strength > 0,
     "fill_blocks": lambda _: True,
-    "shrink_once": lambda _: True,
+    "shrink_once": lambda _: False,  # only for blocks that are too near to each other; then when it is called
     "shrink_margins": lambda _: True,
     "average_similar": lambda settings: settings.denoising.strength > 0,
     "solve_jointly": lambda settings: settings.chromaticity.mismatch > 0,
