@@ -100,7 +100,7 @@ def _window(
             behind, around = repetition * radius, (repetitions - 1 - repetition) * radius
             for row in range(max(batch - behind, top - around, 0), min(after - behind, bottom + around, height)):
                 while repetition == 0 and coloured < min(row + radius + 1, height):
-                    _colour(initial[coloured - first], luminance[coloured], places, reach, colour[0, coloured % ring])
+                    _colour(initial[coloured - first], luminance[coloured], places, radius, reach, colour[0, coloured % ring])
                     coloured += 1
                 _sum(weights, colour[repetition], row, height, radius, sums)
                 if repetition == repetitions - 1:
@@ -151,19 +151,21 @@ def _weigh(
                     store(blurred, (offset, row % ring, column, 0), one)
                     store(blurred, (offset, row % ring, column + 1, 0), two)
                 offset += 1
-    slots = np.arange(top - begin, bottom - begin + 2 * reach) % ring
+    slots = np.arange(top - begin, bottom - begin + 2 * reach + 1) % ring
     for offset in range(offsets):
-        for row in range(bottom - top):
-            slot = (top + row) % len(weights)
-            for column in range(0, piece, 2):
-                one = blur[0] * load(blurred, (offset, slots[row], column, 0))
-                two = blur[0] * load(blurred, (offset, slots[row], column + 1, 0))
+        for row in range(0, bottom - top, 2):  # if their number is odd, one row that nobody needs comes last
+            slot, other = (top + row) % len(weights), (top + row + 1) % len(weights)
+            for column in range(piece):
+                following = load(blurred, (offset, slots[row + 1], column, 0))
+                one, two = blur[0] * load(blurred, (offset, slots[row], column, 0)), blur[0] * following
                 for tap in range(1, len(blur)):
-                    one += blur[tap] * load(blurred, (offset, slots[row + tap], column, 0))
-                    two += blur[tap] * load(blurred, (offset, slots[row + tap], column + 1, 0))
+                    one += blur[tap] * following
+                    following = load(blurred, (offset, slots[row + tap + 1], column, 0))
+                    two += blur[tap] * following
                 store(weights, (slot, offset, column + radius, 0), _weight(one * falloff))
-                store(weights, (slot, offset, column + radius + 1, 0), _weight(two * falloff))
+                store(weights, (other, offset, column + radius, 0), _weight(two * falloff))
             _join(weights[slot, offset], radius)
+            _join(weights[other, offset], radius)
 
 
 @kernel
@@ -189,15 +191,17 @@ def _join(row: FloatArray, margin: int) -> None:
 
 
 @kernel
-def _colour(initial: FloatArray, luminance: FloatArray, places: IndexArray, reach: int, colour: FloatArray) -> None:
+def _colour(initial: FloatArray, luminance: FloatArray, places: IndexArray, radius: int, reach: int, colour: FloatArray) -> None:
     """Store light, and light times chromaticity, of a row: Eq. 16 multiplies each weight by the light of the other pixel."""
-    for column in range(colour.shape[1]):
+    for column in range(radius, colour.shape[1] - radius):
         for lane in range(WIDTH):
             place = places[column + reach, lane]
             light = max(luminance[place], _NONE)
             colour[0, column, lane] = light
             for channel in range(initial.shape[1]):
                 colour[channel + 1, column, lane] = light * initial[place, channel]
+    for plane in range(len(colour)):
+        _join(colour[plane], radius)
 
 
 @kernel
@@ -271,9 +275,12 @@ def _finish(sums: FloatArray, initial: FloatArray, columns: tuple[int, int], edg
     for lane in range(WIDTH):
         start = edge + lane * piece
         for place in range(max(start, columns[0]), min(start + piece, columns[1])):
-            lit = sums[0, place - start, lane] > _LEAST
-            for channel in range(out.shape[1]):
-                out[place, channel] = sums[channel + 1, place - start, lane] if lit else initial[place, channel]
+            if sums[0, place - start, lane] > _LEAST:
+                for channel in range(out.shape[1]):
+                    out[place, channel] = sums[channel + 1, place - start, lane]
+            else:
+                for channel in range(out.shape[1]):
+                    out[place, channel] = initial[place, channel]
 
 
 @kernel
