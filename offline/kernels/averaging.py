@@ -120,9 +120,7 @@ def _places(edge: int, width: int, piece: int, margin: int) -> IndexArray:
 
 
 @kernel
-def _weigh(
-    luminance: FloatArray, rows: tuple[int, int, int], places: IndexArray, similarity: Similarity, memory: Memory
-) -> None:
+def _weigh(luminance: FloatArray, rows: tuple[int, int, int], places: IndexArray, similarity: Similarity, memory: Memory) -> None:
     """Compute the weights of Eq. 16, without the light, for some rows; 0 below an exponent of -87.
 
     rows: the first row of the window that has weights, and first and end row of those to compute.
@@ -170,11 +168,13 @@ def _weigh(
 
 @kernel
 def _weight(exponent: Lanes) -> Lanes:
+    """e^x, and 0 below an exponent of -87."""
     return where_less(exponent, LEAST_EXPONENT, _NONE, exponential(exponent))
 
 
 @kernel
 def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
+    """Store the elements of a row of the frame that `places` names."""
     for column in range(len(places)):
         for lane in range(WIDTH):
             row[column, lane] = source[places[column, lane]]
@@ -241,6 +241,7 @@ def _sum(weights: FloatArray, colour: FloatArray, row: int, height: int, radius:
 
 @kernel
 def _four(colour: FloatArray, row: int, plane: int, column: int) -> Four:
+    """One column of four planes."""
     return (
         load(colour, (row, plane, column, 0)), load(colour, (row, plane + 1, column, 0)),
         load(colour, (row, plane + 2, column, 0)), load(colour, (row, plane + 3, column, 0)),
@@ -249,6 +250,7 @@ def _four(colour: FloatArray, row: int, plane: int, column: int) -> Four:
 
 @kernel
 def _add(sums: Four, weight: Lanes, colour: Four) -> Four:
+    """Add four weighted values to four sums."""
     return (
         sums[0] + weight * colour[0], sums[1] + weight * colour[1],
         sums[2] + weight * colour[2], sums[3] + weight * colour[3],
@@ -257,6 +259,7 @@ def _add(sums: Four, weight: Lanes, colour: Four) -> Four:
 
 @kernel
 def _store_four(sums: FloatArray, plane: int, column: int, values: Four) -> None:
+    """Store one column of four planes."""
     a, b, c, d = values
     store(sums, (plane, column, 0), a)
     store(sums, (plane + 1, column, 0), b)

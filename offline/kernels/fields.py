@@ -76,7 +76,6 @@ def solve_regions(
         # Memory is taken once: fresh pages for every region would cost as much as solving it.
         memory = zeros(_PLANES * (largest + 2) * _width(largest))
         window = zeros((largest + 2 * reach) * (largest + 2 * reach + 3 * WIDTH))
-        last = 0, 0
         for region in range(worker, regions, workers):
             top, left = first + region // along * core, region % along * core
             bottom, right = min(top + core, end), min(left + core, across)
@@ -90,9 +89,7 @@ def solve_regions(
                     light[row, column] = luminance[rows[place[0] + row], columns[place[1] + column]]
             width = _width(size[1])
             planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
-            if size != last:  # otherwise the frame of zeros is still there, and what it encloses is written
-                planes[:] = _NONE
-            last = size
+            planes[:] = _NONE
             weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
             transmission(light, period, filters, through)
             _weigh(through, place, size, pins, weights, scale)
@@ -167,7 +164,7 @@ def _around(weights: FloatArray, row: int, column: int, near: tuple[Lanes | Scal
 def _start(
     weights: FloatArray, scale: FloatArray, pins: FloatArray, place: tuple[int, int], size: tuple[int, int], planes: FloatArray
 ) -> float:
-    """Compute the residuals of the start, a quarter at every free pixel, clear the other unknowns, and scale the weights.
+    """Compute the residuals of the start, a quarter at every free pixel, and scale the weights.
 
     The start is the same in all four fields: a pixel that edges cut off from every block is then shared by all, not left to the
     fourth. Returns the largest squared norm of a right-hand side.
@@ -185,8 +182,6 @@ def _start(
             for field in range(SOLVED):
                 pulled = _pulled(weights, row, column, pins, field, above, at, below, x)
                 store(planes, (_RESIDUAL + field, row, column), here * (pulled - _QUARTER * every))
-                for plane in (field, _DIRECTION + field, _APPLIED + field):
-                    store(planes, (plane, row, column), _NONE * here)
                 side = here * pulled
                 store(squares, (field, 0), load(squares, (field, 0)) + side * side)
     for row in range(1, size[0] + 1):
