@@ -24,6 +24,7 @@ _USED: dict[str, Callable[[RenderSettings], bool]] = {
     "raise_clipped": lambda settings: settings.highlights.restored,
     "share_out": lambda settings: settings.sites.corrected,
     "mix": lambda _: True,
+    "colour": lambda _: True,
     "pool": lambda settings: bool(settings.pooling.passes),
     "interpolate": lambda settings: settings.highlights.restored,
     "surroundings": lambda settings: settings.highlights.restored or settings.defects.listed or settings.defects.contrast > 0,

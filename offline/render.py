@@ -22,6 +22,7 @@ from .chromaticity import estimate_chromaticities
 from .defects import mend_defects
 from .denoising import denoise_luminance
 from .highlights import clipping_level, restore_highlights
+from .kernels.mixing import colour
 from .learned import learner_for
 from .luminance import recover_luminance
 from .noise import noise_of
@@ -77,9 +78,12 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
     log = SolverLog(progress)
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32)
+    rgb = np.empty_like(chromaticity)
     for part in finish(mosaic, measure(mosaic, settings, log), settings, log):
-        luminance[part.first : part.end], chromaticity[part.first : part.end] = part.luminance, part.chromaticity
-    return Rendering(chromaticity * luminance[..., None], luminance, chromaticity, log.solvers)  # Eq. 17
+        rows = slice(part.first, part.end)
+        luminance[rows], chromaticity[rows] = part.luminance, part.chromaticity
+        colour(part.chromaticity, part.luminance, rgb[rows])  # Eq. 17
+    return Rendering(rgb, luminance, chromaticity, log.solvers)
 
 
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
@@ -97,7 +101,9 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     (2, 300)
     """
     for part in finish(mosaic, measure(mosaic, settings, progress), settings, progress):
-        yield part.chromaticity * part.luminance[..., None]  # Eq. 17
+        band = np.empty_like(part.chromaticity)
+        colour(part.chromaticity, part.luminance, band)  # Eq. 17
+        yield band
 
 
 @cache

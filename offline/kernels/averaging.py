@@ -1,29 +1,34 @@
 """Non-local averaging of chromaticity (Eqs. 15-16), in windows that stay in the cache.
 
 Weights are computed once, for half the offsets: the distance from n' to n equals that from n to n'. They live in a ring buffer.
-When row r's weights are ready, repetition i can process row r - i * radius; all repetitions therefore advance together, one row at
-a time. A window is a strip of rows and a range of columns; around it, repetitions before the last are computed again as far as the
-window reaches.
+When row r's weights are ready, repetition i can process row r - i * radius; all repetitions therefore advance together, some rows
+at a time. A window is a strip of rows and a range of columns; around it, repetitions before the last are computed again as far as
+the window reaches.
+
+A row of a window is cut into as many pieces as a vector has lanes, one piece per lane: then a neighbour is a whole vector, and
+vectors are always aligned. A few columns of the next piece follow each piece, and a few of the one before precede it.
 """
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
-from .functions import LEAST_EXPONENT, copy_mirrored, exponential, mirrored, zeros
-from .lanes import WIDTH, Scalar, greater, load, quotient, store, where_less
+from .functions import LEAST_EXPONENT, exponential, mirrored, zeros
+from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, shifted, store, where_less
 
-_STRIP, _COLUMNS, _BATCH = 128, 256, 16
+_STRIP, _COLUMNS, _BATCH = 128, 244, 4
 _TOGETHER = 4  # planes summed at a time: the light and three channels
+_LAST = WIDTH - 1
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
 Area = tuple[int, int, int, int]
 Similarity = tuple[int, FloatArray, Scalar]
 """(radius, blur, falloff), as `average` takes them."""
-Memory = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""(light, blurred, weights, colour): what one worker computes with."""
+Memory = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""(light, squares, blurred, weights, colour): what one worker computes with. All but `squares` are ring buffers of rows."""
+Four = tuple[Lanes, Lanes, Lanes, Lanes]
 
 
 @parallel_kernel("f4[:, :, ::1], i8, f4[:, ::1], (i8, i8), i8, f4[::1], f8, i8, i8, f4[:, :, ::1]")
@@ -53,22 +58,24 @@ def average(
     workers: how many windows are computed at a time.
     out: (rows[1] - rows[0], W, C), written.
     """
-    width = luminance.shape[1]
+    width, around = luminance.shape[1], repetitions * radius
     along = (width + _COLUMNS - 1) // _COLUMNS
+    wide = (width + along - 1) // along
     windows = (rows[1] - rows[0] + _STRIP - 1) // _STRIP * along
     for worker in prange(workers):
-        # Memory is allocated once per worker, in rows long enough for the widest window.
-        span = (_COLUMNS + 2 * repetitions * radius + 2 * WIDTH) // WIDTH * WIDTH
-        offsets = radius * (2 * radius + 1) + radius
+        # Memory is allocated once per worker.
+        piece = max((wide + 2 * around + 2 * WIDTH - 1) // (2 * WIDTH), (radius + 1) // 2) * 2  # an even number of columns
+        offsets, reach = radius * (2 * radius + 1) + radius, len(blur) // 2
         planes = (initial.shape[2] + _TOGETHER) // _TOGETHER * _TOGETHER
-        light = zeros(_BATCH + len(blur) + radius, span + len(blur) + 2 * radius)
-        blurred = zeros(offsets, _BATCH + len(blur), span)
-        weights = zeros(repetitions * radius + _BATCH, offsets, span)
-        colour = zeros(repetitions, 2 * radius + _BATCH, planes, span + 2 * radius)
-        similarity, memory = (radius, blur, np.float32(falloff)), (light, blurred, weights, colour)
+        light = zeros(radius + 1, piece + 2 * (radius + reach), WIDTH)
+        squares = zeros(piece + 2 * reach + 1, WIDTH)
+        blurred = zeros(offsets, _BATCH + 2 * reach, piece, WIDTH)
+        weights = zeros(around + _BATCH, offsets, piece + 2 * radius, WIDTH)
+        colour = zeros(repetitions, 2 * radius + _BATCH, planes, piece + 2 * radius, WIDTH)
+        similarity, memory = (radius, blur, np.float32(falloff)), (light, squares, blurred, weights, colour)
         for window in range(worker, windows, workers):
-            top, left = rows[0] + window // along * _STRIP, window % along * _COLUMNS
-            area = top, min(top + _STRIP, rows[1]), left, min(left + _COLUMNS, width)
+            top, left = rows[0] + window // along * _STRIP, window % along * wide
+            area = top, min(top + _STRIP, rows[1]), left, min(left + wide, width)
             _window(initial, first, luminance, area, similarity, memory, out[top - rows[0] :])
 
 
@@ -76,97 +83,133 @@ def average(
 def _window(
     initial: FloatArray, first: int, luminance: FloatArray, area: Area, similarity: Similarity, memory: Memory, out: FloatArray
 ) -> None:
-    """Average one window. area: first and end row, first and end column. `weights` and `colour` are ring buffers of rows."""
+    """Average one window. area: first and end row, first and end column."""
     (height, width), (top, bottom, left, right) = luminance.shape, area
-    (radius, blur, _), (_, _, weights, colour) = similarity, memory
-    repetitions, ring = colour.shape[0], colour.shape[1]
-    edge = left - repetitions * radius  # the frame's column at column 0 of the buffers
-    columns = right - left + 2 * repetitions * radius
-    sums = zeros(colour.shape[2], colour.shape[3])
+    (radius, blur, _), (_, _, blurred, weights, colour) = similarity, memory
+    repetitions, ring, piece, reach = colour.shape[0], colour.shape[1], blurred.shape[2], len(blur) // 2
+    edge = left - repetitions * radius  # the frame's column at the first column of the first piece
+    places = _places(edge, width, piece, radius + reach)
+    sums = zeros(colour.shape[2], piece, WIDTH)
     begin, end = max(-radius, top - repetitions * radius), bottom + (repetitions - 1) * radius
     coloured = max(top - repetitions * radius, 0)  # the first row that is not in colour[0] yet
     for batch in range(begin, end, _BATCH):
         after = min(batch + _BATCH, end)
         if batch < height:
-            known = 0 if batch == begin else len(blur) - 1
-            rows = batch, min(after, height)
-            _weigh(luminance, rows, known, edge, columns, similarity, memory)
+            _weigh(luminance, (begin, batch, min(after, height)), places, similarity, memory)
         for repetition in range(repetitions):
             behind, around = repetition * radius, (repetitions - 1 - repetition) * radius
-            start, stop = max(left - around, 0) - edge, min(right + around, width) - edge
             for row in range(max(batch - behind, top - around, 0), min(after - behind, bottom + around, height)):
                 while repetition == 0 and coloured < min(row + radius + 1, height):
-                    _colour(initial[coloured - first], luminance[coloured], edge, columns, radius, colour[0, coloured % ring])
+                    _colour(initial[coloured - first], luminance[coloured], places, radius, reach, colour[0, coloured % ring])
                     coloured += 1
-                _sum(weights, colour[repetition], row, height, start, stop, radius, sums)
+                _sum(weights, colour[repetition], row, height, radius, sums)
                 if repetition == repetitions - 1:
-                    _finish(sums, initial[row - first], start, stop, edge, out[row - top])
+                    _finish(sums, initial[row - first], (left, right), edge, out[row - top])
                 else:
-                    following = colour[repetition + 1, row % ring]
-                    _pass_on(sums, colour[repetition, row % ring], start, stop, radius, following)
-                    _mirror(following, edge, width, start, stop, radius)
+                    _pass_on(sums, colour[repetition, row % ring], edge, width, colour[repetition + 1, row % ring])
 
 
 @kernel
-def _weigh(
-    luminance: FloatArray, rows: tuple[int, int], known: int, edge: int, columns: int, similarity: Similarity, memory: Memory
-) -> None:
-    """Compute the weights of Eq. 16, without the light, for a batch of rows, offset by offset; 0 below an exponent of -87.
+def _places(edge: int, width: int, piece: int, margin: int) -> IndexArray:
+    """The frame's column at each column of each piece, and of a margin on both sides, (columns, WIDTH)."""
+    places = np.empty((piece + 2 * margin, WIDTH), np.intp)
+    for column in range(len(places)):
+        for lane in range(WIDTH):
+            places[column, lane] = mirrored(edge + lane * piece + column - margin, width)
+    return places
 
-    known: how many rows, blurred for the previous batch, are the first rows of this one: 0, or the number of taps less one.
+
+@kernel
+def _weigh(luminance: FloatArray, rows: tuple[int, int, int], places: IndexArray, similarity: Similarity, memory: Memory) -> None:
+    """Compute the weights of Eq. 16, without the light, for some rows; 0 below an exponent of -87.
+
+    rows: the first row of the window that has weights, and first and end row of those to compute.
     """
-    (radius, blur, falloff), (light, blurred, weights, _) = similarity, memory
-    height, reach = len(luminance), len(blur) // 2
-    count = rows[1] - rows[0] + 2 * reach
-    for row in range(known, count + radius):
-        source = luminance[mirrored(rows[0] - reach + row, height)]
-        copy_mirrored(source, edge - reach - radius, light[row], columns + 2 * (reach + radius))
-    offset = 0
-    for down in range(radius + 1):
-        for across in range(-radius if down else 1, radius + 1):
-            for row in range(known):
-                for column in range(0, columns, WIDTH):
-                    store(blurred, (offset, row, column), load(blurred, (offset, _BATCH + row, column)))
-            for row in range(known, count):
-                # Squared differences from the pixel at the offset, stored in the row after the batch's blurred rows.
-                for column in range(0, columns + 2 * reach, WIDTH):
-                    difference = load(light, (row + down, column + radius + across)) - load(light, (row, column + radius))
-                    store(blurred, (offset, count, column), difference * difference)
-                for column in range(0, columns, WIDTH):
-                    mean = blur[0] * load(blurred, (offset, count, column))
+    (radius, blur, falloff), (light, squares, blurred, weights, _) = similarity, memory
+    (begin, top, bottom), (offsets, ring, piece, _), height, reach = rows, blurred.shape, len(luminance), len(blur) // 2
+    # Rows are counted from the first that is blurred, `reach` above the first that has weights.
+    for row in range(0 if top == begin else top - begin + 2 * reach, bottom - begin + 2 * reach):
+        for below in range(0 if row == 0 else radius, radius + 1):
+            source = luminance[mirrored(begin - reach + row + below, height)]
+            _gather(source, places, light[(row + below) % len(light)])
+        offset = 0
+        for down in range(radius + 1):
+            for across in range(-radius if down else 1, radius + 1):
+                here, there = row % len(light), (row + down) % len(light)
+                for column in range(piece + 2 * reach):
+                    difference = load(light, (there, column + radius + across, 0)) - load(light, (here, column + radius, 0))
+                    store(squares, (column, 0), difference * difference)
+                for column in range(0, piece, 2):
+                    following = load(squares, (column + 1, 0))
+                    one, two = blur[0] * load(squares, (column, 0)), blur[0] * following
                     for tap in range(1, len(blur)):
-                        mean += blur[tap] * load(blurred, (offset, count, column + tap))
-                    store(blurred, (offset, row, column), mean)
-            for row in range(rows[1] - rows[0]):
-                slot = (rows[0] + row) % len(weights)
-                for column in range(0, columns, WIDTH):
-                    distance = blur[0] * load(blurred, (offset, row, column))
-                    for tap in range(1, len(blur)):
-                        distance += blur[tap] * load(blurred, (offset, row + tap, column))
-                    exponent = distance * falloff
-                    weight = where_less(exponent, LEAST_EXPONENT, _NONE, exponential(exponent))
-                    store(weights, (slot, offset, column), weight)
-            offset += 1
+                        one += blur[tap] * following
+                        following = load(squares, (column + tap + 1, 0))
+                        two += blur[tap] * following
+                    store(blurred, (offset, row % ring, column, 0), one)
+                    store(blurred, (offset, row % ring, column + 1, 0), two)
+                offset += 1
+    slots = np.arange(top - begin, bottom - begin + 2 * reach + 1) % ring
+    for offset in range(offsets):
+        for row in range(0, bottom - top, 2):  # if their number is odd, one row that nobody needs comes last
+            slot, other = (top + row) % len(weights), (top + row + 1) % len(weights)
+            for column in range(piece):
+                following = load(blurred, (offset, slots[row + 1], column, 0))
+                one, two = blur[0] * load(blurred, (offset, slots[row], column, 0)), blur[0] * following
+                for tap in range(1, len(blur)):
+                    one += blur[tap] * following
+                    following = load(blurred, (offset, slots[row + tap + 1], column, 0))
+                    two += blur[tap] * following
+                store(weights, (slot, offset, column + radius, 0), _weight(one * falloff))
+                store(weights, (other, offset, column + radius, 0), _weight(two * falloff))
+            _join(weights[slot, offset], radius)
+            _join(weights[other, offset], radius)
 
 
 @kernel
-def _colour(initial: FloatArray, luminance: FloatArray, edge: int, columns: int, radius: int, colour: FloatArray) -> None:
+def _weight(exponent: Lanes) -> Lanes:
+    """e^x, and 0 below an exponent of -87."""
+    return where_less(exponent, LEAST_EXPONENT, _NONE, exponential(exponent))
+
+
+@kernel
+def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
+    """Store the elements of a row of the frame that `places` names."""
+    for column in range(len(places)):
+        for lane in range(WIDTH):
+            row[column, lane] = source[places[column, lane]]
+
+
+@kernel
+def _join(row: FloatArray, margin: int) -> None:
+    """Copy the ends of pieces to the margins of their neighbours. What the outermost margins then hold is not used."""
+    piece = len(row) - 2 * margin
+    for column in range(margin):
+        last, first = load(row, (piece + column, 0)), load(row, (margin + column, 0))
+        store(row, (column, 0), shifted(last, last, _LAST))
+        store(row, (margin + piece + column, 0), shifted(first, first, 1))
+
+
+@kernel
+def _colour(initial: FloatArray, luminance: FloatArray, places: IndexArray, radius: int, reach: int, colour: FloatArray) -> None:
     """Store light, and light times chromaticity, of a row: Eq. 16 multiplies each weight by the light of the other pixel."""
-    width = len(luminance)
-    start, stop = max(edge - radius, 0), min(edge + columns + radius, width)
-    for place in range(start, stop):
-        colour[0, place - edge + radius] = max(luminance[place], _NONE)
-    for channel in range(initial.shape[1]):
-        for place in range(start, stop):
-            colour[channel + 1, place - edge + radius] = max(luminance[place], _NONE) * initial[place, channel]
-    _mirror(colour, edge, width, start - edge, stop - edge, radius)
+    for column in range(radius, colour.shape[1] - radius):
+        for lane in range(WIDTH):
+            place = places[column + reach, lane]
+            light = max(luminance[place], _NONE)
+            colour[0, column, lane] = light
+            for channel in range(initial.shape[1]):
+                colour[channel + 1, column, lane] = light * initial[place, channel]
+    for plane in range(len(colour)):
+        _join(colour[plane], radius)
 
 
 @kernel
-def _sum(
-    weights: FloatArray, colour: FloatArray, row: int, height: int, start: int, stop: int, radius: int, sums: FloatArray
-) -> None:
-    """Compute both sums of Eq. 15 along a row. Each weight is used twice: for the pixel at its offset and for the opposite one."""
+def _sum(weights: FloatArray, colour: FloatArray, row: int, height: int, radius: int, sums: FloatArray) -> None:
+    """Compute both sums of Eq. 15 along a row, for two columns at a time, which have most neighbours in common.
+
+    Each weight is used twice: for the pixel at its offset and for the opposite one.
+    """
     kept, ring = len(weights), len(colour)
     here, at = row % kept, row % ring
     slots = np.empty((radius + 1, 3), np.intp)
@@ -175,70 +218,92 @@ def _sum(
         slots[down, 1] = mirrored(row - down, height) % ring
         slots[down, 2] = (row - down) % kept
     for plane in range(0, colour.shape[1], _TOGETHER):
-        for column in range(start, stop, WIDTH):
+        for column in range(0, sums.shape[1], 2):
             x = column + radius
-            a, b, c, d = (
-                load(colour, (at, plane, x)), load(colour, (at, plane + 1, x)),
-                load(colour, (at, plane + 2, x)), load(colour, (at, plane + 3, x)),
-            )  # fmt: skip
+            one, two = _four(colour, at, plane, x), _four(colour, at, plane, x + 1)
             offset = 0
             for down in range(radius + 1):
                 below, above, before = slots[down]
-                for across in range(-radius if down else 1, radius + 1):
-                    weight, y = load(weights, (here, offset, column)), x + across
-                    a += weight * load(colour, (below, plane, y))
-                    b += weight * load(colour, (below, plane + 1, y))
-                    c += weight * load(colour, (below, plane + 2, y))
-                    d += weight * load(colour, (below, plane + 3, y))
-                    weight, y = load(weights, (before, offset, column - across)), x - across
-                    a += weight * load(colour, (above, plane, y))
-                    b += weight * load(colour, (above, plane + 1, y))
-                    c += weight * load(colour, (above, plane + 2, y))
-                    d += weight * load(colour, (above, plane + 3, y))
+                start = -radius if down else 1
+                lower, upper = _four(colour, below, plane, x + start), _four(colour, above, plane, x + 1 - start)
+                for across in range(start, radius + 1):
+                    y, z = x + across, x - across
+                    one = _add(one, load(weights, (here, offset, x, 0)), lower)
+                    lower = _four(colour, below, plane, y + 1)
+                    two = _add(two, load(weights, (here, offset, x + 1, 0)), lower)
+                    two = _add(two, load(weights, (before, offset, z + 1, 0)), upper)
+                    upper = _four(colour, above, plane, z)
+                    one = _add(one, load(weights, (before, offset, z, 0)), upper)
                     offset += 1
-            store(sums, (plane, column), a)
-            store(sums, (plane + 1, column), b)
-            store(sums, (plane + 2, column), c)
-            store(sums, (plane + 3, column), d)
+            _store_four(sums, plane, column, one)
+            _store_four(sums, plane, column + 1, two)
 
 
 @kernel
-def _finish(sums: FloatArray, initial: FloatArray, start: int, stop: int, edge: int, out: FloatArray) -> None:
+def _four(colour: FloatArray, row: int, plane: int, column: int) -> Four:
+    """One column of four planes."""
+    return (
+        load(colour, (row, plane, column, 0)), load(colour, (row, plane + 1, column, 0)),
+        load(colour, (row, plane + 2, column, 0)), load(colour, (row, plane + 3, column, 0)),
+    )  # fmt: skip
+
+
+@kernel
+def _add(sums: Four, weight: Lanes, colour: Four) -> Four:
+    """Add four weighted values to four sums."""
+    return (
+        sums[0] + weight * colour[0], sums[1] + weight * colour[1],
+        sums[2] + weight * colour[2], sums[3] + weight * colour[3],
+    )  # fmt: skip
+
+
+@kernel
+def _store_four(sums: FloatArray, plane: int, column: int, values: Four) -> None:
+    """Store one column of four planes."""
+    a, b, c, d = values
+    store(sums, (plane, column, 0), a)
+    store(sums, (plane + 1, column, 0), b)
+    store(sums, (plane + 2, column, 0), c)
+    store(sums, (plane + 3, column, 0), d)
+
+
+@kernel
+def _finish(sums: FloatArray, initial: FloatArray, columns: tuple[int, int], edge: int, out: FloatArray) -> None:
     """Divide the sums of Eq. 15 and write them to `out`; a pixel without light keeps its initial chromaticity."""
-    for column in range(start, stop, WIDTH):
-        share = quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
+    piece = sums.shape[1]
+    for column in range(piece):
+        share = quotient(_ONE, greater(load(sums, (0, column, 0)), _LEAST))
         for channel in range(out.shape[1]):
-            store(sums, (channel + 1, column), load(sums, (channel + 1, column)) * share)
-    dark = False
-    for column in range(start, stop):
-        dark = dark or sums[0, column] <= _LEAST
-    for channel in range(out.shape[1]):
-        for column in range(start, stop):
-            out[column + edge, channel] = sums[channel + 1, column]
-        if dark:
-            for column in range(start, stop):
-                if sums[0, column] <= _LEAST:
-                    out[column + edge, channel] = initial[column + edge, channel]
+            store(sums, (channel + 1, column, 0), load(sums, (channel + 1, column, 0)) * share)
+    for lane in range(WIDTH):
+        start = edge + lane * piece
+        for place in range(max(start, columns[0]), min(start + piece, columns[1])):
+            if sums[0, place - start, lane] > _LEAST:
+                for channel in range(out.shape[1]):
+                    out[place, channel] = sums[channel + 1, place - start, lane]
+            else:
+                for channel in range(out.shape[1]):
+                    out[place, channel] = initial[place, channel]
 
 
 @kernel
-def _pass_on(sums: FloatArray, colour: FloatArray, start: int, stop: int, radius: int, following: FloatArray) -> None:
+def _pass_on(sums: FloatArray, colour: FloatArray, edge: int, width: int, following: FloatArray) -> None:
     """Divide the sums of Eq. 15 and multiply by light again, for the next repetition; a pixel without light has no weight there."""
-    for column in range(start, stop, WIDTH):
-        light = load(colour, (0, column + radius))
-        share = light * quotient(_ONE, greater(load(sums, (0, column)), _LEAST))
-        store(following, (0, column + radius), light)
+    piece = sums.shape[1]
+    radius = (colour.shape[1] - piece) // 2
+    for column in range(piece):
+        light = load(colour, (0, column + radius, 0))
+        share = light * quotient(_ONE, greater(load(sums, (0, column, 0)), _LEAST))
+        store(following, (0, column + radius, 0), light)
         for plane in range(1, len(sums)):
-            store(following, (plane, column + radius), load(sums, (plane, column)) * share)
-
-
-@kernel
-def _mirror(colour: FloatArray, edge: int, width: int, start: int, stop: int, radius: int) -> None:
-    """Mirror a row beyond the frame's edges, if it ends there."""
+            store(following, (plane, column + radius, 0), load(sums, (plane, column, 0)) * share)
+    # The row is mirrored beyond the frame's edges, if the window reaches them.
     for step in range(1, radius + 1):
-        if start + edge == 0:
-            for plane in range(len(colour)):
-                colour[plane, radius - edge - step] = colour[plane, radius - edge + mirrored(-step, width)]
-        if stop + edge == width:
-            for plane in range(len(colour)):
-                colour[plane, radius - edge + width - 1 + step] = colour[plane, radius - edge + mirrored(width - 1 + step, width)]
+        for beyond in (-step, width - 1 + step):
+            target, source = beyond - edge, mirrored(beyond, width) - edge
+            if 0 <= target < WIDTH * piece:
+                for plane in range(len(sums)):
+                    value = following[plane, source % piece + radius, source // piece]
+                    following[plane, target % piece + radius, target // piece] = value
+    for plane in range(len(sums)):
+        _join(following[plane], radius)

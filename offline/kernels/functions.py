@@ -48,18 +48,6 @@ def mirrored(index: int, size: int) -> int:
 
 
 @kernel
-def copy_mirrored(row: FloatArray, first: int, target: FloatArray, count: int) -> None:
-    """Set target[i] = row[first + i] for i in 0..count-1, the row continued by its mirror image at both ends."""
-    start, stop = min(max(-first, 0), count), max(min(len(row) - first, count), 0)
-    for place in range(start):
-        target[place] = row[mirrored(first + place, len(row))]
-    for place in range(start, stop):
-        target[place] = row[first + place]
-    for place in range(max(stop, start), count):
-        target[place] = row[mirrored(first + place, len(row))]
-
-
-@kernel
 def zeros(*shape: int) -> FloatArray:
     """An array of float32 zeros, aligned to the size of a vector, where reading them is fastest."""
     size = 1

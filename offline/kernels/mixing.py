@@ -1,4 +1,4 @@
-"""Chromaticity of every pixel from the four blocks at the corners of its patch (Eqs. 10 and 14)."""
+"""Chromaticity of every pixel from the four blocks at the corners of its patch (Eqs. 10 and 14), and its colour (Eq. 17)."""
 
 import numpy as np
 
@@ -103,3 +103,12 @@ def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softnes
     part = load(alpha, (kind, column))
     part = greater(part, _MINUS * part)  # |alpha|: only alpha^2 counts in Eq. 14, though the solver leaves no negative values
     return part * (part + softness) * load(light, (kind, column))
+
+
+@parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]")
+def colour(chromaticity: FloatArray, luminance: FloatArray, out: FloatArray) -> None:
+    """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
+    for row in prange(len(out)):
+        for column in range(out.shape[1]):
+            for channel in range(out.shape[2]):
+                out[row, column, channel] = chromaticity[row, column, channel] * luminance[row, column]

@@ -12,7 +12,7 @@ from tests.offline.kernels.from_python import callable_kernel
 Values = NDArray[np.floating]
 # What the docstrings of the approximations promise.
 APPROXIMATE = 1e-6
-MIRRORED, COPY_MIRRORED = callable_kernel(functions.mirrored), callable_kernel(functions.copy_mirrored)
+MIRRORED = callable_kernel(functions.mirrored)
 
 
 @callable_kernel
@@ -93,11 +93,6 @@ def test_exponential() -> None:
 def test_mirrored_is_the_border_of_numpy(size: int) -> None:
     wide = np.pad(np.arange(size, dtype=np.float32), 20, mode="reflect")
     assert [MIRRORED(place, size) for place in range(-20, size + 20)] == wide.astype(int).tolist()
-    for first, count in ((-20, size + 40), (-20, 5), (-3, 4), (0, size), (size - 1, 9), (size + 2, 6), (-4, size + 4)):
-        target = np.full(count + 1, -1, np.float32)
-        COPY_MIRRORED(np.arange(size, dtype=np.float32), first, target, count)
-        assert np.array_equal(target[:count], wide[20 + first : 20 + first + count])
-        assert target[count] == -1
 
 
 @callable_kernel
