@@ -222,7 +222,7 @@ def read_frames(stream: ByteStream, layout: FrameLayout) -> Iterator[RawFrame]:
     """
     count = 0
     while True:
-        data = memoryview(bytearray(layout.frame_bytes))
+        data = memoryview(np.empty(layout.frame_bytes, np.uint8))  # a bytearray would be cleared first, and nothing else runs then
         filled = 0
         while filled < len(data):
             try:
