@@ -222,7 +222,7 @@ def read_frames(stream: ByteStream, layout: FrameLayout) -> Iterator[RawFrame]:
     """
     count = 0
     while True:
-        data = memoryview(bytearray(layout.frame_bytes))
+        data = np.empty(layout.frame_bytes, np.uint8).data  # not a bytearray: clearing it would stop the other threads
         filled = 0
         while filled < len(data):
             try:

@@ -4,7 +4,6 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Callable
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -40,11 +39,11 @@ class ShotFolder:
             raise OutputError(f"{folder}: cannot be listed ({error.strerror or error})") from None
         self._counter = count(1 + max((int(name[1]) for name in names if name), default=0))
 
-    def save(self, mosaic: Mosaic, picture: ByteArray | Callable[[], ByteArray], taken: datetime) -> Path:
+    def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
         """Write a mosaic as a DNG and return its path. Raises OutputError when that fails; no partial file is left.
 
         mosaic: the shot.
-        picture: its preview, uint8 sRGB (h, w, 3), or a function that makes it while the samples are compressed.
+        picture: its preview, uint8 sRGB (h, w, 3).
         taken: time of the shot, with time zone.
         """
         while True:

@@ -36,7 +36,8 @@ def shades_of_grey(colours: FloatArray, full_scale: float = 1.0) -> tuple[float,
     """
     colours = colours.reshape(-1, colours.shape[-1])
     planes = np.ascontiguousarray(colours.T)  # many times faster to compare than channels that lie side by side
-    usable = colours[(planes.max(axis=0) < _BRIGHT * full_scale) & (planes.mean(axis=0) > _DARK)].astype(np.float64)
+    fit = (planes.max(axis=0) < _BRIGHT * full_scale) & (planes.mean(axis=0) > _DARK)
+    usable = colours[fit].astype(np.float64, order="C")  # the order in which the mean adds
     if len(usable) < _ENOUGH:
         return None
     shade = np.mean(usable**_MINKOWSKI, axis=0) ** (1 / _MINKOWSKI)
@@ -53,16 +54,17 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     tops, lefts = grid.whole_rows, grid.whole_columns
     every = max(1, len(tops) * len(lefts) // _MOST)
     tops = tops[every // 2 :: every]
-    blocks = np.zeros((len(tops), len(lefts), len(pattern.channels)), np.float32)
+    blocks = np.zeros((len(pattern.channels), len(tops), len(lefts)), np.float32)
     for row, column, channel in pattern.sites:
-        blocks[..., channel] += mosaic.samples[np.ix_(tops + row, lefts + column)]
-    blocks /= np.bincount([channel for *_, channel in pattern.sites])
+        blocks[channel] += mosaic.samples[np.ix_(tops + row, lefts + column)]
+    blocks /= np.bincount([channel for *_, channel in pattern.sites])[:, None, None]
     if mosaic.samples.dtype == np.uint16:
-        blocks = (blocks - np.array(calibration.black_level[:-1], np.float32)) * calibration.scale()[:-1].astype(np.float32)
+        blocks -= np.array(calibration.black_level[:-1], np.float32)[:, None, None]
+        blocks *= calibration.scale()[:-1].astype(np.float32)[:, None, None]
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
-    left, middle, right = (blocks[:, start : start + len(lefts) // 3 * 3 : 3] for start in range(3))
+    left, middle, right = (blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3))
     medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))
-    return shades_of_grey(medians, calibration.full_scale)
+    return shades_of_grey(np.moveaxis(medians, 0, -1), calibration.full_scale)
 
 
 def balanced(calibration: SensorCalibration, neutral: DoubleArray, *, estimated: bool = False) -> SensorCalibration:

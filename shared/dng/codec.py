@@ -1,6 +1,5 @@
 """Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import IO, Literal
@@ -31,12 +30,11 @@ _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
 _LEAST_SHOT_NOISE = 1e-12
 
 
-def encode_dng(mosaic: Mosaic, preview: ByteArray | Callable[[], ByteArray], layout: Layout = "auto") -> bytes:
+def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> bytes:
     """Encode a mosaic as a DNG file; `decode_dng` returns an equal mosaic, with samples in sensor codes.
 
     mosaic: its `codes` are saved.
     preview: (h, w, 3) uint8 sRGB picture in the orientation of the samples. Make it large: most viewers show it as the photograph.
-        Or a function that makes it: it is called while another thread compresses the samples, which takes about as long.
     layout: "cfa" states the true filter pattern; "linear" saves the same samples as a grey photograph, for raw developers that take
         any pattern for a Bayer one; "auto" is "cfa" where DNG can express the pattern.
     Raises InputError when `layout` cannot hold the pattern, for another kind of preview, and for a side of more than 65500 pixels.
@@ -47,11 +45,10 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray | Callable[[], ByteArray], lay
     with ThreadPoolExecutor(1, "samples") as pool:
         compressed = pool.submit(raw_directory, codes, max(calibration.bits, BITS[0]), photometric)
         digest = raw_digest(codes)
-        picture = preview() if callable(preview) else preview
     raw = compressed.result()
     raw.fields.update(_levels(pattern, calibration))
     camera = f"{MAKER} {calibration.sensor}".strip()
-    main = main_directory(picture, mosaic.metadata, camera, raw, digest)
+    main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
         main.fields.update(colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma))

@@ -1,6 +1,6 @@
 """Reading and writing DNG files. Writing is atomic, reading checks everything; error messages begin with the name of the file."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,20 +15,12 @@ _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
 _KIND = "a DNG of Panchroma"
 
 
-def write_dng(
-    path: Path | str,
-    mosaic: Mosaic,
-    preview: ByteArray | Callable[[], ByteArray],
-    *,
-    layout: Layout = "auto",
-    overwrite: bool = False,
-) -> None:
+def write_dng(path: Path | str, mosaic: Mosaic, preview: ByteArray, *, layout: Layout = "auto", overwrite: bool = False) -> None:
     """Save a mosaic with its preview picture as a DNG, atomically and durably.
 
     path: the file to write.
     mosaic: the shot; its `codes` are saved.
-    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one. Or a function
-        that makes it, see `encode_dng`.
+    preview: (h, w, 3) uint8 sRGB, in the orientation of the samples; `device.Preview` makes one.
     layout: "auto", "cfa" or "linear"; see `encode_dng`.
     overwrite: replace an existing file.
     Raises InputError when the mosaic does not fit the layout. Raises OutputError when the file exists and `overwrite` is False, and

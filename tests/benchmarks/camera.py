@@ -227,8 +227,8 @@ def stages(name: str, rounds: int = 9) -> None:
     frame = RawFrame.now(data)
     mosaic = sensor.mosaic(frame)
     balance = SteadyWhite()
-    small, large = (Preview.for_mosaic(mosaic, scale, threads=1) for scale in (3, 1))
-    picture, full = small.run(mosaic), large.run(mosaic)
+    preview = Preview.for_mosaic(mosaic, 3, threads=1)
+    picture = preview.run(mosaic)
     balanced = balance(mosaic)
 
     def timed(title: str, work: Callable[[], object]) -> float:
@@ -246,14 +246,12 @@ def stages(name: str, rounds: int = 9) -> None:
             timed("receiving (one copy)", lambda: bytearray(data)),
             timed("unpacking, mosaic", lambda: sensor.mosaic(frame)),
             timed("white balance", lambda: balance(mosaic)),
-            timed("preview, 1 : 3", lambda: small.run(balanced)),
+            timed("preview, 1 : 3", lambda: preview.run(balanced)),
             timed("JPEG", lambda: _jpeg(picture)),  # type: ignore[arg-type]
         )
     )
     print(f"  {'all':<36}{1e3 * total:7.1f} ms: {os.cpu_count()} cores could show {(os.cpu_count() or 1) / total:.0f} a second")
-    print("of a saved shot")
-    timed("preview, 1 : 1", lambda: large.run(balanced))
-    timed("DNG with preview", lambda: encode_dng(balanced, full))  # type: ignore[arg-type]
+    timed("a shot beside it, as DNG", lambda: encode_dng(balanced, picture))  # type: ignore[arg-type]
 
 
 def main() -> None:

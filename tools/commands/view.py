@@ -1,7 +1,8 @@
 """Show a camera's live picture on a web page, with frame rate, latency and dropped frames, and a button that saves a shot.
 
 SOURCE is as for `panchroma capture`. By default only this machine can open the page; with --bind 0.0.0.0 everybody on the network
-can, and with -o they can save shots too. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
+can, and with -o they can save shots too. The preview in a shot is the picture that is shown; --scale 1 makes it a full one, and
+`panchroma preview` makes one of any shot later. SIGINT and SIGTERM end the command after the current shot (exit codes 130 and 0).
 """
 
 import argparse
@@ -49,9 +50,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     sensor = source.sensor
     shots = None
     if arguments.output is not None:
-        folder = ShotFolder(output_folder(arguments.output), arguments.latest)
-        # One thread, so that saving a shot leaves the other cores to the viewfinder.
-        shots = folder, preview_maker(sensor, graph=arguments.graph, threads=1)
+        shots = ShotFolder(output_folder(arguments.output), arguments.latest)
     scale = arguments.scale
     if scale is None:
         scale = 1 if arguments.graph else _scale(sensor.layout.width, sensor.pattern)

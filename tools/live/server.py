@@ -128,8 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
             # Clients need not know where on this machine the shots are.
             self._answer(status, {"error": str(error).replace(f"{self.server.finder.folder}{os.sep}", "")})
         else:
-            facts = {"file": shot.path.name, "preview_ms": 1e3 * shot.preview, "write_ms": 1e3 * shot.write}
-            self._answer(HTTPStatus.OK, facts)
+            self._answer(HTTPStatus.OK, {"file": shot.path.name, "write_ms": 1e3 * shot.write})
 
     def _stream(self) -> None:
         if not self.server.seats.acquire(blocking=False):

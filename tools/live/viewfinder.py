@@ -12,7 +12,7 @@ from typing import Any
 import imagecodecs
 import numpy as np
 
-from device.capture import PreviewMaker, Saved
+from device.capture import Saved
 from device.shots import ShotFolder
 from shared import Mosaic
 from shared.arrays import ByteArray
@@ -26,13 +26,15 @@ _SPAN = 2.0  # seconds over which frames are counted
 class View:
     """A picture of the viewfinder.
 
-    jpeg: the picture as a JPEG file.
+    picture: uint8 sRGB (h, w, 3).
+    jpeg: the same as a JPEG file.
     number: counts the pictures, from 1.
     latency: seconds from the arrival of the frame until the picture was ready.
     mosaic: the frame that it shows.
     taken: when that was, with time zone.
     """
 
+    picture: ByteArray
     jpeg: bytes
     number: int
     latency: float
@@ -44,10 +46,10 @@ class Viewfinder:
     """Passes pictures from one thread to any number of viewers' threads. Nobody waits for a slow viewer.
 
     dropped: returns the number of frames that came too fast to be shown.
-    shots: the folder in which `shoot` saves, and the full preview for the files; None = shots cannot be saved.
+    shots: the folder in which `shoot` saves; None = shots cannot be saved.
     """
 
-    def __init__(self, dropped: Callable[[], int], shots: tuple[ShotFolder, PreviewMaker] | None = None) -> None:
+    def __init__(self, dropped: Callable[[], int], shots: ShotFolder | None = None) -> None:
         self._dropped = dropped
         self._shots = shots
         self._changed = threading.Condition()
@@ -59,7 +61,7 @@ class Viewfinder:
     @property
     def folder(self) -> Path | None:
         """Where `shoot` saves."""
-        return self._shots[0].path if self._shots else None
+        return self._shots.path if self._shots else None
 
     def show(self, picture: ByteArray, mosaic: Mosaic, taken: datetime, arrived: float) -> None:
         """Make a picture the latest view.
@@ -72,7 +74,7 @@ class Viewfinder:
         now = monotonic()
         with self._changed:
             number = self._view.number + 1 if self._view else 1
-            self._view = View(jpeg, number, now - arrived, mosaic, taken)
+            self._view = View(picture, jpeg, number, now - arrived, mosaic, taken)
             self._shown.append(now)
             while self._shown[0] < now - _SPAN:
                 self._shown.popleft()
@@ -101,29 +103,19 @@ class Viewfinder:
         }
 
     def shoot(self) -> Saved:
-        """Save the frame that is shown, with its full preview. Calls wait for each other.
+        """Save the frame that is shown; its preview is the picture that is shown. Calls wait for each other.
 
         Raises InputError if there is no frame or no folder, OutputError if the file cannot be written.
         """
         if self._shots is None:
             raise InputError("no folder for shots: start with -o DIR")
-        folder, preview = self._shots
         with self._shooting:
             view = self._view
             if view is None or self._closed:
                 raise InputError("there is no frame: the camera has not begun, or has ended")
-            previewing = 0.0
-
-            def picture() -> ByteArray:
-                nonlocal previewing
-                begun = perf_counter()
-                made = preview(view.mosaic)
-                previewing = perf_counter() - begun
-                return made
-
             started = perf_counter()
-            path = folder.save(view.mosaic, picture, view.taken)
-            return Saved(path, previewing, perf_counter() - started - previewing)
+            path = self._shots.save(view.mosaic, view.picture, view.taken)
+            return Saved(path, 0.0, perf_counter() - started)  # the preview was there already
 
     def close(self) -> None:
         """End all streams; returns after a shot in progress has been saved."""

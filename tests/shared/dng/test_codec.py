@@ -8,7 +8,6 @@ import pytest
 from tifffile import TiffFile, TiffPage
 
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import ByteArray
 from shared.dng import Layout, decode_dng, decode_preview, encode_dng
 from shared.dng.container import raw_digest
 from shared.dng.record import RECORD_ID, decode_record, encode_record
@@ -44,17 +43,6 @@ def test_the_comparison_can_fail() -> None:
     assert not same(original, replace(original, samples=codes))
     assert not same(original, replace(original, pattern=CfaPattern.bayer(6, origin=(0, 1))))
     assert not same(original, replace(original, calibration=calibration(neutral=(0.5, 0.6, 0.7000001))))
-
-
-def test_a_preview_that_is_made_meanwhile_gives_the_same_bytes_and_its_error_comes_up() -> None:
-    original = mosaic()
-    assert encode_dng(original, preview) == encode_dng(original, preview())
-
-    def broken() -> ByteArray:
-        raise InputError("no picture")
-
-    with pytest.raises(InputError, match="no picture"):
-        encode_dng(original, broken)
 
 
 @pytest.mark.parametrize("period", range(3, 17))

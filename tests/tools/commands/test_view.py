@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import datetime
 from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from device.frames import FrameLayout, RawFrame
 from device.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
+from shared.dng import read_preview
 from shared.errors import InputError, OutputError
 from shared.sensor import simulate_additive
 from tests.browser import Browser
@@ -64,7 +66,7 @@ class Served:
     """A viewfinder at work."""
 
     def __init__(self, folder: Path | None) -> None:
-        self.finder = Viewfinder(lambda: 7, (ShotFolder(folder), grey) if folder else None)
+        self.finder = Viewfinder(lambda: 7, ShotFolder(folder) if folder else None)
         self.server = ViewfinderServer(("127.0.0.1", 0), self.finder)
         self.port = int(self.server.server_address[1])
         threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
@@ -172,13 +174,16 @@ def test_the_figures(served: Served) -> None:
     assert (facts["width"], facts["height"]) == (30, 20)
 
 
-def test_the_button_saves_the_frame_that_is_shown(served: Served, tmp_path: Path) -> None:
+def test_the_button_saves_the_frame_that_is_shown_and_its_picture(served: Served, tmp_path: Path) -> None:
     for number in range(3):
-        show(served.finder, number)
+        show(served.finder, number, lambda mosaic: np.full((5, 7, 3), int(mosaic.codes[0, 0]) >> 2, np.uint8))
     for _ in range(2):
         status, facts = served.facts("/capture", "POST", Origin=f"http://127.0.0.1:{served.port}")
         assert status == 200
         assert np.array_equal(read_dng(tmp_path / facts["file"]).codes, codes(2))
+        picture = imagecodecs.jpeg8_decode(read_preview(tmp_path / facts["file"]))
+        assert picture.shape == (5, 7, 3)
+        assert abs(picture - codes(2)[0, 0] / 4).max() < 3
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -282,12 +287,13 @@ def test_seats_are_few_and_come_free(served: Served) -> None:
 def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path) -> None:
     begun, go_on = threading.Event(), threading.Event()
 
-    def slow(mosaic: Mosaic) -> ByteArray:
-        begun.set()
-        assert go_on.wait(60)
-        return grey(mosaic)
+    class Slow(ShotFolder):
+        def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
+            begun.set()
+            assert go_on.wait(60)
+            return super().save(mosaic, picture, taken)
 
-    finder = Viewfinder(lambda: 0, (ShotFolder(tmp_path), slow))
+    finder = Viewfinder(lambda: 0, Slow(tmp_path))
     show(finder, 0)
     ended: list[object] = []
     watcher = threading.Thread(target=lambda: ended.append(finder.after(1)))

@@ -51,7 +51,7 @@ async function capture() {
   try {
     const answer = await fetch("/capture", { method: "POST" });
     const shot = await answer.json();
-    say(answer.ok ? `✓ ${shot.file} · ${Math.round(shot.preview_ms + shot.write_ms)} ms` : shot.error, !answer.ok);
+    say(answer.ok ? `✓ ${shot.file} · ${Math.round(shot.write_ms)} ms` : shot.error, !answer.ok);
   } catch {
     say("not saved: no connection to the camera", true);
   }
