@@ -37,7 +37,7 @@ def used_kernels(*settings: RenderSettings) -> list[str]:
 
 
 def kernels_to_compile(*settings: RenderSettings) -> list[str]:
-    """Names of the kernels that renders with these settings may call and that are not on the disk yet.
+    """Names of the kernels that renders with these settings may call and that are neither loaded nor on the disk yet.
 
     settings: without any, all kernels.
     Returns those that take longest first. Raises RuntimeError when there is no folder to keep them in.
@@ -47,7 +47,7 @@ def kernels_to_compile(*settings: RenderSettings) -> list[str]:
     True
     """
     kernel_cache()
-    return [name for name in used_kernels(*settings) if not kernels[name].kept()]
+    return [name for name in used_kernels(*settings) if not (kernels[name].ready or kernels[name].kept())]
 
 
 def compile_kernel(name: str) -> None:

@@ -55,9 +55,11 @@ def as_rows(matrix: NDArray[np.floating]) -> Matrix:
 def encode_srgb(linear: FloatArray) -> FloatArray:
     """Linear light of any shape, clipped to 0..1 -> sample values of sRGB, 0..1 (IEC 61966-2-1); float32."""
     linear = np.clip(linear, 0.0, 1.0)
-    power = np.power(linear, np.float32(1 / SRGB_POWER))
-    line = np.float32(SRGB_SLOPE) * linear
-    return np.where(linear <= SRGB_KNEE, line, np.float32(1 + SRGB_OFFSET) * power - np.float32(SRGB_OFFSET))
+    encoded: FloatArray = np.power(linear, np.float32(1 / SRGB_POWER))
+    encoded *= np.float32(1 + SRGB_OFFSET)
+    encoded -= np.float32(SRGB_OFFSET)
+    np.copyto(encoded, np.float32(SRGB_SLOPE) * linear, where=linear <= SRGB_KNEE)
+    return encoded
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> DoubleArray:

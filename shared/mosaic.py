@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import CodeArray, FloatArray, strips
+from .arrays import CACHED, CodeArray, FloatArray, strips
 from .calibration import SensorCalibration
 from .errors import InputError
 from .metadata import CaptureMetadata
@@ -48,7 +48,7 @@ class Mosaic:
                 raise InputError(f"a sample is {kept.max()}, more than the calibration's {self.calibration.bits} bits hold")
         elif np.issubdtype(samples.dtype, np.floating):
             kept = samples if owned and samples.dtype == np.float32 else np.array(samples, np.float32, order="C")
-            if not np.isfinite(kept).all():
+            if not np.isfinite([kept.min(), kept.max()]).all():  # a NaN is the largest and the smallest of all
                 bad = int((~np.isfinite(kept)).sum())
                 raise InputError(f"{bad} of {kept.size} samples are not finite (NaN or infinite)")
         else:
@@ -72,11 +72,11 @@ class Mosaic:
         # There are few codes: look their values up. Double precision then costs nothing, and white reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
         values = ((every - self.calibration.black_level) * self.calibration.scale()).astype(np.float32)
-        signal = np.empty(self.shape, np.float32)
-        for rows in strips(self.shape[0]):  # the look-up takes eight bytes per pixel
-            signal[rows] = values[:, -1][self.samples[rows]]
+        codes, signal, panchromatic = self.codes, np.empty(self.shape, np.float32), values[:, -1].copy()
+        for rows in strips(self.shape[0], max(1, CACHED // self.shape[1])):  # the look-up takes eight bytes per pixel
+            panchromatic.take(codes[rows], out=signal[rows], mode="clip")  # no code is out of range
         for channel, *lattice in self.pattern.lattices:
-            signal[*lattice] = values[:, channel][self.samples[*lattice]]
+            signal[*lattice] = values[:, channel][codes[*lattice]]
         signal.flags.writeable = False
         return signal
 

@@ -1,6 +1,8 @@
 """The command line: a table of verbs, and the exit code of every error that ends a command."""
 
 import argparse
+import atexit
+import gc
 import importlib
 import io
 import os
@@ -69,6 +71,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             from shared.errors import PanchromaError
             from tools.host.jobs import remove_unused_folders
 
+            if argv is None:
+                atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
             code = FAILED
             try:
                 parsed = _parser(arguments).parse_args(arguments)

@@ -37,9 +37,9 @@ _TILE = 16  # TIFF 6.0: sides of tiles are multiples of this
 
 @dataclass(frozen=True)
 class EncodedPart:
-    """Some rows of a picture, encoded: the tile, the digests of the samples, and strips of the preview."""
+    """Some rows of a picture, encoded: the tiles, from left to right, the digests of the samples, and strips of the preview."""
 
-    tile: bytes
+    tiles: Sequence[bytes]
     digests: bytes
     preview: Sequence[JpegStrip]
 
@@ -56,21 +56,23 @@ def encode_part(rgb: FloatArray, preview: ByteArray | None, shape: tuple[int, in
     scaled = rgb * (_WHITE_CODE / white)
     codes = np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16)
     tall, wide = _tile(shape)
+    pieces = [codes[:, left : left + wide] for left in range(0, shape[1], wide)]
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so takes a bit per sample.
-    tile = np.pad(codes, ((0, 0), (0, wide - codes.shape[1]), (0, 0)), mode="edge")
-    jpeg = lossless_jpeg(np.pad(tile, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS)
+    pieces[-1] = np.pad(pieces[-1], ((0, 0), (0, wide - pieces[-1].shape[1]), (0, 0)), mode="edge")
+    tiles = [lossless_jpeg(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS) for piece in pieces]
     strips: list[JpegStrip] = []
     if preview is not None:
-        pieces = (preview[top : top + STRIP_ROWS] for top in range(0, len(preview), STRIP_ROWS))
-        strips += (encode_strip(piece, PREVIEW_QUALITY, "420") for piece in pieces)
-    return EncodedPart(jpeg, tile_digests(codes), strips)
+        shown = (preview[top : top + STRIP_ROWS] for top in range(0, len(preview), STRIP_ROWS))
+        strips += (encode_strip(rows, PREVIEW_QUALITY, "420") for rows in shown)
+    return EncodedPart(tiles, tile_digests(codes), strips)
 
 
 def _tile(shape: tuple[int, int]) -> tuple[int, int]:
-    """Rows and columns of a tile: a picture of one part is one strip."""
+    """Rows and columns of a tile: a picture of one part is one strip, others have two tiles side by side."""
     if shape[0] <= PART:
         return shape
-    return PART, -(-shape[1] // _TILE) * _TILE
+    # One tile would be wider than the picture if that is no multiple of 16: RawTherapee, like dcraw, then shears the picture.
+    return PART, -(-shape[1] // (2 * _TILE)) * _TILE
 
 
 def encode_picture_dng(
@@ -101,7 +103,7 @@ def encode_picture_dng(
     shape = picture.shape[0], picture.shape[1]
     check_sides(shape)
     parts = [encode_part(picture[top : top + PART], None, shape, white=white) for top in range(0, shape[0], PART)]
-    return join_parts(parts, shape, metadata, camera_to_xyz, neutral, preview, white=white)
+    return encode_tiff(join_parts(parts, shape, metadata, camera_to_xyz, neutral, preview, white=white))
 
 
 def join_parts(
@@ -113,8 +115,8 @@ def join_parts(
     preview: ByteArray | None = None,
     *,
     white: float = 1.0,
-) -> bytes:
-    """The DNG of a picture of this shape (H, W) from its parts, from top to bottom; see `encode_picture_dng`.
+) -> Directory:
+    """The DNG of a picture of this shape (H, W), to be written as a TIFF, from its parts in order; see `encode_picture_dng`.
 
     preview: None = the parts have it.
     """
@@ -126,15 +128,15 @@ def join_parts(
         Tag.WHITE_LEVEL: (FieldType.SHORT, [_WHITE_CODE] * 3),
     }
     if len(parts) > 1:
-        # Tiles, as wide as the picture: of several strips LibRaw reads only the first.
+        # Tiles: of several strips LibRaw reads only the first.
         del fields[Tag.ROWS_PER_STRIP]
         tall, wide = _tile(shape)
         fields |= {Tag.TILE_WIDTH: (FieldType.LONG, [wide]), Tag.TILE_LENGTH: (FieldType.LONG, [tall])}
-    raw = Directory(fields, strips=[part.tile for part in parts])
+    raw = Directory(fields, strips=[tile for part in parts for tile in part.tiles])
     digest = joined_digest(b"".join(part.digests for part in parts))
     shown = EncodedPreview(join_strips([strip for part in parts for strip in part.preview]), whole) if preview is None else preview
     main = main_directory(shown, metadata, f"{MAKER} render", raw, digest)
     main.fields.update(colour_fields(camera_to_xyz, neutral))
     main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, picture_id(whole, digest).encode()
     main.fields[Tag.BASELINE_EXPOSURE] = FieldType.SRATIONAL, [math.log2(white)]
-    return encode_tiff(main)
+    return main

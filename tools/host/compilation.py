@@ -31,6 +31,14 @@ def announced_compilation(note: Note, progress: StageProgress) -> Iterator[None]
         yield
 
 
+def load_compiled(settings: Any) -> None:
+    """Load what a render with these settings needs, unless some of it has to be compiled first. settings: RenderSettings."""
+    from offline import warm_up
+
+    if _missing([settings]) == []:
+        warm_up(settings)
+
+
 def compile_ahead(settings: Sequence[Any], processes: int, note: Note, progress: StageProgress) -> None:
     """Compile what renders with these settings need, unless it has been compiled before, in several processes at a time.
 
@@ -40,12 +48,7 @@ def compile_ahead(settings: Sequence[Any], processes: int, note: Note, progress:
     processes: how many may be started. Call this in the command's own process, not in one that it has started.
     note, progress: as `announced_compilation` takes them.
     """
-    from offline import kernels_to_compile
-
-    try:
-        names = kernels_to_compile(*settings)
-    except RuntimeError:
-        return
+    names = _missing(settings) or []
     if min(processes, len(names)) > 1:
         tell = _teller(note, progress)
         progress.stage("compiling", len(names))
@@ -53,6 +56,16 @@ def compile_ahead(settings: Sequence[Any], processes: int, note: Note, progress:
         for number, _ in enumerate(compile_all(names, processes, note), 1):
             progress.advance()
             tell(f"compiled kernel {number} of {len(names)}")
+
+
+def _missing(settings: Sequence[Any]) -> list[str] | None:
+    """Names of kernels that have to be compiled and can be kept; None where there is no folder to keep any in."""
+    from offline import kernels_to_compile
+
+    try:
+        return kernels_to_compile(*settings)
+    except RuntimeError:
+        return None
 
 
 def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:

@@ -13,18 +13,19 @@ from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import checked_picture
 from shared.errors import InputError
-from shared.tiff import encode_tiff
-from shared.writing import OnComplete, durable_file, write_durably
+from shared.tiff import encode_tiff, write_tiff
+from shared.writing import OnComplete, durable_file
 from tools.host.ahead import ahead
 
 from .encoders import encode_jpeg_bands, write_tiff_picture
 from .exif_writing import jpeg_directory, picture_directory
 from .samples import upright
-from .writer import PictureKind, check_output, encode_linear_dng, labels, to_samples, written_shape
+from .writer import PictureKind, check_output, labels, linear_dng, to_samples, written_shape
 
 FORMATS = ("tif", "jpg", "dng")
 """The formats that can be written in bands."""
 _READ = 64  # rows read back at a time
+_RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time
 
 
 def write_picture_bands(
@@ -61,8 +62,9 @@ def write_picture_bands(
     whole = written_shape(kind, shape, metadata)
     checked = partial(checked_picture, channels=len(calibration.channels))
     if kind.format == "dng":
-        data = encode_linear_dng(map(checked, bands), shape, calibration, metadata, threads)
-        write_durably(path, data, overwrite=overwrite, on_complete=on_complete)
+        main = linear_dng(map(checked, bands), shape, calibration, metadata, threads)
+        with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
+            write_tiff(file, main, main.strips)
         return
 
     def convert(band: FloatArray) -> NDArray[Any]:
@@ -74,7 +76,8 @@ def write_picture_bands(
         durable_file(path, overwrite=overwrite, on_complete=on_complete) as file,
         tempfile.TemporaryFile(dir=Path(path).parent) as spool,
     ):
-        turned = _turn(ahead(convert, bands, threads), (*shape, len(channels)), dtype, turn, spool)
+        converted = ahead(convert, bands, -(-threads // _RENDERING))
+        turned = _turn(converted, (*shape, len(channels)), dtype, turn, spool)
         if kind.format == "jpg":
             exif = encode_tiff(jpeg_directory(noted, whole, srgb=srgb))
             file.write(encode_jpeg_bands(turned, whole, icc=icc, exif=exif, quality=kind.quality, threads=threads))

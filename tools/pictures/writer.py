@@ -22,7 +22,7 @@ from shared.dng import PART, EncodedPart, encode_part, join_parts
 from shared.dng.exif_reading import altitude, place
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
-from shared.tiff import encode_tiff
+from shared.tiff import Directory, encode_tiff
 from shared.writing import OnComplete, write_durably
 from tools.host.ahead import ahead
 
@@ -158,7 +158,7 @@ def encode_picture(
     rgb = checked_picture(rgb, len(calibration.channels))
     check_output(kind, calibration, (rgb.shape[0], rgb.shape[1]), exposure)
     if kind.format == "dng":
-        return encode_linear_dng([rgb], (rgb.shape[0], rgb.shape[1]), calibration, metadata)
+        return encode_tiff(linear_dng([rgb], (rgb.shape[0], rgb.shape[1]), calibration, metadata))
     channels, icc, metadata, turn = labels(kind, calibration, metadata)
     samples = to_samples(upright(rgb, turn), kind, calibration, exposure)
     srgb = kind.space == "srgb"
@@ -207,10 +207,10 @@ def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: 
     return codes
 
 
-def encode_linear_dng(
+def linear_dng(
     bands: Iterable[FloatArray], shape: tuple[int, int], calibration: SensorCalibration, metadata: CaptureMetadata, threads: int = 1
-) -> bytes:
-    """Return a linear DNG with the colours and the white of our own rendering.
+) -> Directory:
+    """Return a linear DNG, to be written as a TIFF, with the colours and the white of our own rendering.
 
     Code 65535 stands for 1.0 in all files: the brightness does not depend on the picture's brightest spot, and raw developers find
     clipped highlights at the white level and make them white.

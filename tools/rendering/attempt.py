@@ -9,8 +9,9 @@ from functools import lru_cache
 from itertools import count
 from pathlib import Path
 
+from shared import Mosaic
 from shared.errors import ForeignFileError, InputError, OutputError
-from tools.host.compilation import announced_compilation, compile_ahead
+from tools.host.compilation import announced_compilation, compile_ahead, load_compiled
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.writer import written_shape
@@ -103,25 +104,14 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     existing = _existing(order, shot, source_digest)
     if existing.current:
         return Outcome(existing.current, f"{output}: is up to date", {"output": str(output), "current": True})
-    progress.stage("reading", 1)
-    with ThreadPoolExecutor(1, "reading") as reader:
-        decoded = reader.submit(order.decode, source)
-        from offline import network_name, warm_up  # meanwhile: decoding leaves a processor to this thread
-
-        if decoded.done():
-            decoded.result()  # what is wrong with a shot is said before the user waits
-        compile_ahead([order.settings], share.processes, note, progress)
-        with announced_compilation(note, progress):
-            if not decoded.done():
-                warm_up(order.settings)
-        mosaic = order.prepared(decoded.result())
+    mosaic, settings = _read(order, source, note, progress), order.settings
     with announced_compilation(note, progress):
         if source_digest is None or _state(source) != before:
             raise InputError(f"{source}: has changed while it was read; render it again when it is complete")
-        settings = order.settings
         if not share.last and needed_memory(mosaic, order.kind, settings) > share.memory:
             return Outcome("postponed")
         check_memory(mosaic, order.kind, settings, share.memory)
+        compile_ahead([settings], share.processes, note, progress)  # now that only the writing can fail
         if mosaic.calibration.noise is None:
             taken = "estimated from the shot" if settings.noise.estimate else "taken as zero"
             note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
@@ -153,6 +143,8 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
                 overwrite=existing.replace,
                 on_complete=journal,
             )
+    from offline import network_name
+
     seconds = time.monotonic() - start
     rows, columns = written_shape(order.kind, mosaic.shape, mosaic.metadata)
     line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
@@ -161,6 +153,16 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     facts["neutral"], facts["neutral_estimated"] = mosaic.calibration.neutral, mosaic.calibration.neutral_estimated
     facts["learned"] = network_name(mosaic.pattern) if settings.learned.used else None
     return Outcome("made", line, facts)
+
+
+def _read(order: Order, source: str, note: Note, progress: StageProgress) -> Mosaic:
+    """The shot, calibrated. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
+    progress.stage("reading", 1)
+    with ThreadPoolExecutor(1, "reading") as reader:
+        decoded = reader.submit(order.decode, source)
+        with announced_compilation(note, progress):
+            load_compiled(order.settings)
+        return order.prepared(decoded.result())
 
 
 @lru_cache(maxsize=1)  # so that a process reads a long journal once

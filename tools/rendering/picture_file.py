@@ -9,9 +9,11 @@ import numpy as np
 
 from shared import Mosaic
 from shared.arrays import CodeArray, strips
+from shared.dng import PART
 from shared.errors import InputError
 from shared.progress import Progress
 from shared.writing import OnComplete
+from tools.host.ahead import WAITING
 from tools.host.memory import format_bytes
 from tools.pictures.band_writer import FORMATS, write_picture_bands
 from tools.pictures.writer import PictureKind, write_picture
@@ -23,17 +25,25 @@ if TYPE_CHECKING:
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
 _LEAST = "tif"  # the format that needs least
-_ENCODING = {"png": 36.0, "jpg": 20.0, "dng": 30.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself
+_ENCODING = {"png": 36.0, "exr": 40.0, "npy": 28.0}  # per pixel, beside the picture itself, which is held as a whole
+_COMPRESSED = {"jpg": 3.0, "dng": 6.0}  # per pixel: of noise, pictures take half of that
+_PART = 30.0  # per pixel of a part of a DNG that waits or is compressed
+# The bands that wait for a TIFF take less than the planes of the frame that are no longer needed then.
 
 
 def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings") -> int:
     """Bytes that the whole program needs to render a mosaic to such a file; rather more than it will use."""
-    from offline import rendering_memory
+    from offline import rendering_memory, threads
 
-    pixels = mosaic.shape[0] * mosaic.shape[1]
-    picture = 0 if kind.format in FORMATS else 4 * len(mosaic.pattern.channels) * pixels
-    encoding = _ENCODING.get(kind.format, 0.0) * pixels
-    return round(_PROGRAM + _MOSAIC * pixels + picture + max(rendering_memory(mosaic, settings), encoding))
+    (rows, columns), rendering = mosaic.shape, rendering_memory(mosaic, settings)
+    pixels = rows * columns
+    kept = _COMPRESSED.get(kind.format, 0.0) * pixels
+    if kind.format == "dng":
+        kept += _PART * min(PART * (threads() + WAITING + 1), rows) * columns
+    if kind.format not in FORMATS:
+        kept += 4 * len(mosaic.pattern.channels) * pixels
+        rendering = max(rendering, round(_ENCODING[kind.format] * pixels))
+    return round(_PROGRAM + _MOSAIC * pixels + kept + rendering)
 
 
 def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int) -> None:

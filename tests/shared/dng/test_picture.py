@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rawpy
-from tifffile import TiffFile
+from tifffile import TiffFile, TiffPage
 
 from shared import CaptureMetadata
 from shared.arrays import DoubleArray, FloatArray
@@ -38,7 +38,7 @@ def developed(data: bytes) -> DoubleArray:
     return linear[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] / 65535
 
 
-@pytest.mark.parametrize("shape", [(22, 23), (64, 301)])
+@pytest.mark.parametrize("shape", [(22, 23), (64, 301), (520, 37), (300, 160)])
 def test_libraw_reads_the_very_codes(shape: tuple[int, int]) -> None:
     rgb = np.random.default_rng(1).random((*shape, 3), np.float32)
     rgb[0, 0] = 0.0, 1.0, 0.5
@@ -48,12 +48,16 @@ def test_libraw_reads_the_very_codes(shape: tuple[int, int]) -> None:
         assert raw.sizes.flip == 6  # LibRaw's word for orientation 6
 
 
-def test_tifffile_reads_the_very_codes() -> None:
-    rgb = patches()
+@pytest.mark.parametrize("copies", [1, 3])
+def test_tifffile_reads_the_very_codes(copies: int) -> None:
+    rgb = np.tile(patches(), (copies, 1, 1))[:, :-5]
     with TiffFile(BytesIO(encode_picture_dng(rgb, METADATA, None, None, preview()))) as file:
         assert file.pages.first.pages is not None
-        codes = file.pages.first.pages[0].asarray()
+        page = file.pages.first.pages[0]
+        assert isinstance(page, TiffPage)
+        codes, tile = page.asarray(), page.tilewidth
     np.testing.assert_array_equal(codes, np.rint(rgb * 65535).astype(np.uint16))
+    assert tile <= rgb.shape[1], "RawTherapee shears tiles that are wider than the picture"
 
 
 def test_nominal_colours_are_kept() -> None:
