@@ -43,10 +43,10 @@ def solve_affinities(
     core = core_patches(period)
     filters = derivative_filters(settings.scales)
     places = domain_places(grid, filters[0].shape[1] - 1)
-    pins = _pins(pattern, grid, (core + 2 * HALO) * period)
+    pins = _pins(pattern, grid, (core[1] + 2 * HALO) * period)
     first, end = band.patches
     fields = np.empty((_CLASSES, (end - first) * period, across * period), np.float32)
-    regions = -(-(end - first) // core) * -(-across // core)
+    regions = -(-(end - first) // core[0]) * -(-across // core[1])
     residuals, used = np.empty(regions), np.empty(regions, np.intp)
     patches, limits = (first, end, across), (settings.tolerance, settings.iterations)
     solve_regions(luminance, places, patches, period, core, HALO, pins, filters, limits, threads(), fields, residuals, used)

@@ -17,7 +17,9 @@ HALO = 2
 error that a residual of 1e-3 leaves."""
 DARK = 1e-6
 """Luminance, scene units, below which a pixel has no chromaticity that could be corrected."""
-_REGION, _LEAST_CORE = 144, 8  # pixels of a region with its halo, and patches of a core: what a processor's cache holds
+# Pixels of a region with its halo, down and across, and patches of a core. Few rows make low bands, which need less memory; longer
+# regions solve less of their surroundings.
+_REGION, _LEAST_CORE = (144, 288), 8
 # The least number of rows of a band, so that every thread has work. Wide frames need fewer rows for that: their bands have about
 # `_ENOUGH` pixels, so that the planes of a band fit in the cache and their memory is reused.
 _BAND, _ENOUGH = 192, 400_000
@@ -37,16 +39,17 @@ class Band:
     first: int
 
 
-def core_patches(period: int) -> int:
+def core_patches(period: int) -> tuple[int, int]:
     """The number of rows, and of columns, of patches in the core of a region. period: K, pixels."""
-    return max(_LEAST_CORE, _REGION // period - 2 * HALO)
+    down, across = (max(_LEAST_CORE, pixels // period - 2 * HALO) for pixels in _REGION)
+    return down, across
 
 
 def bands(grid: BlockGrid, reach: int) -> list[Band]:
     """The bands of a frame, from top to bottom. reach: how many rows refinement looks up and down."""
     (above, _), _ = grid.padding
     (height, width), count = grid.frame, grid.patches[0]
-    core = core_patches(grid.period)
+    core, _ = core_patches(grid.period)
     step = -(-min(_BAND, -(-_ENOUGH // width)) // (core * grid.period)) * core
     found, done = [], 0
     for first in range(0, count, step):

@@ -31,7 +31,7 @@ _PLANES = 4 + 1 + 2 + 4 * SOLVED
 
 
 @parallel_kernel(
-    "f4[:, ::1], (i8[::1], i8[::1]), (i8, i8, i8), i8, i8, i8, f4[:, :, ::1], "
+    "f4[:, ::1], (i8[::1], i8[::1]), (i8, i8, i8), i8, (i8, i8), i8, f4[:, :, ::1], "
     "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), i8, f4[:, :, ::1], f8[::1], i8[::1]"
 )
 def solve_regions(
@@ -39,7 +39,7 @@ def solve_regions(
     places: tuple[IndexArray, IndexArray],
     patches: tuple[int, int, int],
     period: int,
-    core: int,
+    core: tuple[int, int],
     halo: int,
     pins: FloatArray,
     filters: Filters,
@@ -53,9 +53,9 @@ def solve_regions(
 
     luminance: (H, W), scene units.
     places: the frame's row at each row of the domain, and its column at each column; the filters' reach more at both ends.
-    patches: (first row, end row, columns) of the patches. Both rows are multiples of `core`, unless the domain ends there.
+    patches: (first row, end row, columns) of the patches. Both rows are multiples of `core[0]`, unless the domain ends there.
     period: K, pixels.
-    core, halo: patches from one side of a core to the other, and around it.
+    core, halo: patches of a core, (down, across), and around it.
     pins: (4, 2 period, 4 period + a region's columns + 3 WIDTH), from the domain's corner on, repeating in both directions: 1 at
         the pixels pinned to one in field 0, 1, 2, and at all pinned pixels.
     filters: (smooth, slope, radii) as `transmission` takes them.
@@ -69,16 +69,16 @@ def solve_regions(
     (rows, columns), (first, end, across), (tolerance, iterations) = places, patches, limits
     reach = filters[0].shape[1] - 1
     height = len(rows) - 2 * reach
-    along = (across + core - 1) // core
-    regions = (end - first + core - 1) // core * along
-    largest = (core + 2 * halo) * period
+    along = (across + core[1] - 1) // core[1]
+    regions = (end - first + core[0] - 1) // core[0] * along
+    tallest, widest = (core[0] + 2 * halo) * period, (core[1] + 2 * halo) * period
     for worker in prange(workers):
         # Memory is taken once: fresh pages for every region would cost as much as solving it.
-        memory = zeros(_PLANES * (largest + 2) * _width(largest))
-        window = zeros((largest + 2 * reach) * (largest + 2 * reach + 3 * WIDTH))
+        memory = zeros(_PLANES * (tallest + 2) * _width(widest))
+        window = zeros((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
         for region in range(worker, regions, workers):
-            top, left = first + region // along * core, region % along * core
-            bottom, right = min(top + core, end), min(left + core, across)
+            top, left = first + region // along * core[0], region % along * core[1]
+            bottom, right = min(top + core[0], end), min(left + core[1], across)
             above, before = max(top - halo, 0), max(left - halo, 0)
             below, after = min(bottom + halo, height // period), min(right + halo, across)
             size = (below - above) * period, (after - before) * period

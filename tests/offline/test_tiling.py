@@ -90,7 +90,7 @@ def test_bands_cover_every_row_and_patch_once(
     pattern: CfaPattern, shape: tuple[int, int], core: int, reach: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     grid = pattern.grid(shape)
-    monkeypatch.setattr(product, "core_patches", lambda _: core)
+    monkeypatch.setattr(product, "core_patches", lambda _: (core, core))
     found = bands(grid, reach)
     (above, _), _ = grid.padding
     assert (found[0].patches[0], found[-1].patches[1]) == (0, grid.patches[0])
