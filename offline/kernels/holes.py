@@ -119,36 +119,49 @@ def _iterate(
     before: FloatArray,
 ) -> None:
     """Run Eqs. 3-5 on the `values` of the holes, one iteration per threshold; `before`: what they were before the last one."""
-    rows, columns = energy.shape[1] - 2, energy.shape[2] - 2
+    rows, columns, last = energy.shape[1] - 2, energy.shape[2] - 2, response.shape[1] - 1
     for iteration in range(len(thresholds)):
         threshold = thresholds[iteration]
         for hole in range(len(values)):
             store(before, (hole, 0), load(values, (hole, 0)))
-        for chunk in range(response.shape[1]):
+        for chunk in range(last):
             source = removed if chunk else fixed
             h0, h1, h2, h3 = _four(values, CHUNK * chunk)
             for place in range(len(fixed)):
                 c = response[place, chunk]
                 store(removed, (place, 0), load(source, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3)
+        source = removed if last else fixed
+        h0, h1, h2, h3 = _four(values, CHUNK * last)
         place = 0
         for band in range(_BANDS):
-            start = place
             for row in range(rows):
                 for column in range(columns):
-                    coefficient = load(removed, (place, 0))
+                    c = response[place, last]
+                    coefficient = load(source, (place, 0)) + c[0] * h0 + c[1] * h1 + c[2] * h2 + c[3] * h3
+                    store(removed, (place, 0), coefficient)
                     store(energy, (band, row + 1, column + 1, 0), coefficient * coefficient)
                     place += 1
-            place = start
+        h0, h1, h2, h3 = _four(values, 0)
+        place = 0
+        for band in range(_BANDS):
             for row in range(rows):
                 left, middle = _down(energy, band, row, 0), _down(energy, band, row, 1)
                 for column in range(columns):
                     right = _down(energy, band, row, column + 2)
                     # Eq. 5: shrinkage removes the fraction threshold / (norm of the neighbourhood), at most everything.
                     part = lesser(_ONE, scaled_reciprocal_root(left + middle + right, threshold))
-                    store(removed, (place, 0), load(removed, (place, 0)) * part)
+                    gone = load(removed, (place, 0)) * part
+                    store(removed, (place, 0), gone)
+                    c = response[place, 0]
+                    h0 -= c[0] * gone
+                    h1 -= c[1] * gone
+                    h2 -= c[2] * gone
+                    h3 -= c[3] * gone
                     left, middle = middle, right
                     place += 1
-        for chunk in range(response.shape[1]):
+        for hole, value in enumerate((h0, h1, h2, h3)):
+            store(values, (hole, 0), value)
+        for chunk in range(1, last + 1):
             h0, h1, h2, h3 = _four(values, CHUNK * chunk)
             for place in range(len(fixed)):
                 c = response[place, chunk]
