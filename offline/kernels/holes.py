@@ -56,7 +56,7 @@ def fill_blocks(
     rows, columns = extent
     for row in prange(blocks[0]):
         window = zeros(rows + 2 * REACH, columns + 2 * REACH, WIDTH)
-        energy = zeros(_BANDS, rows + 5, columns + 5, WIDTH)
+        energy, half = zeros(_BANDS, rows + 5, columns + 5, WIDTH), zeros(2, rows + 5, columns + 2 * REACH, WIDTH)
         fixed, removed = zeros(len(response), WIDTH), zeros(len(response), WIDTH)
         values, before = zeros(response.shape[1] * CHUNK, WIDTH), zeros(response.shape[1] * CHUNK, WIDTH)
         changes[row] = _NONE
@@ -65,7 +65,7 @@ def fill_blocks(
             places = first[1] + period * np.minimum(np.arange(group, group + WIDTH), blocks[1] - 1)
             top = first[0] + row * period
             _gather(signal, top, places, holes, window, values)
-            _decompose(window, taps, fixed, energy)
+            _decompose(window, taps, half, fixed, energy)
             _iterate(fixed, energy, response, thresholds, removed, values, before)
             for hole in range(len(holes)):
                 for lane in range(WIDTH):
@@ -90,18 +90,27 @@ def _gather(
 
 
 @kernel
-def _decompose(window: FloatArray, taps: FloatArray, fixed: FloatArray, energy: FloatArray) -> None:
-    """Compute the high-pass coefficients without the holes: to `fixed` those that holes add to, to `energy` the squares of all."""
+def _decompose(window: FloatArray, taps: FloatArray, half: FloatArray, fixed: FloatArray, energy: FloatArray) -> None:
+    """Compute the high-pass coefficients without the holes: to `fixed` those that holes add to, to `energy` the squares of all.
+
+    half: (2, energy's rows, the window's columns, lanes), for what is filtered vertically alone, by each row of `taps`.
+    """
     rows, columns = energy.shape[1:3]
+    for kind in range(2):
+        for row in range(rows):
+            for column in range(columns + 3):
+                total = taps[kind, 0] * load(window, (row, column, 0))
+                for i in range(1, 4):
+                    total += taps[kind, i] * load(window, (row + i, column, 0))
+                store(half, (kind, row, column, 0), total)
     place = 0
     for band in range(_BANDS):
-        down, across = taps[(band + 1) // 2], taps[(band + 1) % 2]
+        kind, across = (band + 1) // 2, taps[(band + 1) % 2]
         for row in range(rows):
             for column in range(columns):
-                coefficient = load(window, (row, column, 0)) * _NONE
-                for i in range(4):
-                    for j in range(4):
-                        coefficient += down[i] * across[j] * load(window, (row + i, column + j, 0))
+                coefficient = across[0] * load(half, (kind, row, column, 0))
+                for j in range(1, 4):
+                    coefficient += across[j] * load(half, (kind, row, column + j, 0))
                 store(energy, (band, row, column, 0), coefficient * coefficient)
                 if 0 < row < rows - 1 and 0 < column < columns - 1:
                     store(fixed, (place, 0), coefficient)
