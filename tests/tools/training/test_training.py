@@ -47,13 +47,13 @@ def small(photographs: tuple[str, ...], steps: int) -> run.Plan:
 
 def test_it_learns_and_writes_what_the_render_runs(photographs: tuple[str, ...], tmp_path: Path) -> None:
     said: list[str] = []
-    path = run.train(small(photographs, 60), tmp_path, 1, SILENT, said.append)
+    path = run.train(small(photographs, 120), tmp_path, 1, SILENT, said.append)
     assert said
-    assert said[-1].startswith("step 60: left 0.")
+    assert said[-1].startswith("step 120: left 0.")
     assert (tmp_path / "k4" / "loss.png").stat().st_size > 1000
     Learner(path, CfaPattern.bayer(4), (1.0, 1.0, 1.0))
     history = json.loads((tmp_path / "k4" / "plan.json").read_text())
-    assert history["steps"] == 60
+    assert history["steps"] == 120
 
 
 def test_an_interrupted_training_ends_with_the_same_weights(
