@@ -97,7 +97,8 @@ def cells_of(picture: Any, period: int) -> tuple[Any, Any]:
 
     picture: (N, 3, h K, w K). One convolution does it: onnxruntime takes several times as long for the same in single steps.
     """
-    cells = functional.conv2d(picture, pixelwise(np.concatenate([np.full((1, 3), 1 / 3), BASIS]), period), stride=period)
+    matrix = np.concatenate([np.full((1, 3), 1 / 3), BASIS])
+    cells = functional.conv2d(picture, pixelwise(matrix, period).to(picture), stride=period)
     return cells[:, : period**2], cells[:, period**2 :]
 
 
