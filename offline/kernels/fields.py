@@ -85,12 +85,12 @@ def solve_regions(
             place = above * period, before * period
             light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * WIDTH)].reshape(size[0] + 2 * reach, -1)
             for row in range(size[0] + 2 * reach):
-                for column in range(size[1] + 2 * reach):
-                    light[row, column] = luminance[rows[place[0] + row], columns[place[1] + column]]
+                _gather(luminance[rows[place[0] + row]], columns[place[1] : place[1] + size[1] + 2 * reach], light[row])
             width = _width(size[1])
             planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
-            planes[:] = _NONE
             weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
+            for framed in (planes[:7], unknowns[_DIRECTION:_APPLIED]):
+                _frame(framed, size)
             transmission(light, period, filters, through)
             _weigh(through, place, size, pins, weights, scale)
             norm = _start(weights, scale, pins, place, size, unknowns)
@@ -104,6 +104,30 @@ def solve_regions(
 def _width(columns: int) -> int:
     """Columns of the planes of a region that has `columns` of its own."""
     return _MARGIN + (columns + WIDTH - 1) // WIDTH * WIDTH + _MARGIN
+
+
+@kernel
+def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
+    """Store the elements of a row of the frame that `places` names."""
+    for column in range(0, len(places), WIDTH):
+        first, end = places[column], min(column + WIDTH, len(places))
+        if places[end - 1] - first == WIDTH - 1:  # not mirrored
+            store(row, column, load(source, first))
+        else:
+            for place in range(column, end):
+                row[place] = source[places[place]]
+
+
+@kernel
+def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
+    """Surround the rows and columns of a region by zeros."""
+    for plane in range(len(planes)):
+        for row in range(size[0] + 2):
+            inside = 0 < row <= size[0]
+            for column in range(_MARGIN if inside else planes.shape[2]):
+                planes[plane, row, column] = _NONE
+            for column in range(_MARGIN + size[1], planes.shape[2]):
+                planes[plane, row, column] = _NONE
 
 
 @kernel
@@ -227,7 +251,7 @@ def _conjugate_gradients(
     sums = np.empty((SOLVED, 4))
     worst, used = 0.0, 0
     while used < iterations:
-        _sweep(weights, size, planes, steps, turns, sums)
+        _sweep(weights, size, planes, used == 0, steps, turns, sums)
         worst = sums[:, 0].max()
         if worst <= target:
             return math.sqrt(worst / norm) if norm > 0 else 0.0, used
@@ -254,18 +278,40 @@ def _conjugate_gradients(
 
 @kernel
 def _sweep(
-    weights: FloatArray, size: tuple[int, int], planes: FloatArray, steps: FloatArray, turns: FloatArray, sums: DoubleArray
+    weights: FloatArray,
+    size: tuple[int, int],
+    planes: FloatArray,
+    first: bool,
+    steps: FloatArray,
+    turns: FloatArray,
+    sums: DoubleArray,
 ) -> None:
     """Run one iteration. sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
     parts = zeros(SOLVED, 4, WIDTH)
-    _update(planes, 1, size[1], steps, turns, parts)
-    for row in range(1, size[0] + 1):
+    for row in range(size[0] + 1):
         if row < size[0]:
-            _update(planes, row + 1, size[1], steps, turns, parts)
-        _apply(weights, planes, row, size[1], parts)
+            if first:
+                _begin(planes, row + 1, size[1], parts)
+            else:
+                _update(planes, row + 1, size[1], steps, turns, parts)
+        if row > 0:
+            _apply(weights, planes, row, size[1], parts)
     for field in range(SOLVED):
         for part in range(4):
             sums[field, part] = total(load(parts, (field, part, 0)))
+
+
+@kernel
+def _begin(planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
+    """Set solution and direction of one row from its residual, and add its (r, r) to `parts`."""
+    for field in range(SOLVED):
+        squared = load(parts, (field, 0, 0))
+        for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+            residual = load(planes, (_RESIDUAL + field, row, column))
+            store(planes, (field, row, column), _NONE * residual)
+            store(planes, (_DIRECTION + field, row, column), residual)
+            squared += residual * residual
+        store(parts, (field, 0, 0), squared)
 
 
 @kernel
