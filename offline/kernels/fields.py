@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 from .edges import Filters, transmission
@@ -75,6 +75,7 @@ def solve_regions(
     for worker in prange(workers):
         # Memory is taken once: fresh pages for every region would cost as much as solving it.
         memory = zeros(_PLANES * (tallest + 2) * _width(widest))
+        pinned = _pinned(pins)
         window = zeros((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
         for region in range(worker, regions, workers):
             top, left = first + region // along * core[0], region % along * core[1]
@@ -92,8 +93,7 @@ def solve_regions(
             for framed in (planes[:7], unknowns[_DIRECTION:_APPLIED]):
                 _frame(framed, size)
             transmission(light, period, filters, through)
-            _weigh(through, place, size, pins, weights, scale)
-            norm = _start(weights, scale, pins, place, size, unknowns)
+            norm = _start(through, place, size, pins, pinned, weights, scale, unknowns)
             residuals[region], used[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
             inner = (top - above) * period, (left - before) * period
             out = fields[:, (top - first) * period : (bottom - first) * period, left * period : right * period]
@@ -131,35 +131,88 @@ def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
 
 
 @kernel
-def _weigh(
-    through: FloatArray, place: tuple[int, int], size: tuple[int, int], pins: FloatArray, weights: FloatArray, scale: FloatArray
-) -> None:
-    """Compute the weights of Eq. 12 and the scaling of the system. All planes are a region in a frame of zeros.
+def _pinned(pins: FloatArray) -> BoolArray:
+    """Whether any pixel of a row of the region, or of the rows around it, is pinned: per plane and row of `pins`."""
+    planes, rows, _ = pins.shape
+    found = np.zeros((planes, rows), np.bool_)
+    for plane in range(planes):
+        for row in range(rows):
+            if pins[plane, row].max() > 0:
+                for near in range(-1, 2):
+                    found[plane, (row + near) % rows] = True
+    return found
+
+
+@kernel
+def _start(
+    through: FloatArray,
+    place: tuple[int, int],
+    size: tuple[int, int],
+    pins: FloatArray,
+    pinned: BoolArray,
+    weights: FloatArray,
+    scale: FloatArray,
+    unknowns: FloatArray,
+) -> float:
+    """Set up the system: weights, scaling and the residuals of the start. All planes are a region in a frame of zeros.
+
+    The start is the same in all four fields, a quarter at every free pixel: a pixel that edges cut off from every block is then
+    shared by all, not left to the fourth. Returns the largest squared norm of a right-hand side.
 
     through: (2, rows + 2, width), from `transmission`.
-    weights: (4, rows + 2, width), written: c[n, n'] to the right, below, below right and below left.
+    weights: (4, rows + 2, width), written: c[n, n'] to the right, below, below right and below left, scaled.
     scale: (rows + 2, width), written: d^(-1/2), d the sum of c over all eight neighbours; 0 where pinned.
+    unknowns: the residuals among them are written.
     """
-    period = pins.shape[1] // 2
+    period2 = pins.shape[1]
+    squares = zeros(SOLVED, WIDTH)
     through[:, :, _MARGIN + size[1] :] = _NONE  # no neighbours past the end
-    for row in range(1, size[0] + 1):
-        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
-            h, v = load(through, (0, row, column)), load(through, (1, row, column))
-            either = lesser(h, v)  # e is the greater of both directions' along a diagonal (errata)
-            store(weights, (0, row, column), lesser(h, load(through, (0, row, column + 1))))
-            store(weights, (1, row, column), lesser(v, load(through, (1, row + 1, column))))
-            for side in range(2):
-                other = row + 1, column + 1 - 2 * side
-                there = lesser(load(through, (0, *other)), load(through, (1, *other)))
-                store(weights, (2 + side, row, column), lesser(either, there))
-    phase = _phase(place, period)
-    for row in range(1, size[0] + 1):
-        at = (place[0] + row - 1) % (2 * period)
-        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
-            degree = _around(weights, row, column, _ONES)
-            free = _ONE - load(pins, (SOLVED, at, phase + column - _MARGIN))
-            store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
-        scale[row, _MARGIN + size[1] :] = _NONE
+    for row in range(1, size[0] + 2):
+        if row <= size[0]:
+            at = (place[0] + row - 1) % period2
+            first = _phase(place, period2 // 2)
+            _weigh(through, row, size[1], weights)
+            _root(weights, row, size[1], pins[SOLVED, at, first:], scale)
+            _pull(weights, scale, row, size[1], pins, pinned[:, at], (at, first), unknowns[_RESIDUAL:_DIRECTION], squares)
+        if row > 1:  # both rows that need the weights as they were are done
+            _scale(weights, scale, row - 1, size[1])
+    return float(max(total(load(squares, (0, 0))), total(load(squares, (1, 0))), total(load(squares, (2, 0)))))
+
+
+@kernel
+def _weigh(through: FloatArray, row: int, columns: int, weights: FloatArray) -> None:
+    """Compute the weights of Eq. 12 of one row."""
+    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+        h, v = load(through, (0, row, column)), load(through, (1, row, column))
+        either = lesser(h, v)  # e is the greater of both directions' along a diagonal (errata)
+        store(weights, (0, row, column), lesser(h, load(through, (0, row, column + 1))))
+        store(weights, (1, row, column), lesser(v, load(through, (1, row + 1, column))))
+        for side in range(2):
+            other = row + 1, column + 1 - 2 * side
+            there = lesser(load(through, (0, *other)), load(through, (1, *other)))
+            store(weights, (2 + side, row, column), lesser(either, there))
+
+
+@kernel
+def _root(weights: FloatArray, row: int, columns: int, pins: FloatArray, scale: FloatArray) -> None:
+    """Compute the scaling of one row. pins: 1 at its pinned pixels."""
+    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+        degree = _around(weights, row, column, _ONES)
+        free = _ONE - load(pins, column - _MARGIN)
+        store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
+    scale[row, _MARGIN + columns :] = _NONE
+
+
+@kernel
+def _scale(weights: FloatArray, scale: FloatArray, row: int, columns: int) -> None:
+    """Scale the weights of one row."""
+    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+        here = load(scale, (row, column))
+        # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
+        store(weights, (0, row, column), load(weights, (0, row, column)) * here * load(scale, (row, column + 1)))
+        store(weights, (1, row, column), load(weights, (1, row, column)) * here * load(scale, (row + 1, column)))
+        store(weights, (2, row, column), load(weights, (2, row, column)) * here * load(scale, (row + 1, column + 1)))
+        store(weights, (3, row, column), load(weights, (3, row, column)) * here * load(scale, (row + 1, column - 1)))
 
 
 @kernel
@@ -185,38 +238,32 @@ def _around(weights: FloatArray, row: int, column: int, near: tuple[Lanes | Scal
 
 
 @kernel
-def _start(
-    weights: FloatArray, scale: FloatArray, pins: FloatArray, place: tuple[int, int], size: tuple[int, int], planes: FloatArray
-) -> float:
-    """Compute the residuals of the start, a quarter at every free pixel, and scale the weights.
+def _pull(
+    weights: FloatArray,
+    scale: FloatArray,
+    row: int,
+    columns: int,
+    pins: FloatArray,
+    pinned: BoolArray,
+    corner: tuple[int, int],
+    residuals: FloatArray,
+    squares: FloatArray,
+) -> None:
+    """Compute the residuals of one row, and add the squares of its right-hand sides to `squares`.
 
-    The start is the same in all four fields: a pixel that edges cut off from every block is then shared by all, not left to the
-    fourth. Returns the largest squared norm of a right-hand side.
+    pinned: planes of `pins` in which a pixel of the row has pinned neighbours. corner: row and column of `pins` at the row's first.
     """
-    period2 = pins.shape[1]
-    phase = _phase(place, period2 // 2)
-    squares = zeros(SOLVED, WIDTH)
-    for row in range(1, size[0] + 1):
-        at = place[0] + row - 1
-        above, at, below = (at - 1) % period2, at % period2, (at + 1) % period2
-        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
-            x = phase + column - _MARGIN
-            every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x)
-            here = load(scale, (row, column))
-            for field in range(SOLVED):
-                pulled = _pulled(weights, row, column, pins, field, above, at, below, x)
-                store(planes, (_RESIDUAL + field, row, column), here * (pulled - _QUARTER * every))
-                side = here * pulled
-                store(squares, (field, 0), load(squares, (field, 0)) + side * side)
-    for row in range(1, size[0] + 1):
-        for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
-            here = load(scale, (row, column))
-            # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
-            store(weights, (0, row, column), load(weights, (0, row, column)) * here * load(scale, (row, column + 1)))
-            store(weights, (1, row, column), load(weights, (1, row, column)) * here * load(scale, (row + 1, column)))
-            store(weights, (2, row, column), load(weights, (2, row, column)) * here * load(scale, (row + 1, column + 1)))
-            store(weights, (3, row, column), load(weights, (3, row, column)) * here * load(scale, (row + 1, column - 1)))
-    return float(max(total(load(squares, (0, 0))), total(load(squares, (1, 0))), total(load(squares, (2, 0)))))
+    at, first = corner
+    above, below = (at - 1) % pins.shape[1], (at + 1) % pins.shape[1]
+    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+        x, here = first + column - _MARGIN, load(scale, (row, column))
+        nothing = _NONE * here
+        every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x) if pinned[SOLVED] else nothing
+        for field in range(SOLVED):
+            pulled = _pulled(weights, row, column, pins, field, above, at, below, x) if pinned[field] else nothing
+            store(residuals, (field, row, column), here * (pulled - _QUARTER * every))
+            side = here * pulled
+            store(squares, (field, 0), load(squares, (field, 0)) + side * side)
 
 
 @kernel
