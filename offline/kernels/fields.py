@@ -96,8 +96,8 @@ def solve_regions(
             norm = _start(through, place, size, pins, pinned, weights, scale, unknowns)
             residuals[region], used[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
             inner = (top - above) * period, (left - before) * period
-            out = fields[:, (top - first) * period : (bottom - first) * period, left * period : right * period]
-            _finish(unknowns, scale, pins, place, inner, out)
+            core_size = (bottom - top) * period, (right - left) * period
+            _finish(unknowns, scale, pins, place, inner, core_size, fields, ((top - first) * period, left * period))
 
 
 @kernel
@@ -121,13 +121,14 @@ def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
 @kernel
 def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
     """Surround the rows and columns of a region by zeros."""
+    width = planes.shape[2]
     for plane in range(len(planes)):
-        for row in range(size[0] + 2):
-            inside = 0 < row <= size[0]
-            for column in range(_MARGIN if inside else planes.shape[2]):
-                planes[plane, row, column] = _NONE
-            for column in range(_MARGIN + size[1], planes.shape[2]):
-                planes[plane, row, column] = _NONE
+        for column in range(width):
+            planes[plane, 0, column] = planes[plane, size[0] + 1, column] = _NONE
+        for row in range(1, size[0] + 1):
+            for step in range(WIDTH):
+                planes[plane, row, step] = planes[plane, row, _MARGIN + size[1] + step] = _NONE
+                planes[plane, row, width - WIDTH + step] = _NONE
 
 
 @kernel
@@ -414,13 +415,24 @@ def _three(planes: FloatArray, field: int, row: int, column: int) -> tuple[Lanes
 
 @kernel
 def _finish(
-    solution: FloatArray, scale: FloatArray, pins: FloatArray, place: tuple[int, int], inner: tuple[int, int], out: FloatArray
+    solution: FloatArray,
+    scale: FloatArray,
+    pins: FloatArray,
+    place: tuple[int, int],
+    inner: tuple[int, int],
+    size: tuple[int, int],
+    fields: FloatArray,
+    corner: tuple[int, int],
 ) -> None:
-    """Write the four fields of a core: not below zero, and scaled to a sum of one, despite rounding and tolerance."""
+    """Write the four fields of a core: not below zero, and scaled to a sum of one, despite rounding and tolerance.
+
+    inner, corner: the core's first row and column in the region, and in `fields`. size: rows and columns of the core.
+    """
     period2 = pins.shape[1]
     phase = _phase(place, period2 // 2)
     first = _MARGIN + inner[1]
-    _, rows, columns = out.shape
+    rows, columns = size
+    whole = columns // WIDTH * WIDTH
     line = zeros(SOLVED + 1, columns + WIDTH)
     for row in range(rows):
         at = (place[0] + inner[0] + row) % period2
@@ -440,5 +452,7 @@ def _finish(
             for field in range(SOLVED):
                 store(line, (field, column), load(line, (field, column)) * share)
         for field in range(SOLVED + 1):
-            for column in range(columns):
-                out[field, row, column] = line[field, column]
+            for column in range(0, whole, WIDTH):
+                store(fields, (field, corner[0] + row, corner[1] + column), load(line, (field, column)))
+            for column in range(whole, columns):  # beyond the core are the fields of another
+                fields[field, corner[0] + row, corner[1] + column] = line[field, column]
