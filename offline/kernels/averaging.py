@@ -15,7 +15,7 @@ from shared.arrays import FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import LEAST_EXPONENT, exponential, mirrored, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, shifted, store, where_less
+from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, shifted, store, total, where_less
 
 _STRIP, _COLUMNS, _BATCH = 128, 244, 4
 _TOGETHER = 4  # planes summed at a time: the light and three channels
@@ -100,7 +100,7 @@ def _window(
             behind, around = repetition * radius, (repetitions - 1 - repetition) * radius
             for row in range(max(batch - behind, top - around, 0), min(after - behind, bottom + around, height)):
                 while repetition == 0 and coloured < min(row + radius + 1, height):
-                    _colour(initial[coloured - first], luminance[coloured], places, radius, reach, colour[0, coloured % ring])
+                    _colour(initial[coloured - first], luminance[coloured], edge, radius, colour[0, coloured % ring])
                     coloured += 1
                 _sum(weights, colour[repetition], row, height, radius, sums)
                 if repetition == repetitions - 1:
@@ -191,15 +191,26 @@ def _join(row: FloatArray, margin: int) -> None:
 
 
 @kernel
-def _colour(initial: FloatArray, luminance: FloatArray, places: IndexArray, radius: int, reach: int, colour: FloatArray) -> None:
+def _colour(initial: FloatArray, luminance: FloatArray, edge: int, radius: int, colour: FloatArray) -> None:
     """Store light, and light times chromaticity, of a row: Eq. 16 multiplies each weight by the light of the other pixel."""
-    for column in range(radius, colour.shape[1] - radius):
-        for lane in range(WIDTH):
-            place = places[column + reach, lane]
-            light = max(luminance[place], _NONE)
-            colour[0, column, lane] = light
-            for channel in range(initial.shape[1]):
-                colour[channel + 1, column, lane] = light * initial[place, channel]
+    width, channels = initial.shape
+    piece = colour.shape[1] - 2 * radius
+    for lane in range(WIDTH):
+        start = edge + lane * piece
+        if start >= 0 and start + piece <= width:
+            lights, tints = luminance[start : start + piece], initial[start : start + piece]
+            for column in range(piece):
+                colour[0, column + radius, lane] = max(lights[column], _NONE)
+            for channel in range(channels):
+                for column in range(piece):
+                    colour[channel + 1, column + radius, lane] = max(lights[column], _NONE) * tints[column, channel]
+        else:
+            for column in range(piece):
+                place = mirrored(start + column, width)
+                light = max(luminance[place], _NONE)
+                colour[0, column + radius, lane] = light
+                for channel in range(channels):
+                    colour[channel + 1, column + radius, lane] = light * initial[place, channel]
     for plane in range(len(colour)):
         _join(colour[plane], radius)
 
@@ -271,19 +282,26 @@ def _store_four(sums: FloatArray, plane: int, column: int, values: Four) -> None
 def _finish(sums: FloatArray, initial: FloatArray, columns: tuple[int, int], edge: int, out: FloatArray) -> None:
     """Divide the sums of Eq. 15 and write them to `out`; a pixel without light keeps its initial chromaticity."""
     piece = sums.shape[1]
+    dark = _NONE * load(sums, (0, 0, 0))
     for column in range(piece):
-        share = quotient(_ONE, greater(load(sums, (0, column, 0)), _LEAST))
+        light = load(sums, (0, column, 0))
+        dark += where_less(_LEAST, light, _NONE, _ONE)
+        share = quotient(_ONE, greater(light, _LEAST))
         for channel in range(out.shape[1]):
             store(sums, (channel + 1, column, 0), load(sums, (channel + 1, column, 0)) * share)
     for lane in range(WIDTH):
         start = edge + lane * piece
-        for place in range(max(start, columns[0]), min(start + piece, columns[1])):
-            if sums[0, place - start, lane] > _LEAST:
-                for channel in range(out.shape[1]):
-                    out[place, channel] = sums[channel + 1, place - start, lane]
-            else:
-                for channel in range(out.shape[1]):
-                    out[place, channel] = initial[place, channel]
+        first, end = max(start, columns[0]), min(start + piece, columns[1])
+        if first < end:
+            target, source = out[first:end], sums[:, first - start : end - start]
+            for channel in range(out.shape[1]):
+                for place in range(end - first):
+                    target[place, channel] = source[channel + 1, place, lane]
+            if total(dark) > 0:
+                for place in range(end - first):
+                    if not source[0, place, lane] > _LEAST:
+                        for channel in range(out.shape[1]):
+                            target[place, channel] = initial[first + place, channel]
 
 
 @kernel
