@@ -53,6 +53,20 @@ def zeros(*shape: int) -> FloatArray:
     size = 1
     for length in shape:
         size *= length
-    buffer = np.zeros(size + WIDTH, np.float32)
+    return _aligned(np.zeros(size + WIDTH, np.float32), size).reshape(shape)
+
+
+@kernel
+def unset(*shape: int) -> FloatArray:
+    """As `zeros`, but with arbitrary values."""
+    size = 1
+    for length in shape:
+        size *= length
+    return _aligned(np.empty(size + WIDTH, np.float32), size).reshape(shape)
+
+
+@kernel
+def _aligned(buffer: FloatArray, size: int) -> FloatArray:
+    """The part of a buffer that begins where a vector does."""
     first = -(buffer.ctypes.data // (BYTES // WIDTH)) % WIDTH
-    return buffer[first : first + size].reshape(shape)
+    return buffer[first : first + size]

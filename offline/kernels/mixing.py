@@ -5,7 +5,7 @@ import numpy as np
 from shared.arrays import FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
-from .functions import zeros
+from .functions import unset
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
 _CLASSES = 4
@@ -43,18 +43,20 @@ def mix(
     width = fields.shape[2] + WIDTH
     for patch in prange(fields.shape[1] // period):
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
-        light, colour = zeros(_CLASSES, width), zeros(_CLASSES + 1, channels, width)
+        light, colour = unset(_CLASSES, width), unset(_CLASSES + 1, channels, width)
         _expand(blocks, luminance, places, first + patch, period, light, colour)
-        alpha, line = zeros(_CLASSES, width), zeros(channels, width)
+        alpha, line = unset(_CLASSES, width), unset(channels, width)
         start = max(patch * period - corner[0], 0)
         for row in range(start, min((patch + 1) * period - corner[0], len(out))):
             for kind in range(_CLASSES):
-                for column in range(fields.shape[2]):
-                    alpha[kind, column] = fields[kind, row + corner[0], column]
+                source = fields[kind, row + corner[0]]
+                for column in range(len(source)):
+                    alpha[kind, column] = source[column]
             _mix_row(alpha, fields.shape[2], light, colour, np.float32(softness), line)
             for channel in range(channels):
+                mixed = line[channel, corner[1] :]
                 for column in range(out.shape[1]):
-                    out[row, column, channel] = line[channel, column + corner[1]]
+                    out[row, column, channel] = mixed[column]
 
 
 @kernel
@@ -63,17 +65,30 @@ def _expand(
 ) -> None:
     """Repeat light and colour of each class's corner over its patch; the last plane of `colour` is the mean of the four corners."""
     rows, columns = places
+    one = load(np.ones(WIDTH, np.float32), 0)
     for across in range(blocks.shape[1] - 1):
         left, right = across * period, (across + 1) * period
         for kind in range(_CLASSES):
-            down, over = (kind // 2 - patch) % 2, (kind % 2 - across) % 2  # the corner of this patch that the class is at
+            down, over = _corner(kind, patch, across)
             sample = luminance[rows[patch * period + down * (period - 1)], columns[left + over * (period - 1)]]  # l[n_j]
-            light[kind, left:right] = max(sample, _NONE)
-            for channel in range(blocks.shape[2]):
+            for column in range(left, right, WIDTH):  # what runs over the end is written again, with the next patch
+                store(light, (kind, column), max(sample, _NONE) * one)
+        for channel in range(blocks.shape[2]):
+            mean = _NONE
+            for kind in range(_CLASSES):
+                down, over = _corner(kind, patch, across)
                 value = blocks[patch + down, across + over, channel]
-                for column in range(left, right):
-                    colour[kind, channel, column] = value
-                    colour[_CLASSES, channel, column] += _QUARTER * value
+                mean += _QUARTER * value
+                for column in range(left, right, WIDTH):
+                    store(colour, (kind, channel, column), value * one)
+            for column in range(left, right, WIDTH):
+                store(colour, (_CLASSES, channel, column), mean * one)
+
+
+@kernel
+def _corner(kind: int, patch: int, across: int) -> tuple[int, int]:
+    """Which corner of a patch a class is at: 0 or 1 down, 0 or 1 to the right."""
+    return (kind // 2 - patch) % 2, (kind % 2 - across) % 2
 
 
 @kernel
