@@ -2,31 +2,21 @@
 
 A region is a core of patches and a halo of patches around it, cut where the domain ends. Pixels beyond the halo are ignored: blocks
 pin the fields at every corner of every patch, so influence falls about tenfold with each patch it has to cross.
-
-The system is scaled by the square roots of its diagonal. This is the usual diagonal preconditioning, without a diagonal to read. An
-iteration passes over the rows once: it updates a row of solution, residual and direction, then applies the matrix to the row above,
-whose three rows of directions are still in the cache.
 """
-
-import math
 
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
+from .conjugate import APPLIED, DIRECTION, MARGIN, RESIDUAL, SOLVED, around, conjugate_gradients
 from .edges import Filters, transmission
 from .functions import zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, lesser, load, quotient, shifted, square_root, store, total
+from .lanes import WIDTH, Lanes, greater, lesser, load, quotient, square_root, store, total
 
-SOLVED = 3
-"""Fields that are solved; the fourth is one minus their sum."""
-_LAST = WIDTH - 1
-_MARGIN = WIDTH  # columns of a region's planes left of its first column; as many and up to one vector more follow its last
 _NONE, _ONE, _QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 _ONES = (_ONE,) * 8
 _LEAST = np.float32(1e-37)
-_RESIDUAL, _DIRECTION, _APPLIED = SOLVED, 2 * SOLVED, 3 * SOLVED  # planes of the unknowns, after the solutions
 _PLANES = 4 + 1 + 2 + 4 * SOLVED
 
 
@@ -90,11 +80,11 @@ def solve_regions(
             width = _width(size[1])
             planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
             weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
-            for framed in (planes[:7], unknowns[_DIRECTION:_APPLIED]):
+            for framed in (planes[:7], unknowns[DIRECTION:APPLIED]):
                 _frame(framed, size)
             transmission(light, period, filters, through)
             norm = _start(through, place, size, pins, pinned, weights, scale, unknowns)
-            residuals[region], used[region] = _conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
+            residuals[region], used[region] = conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
             inner = (top - above) * period, (left - before) * period
             core_size = (bottom - top) * period, (right - left) * period
             _finish(unknowns, scale, pins, place, inner, core_size, fields, ((top - first) * period, left * period))
@@ -103,7 +93,7 @@ def solve_regions(
 @kernel
 def _width(columns: int) -> int:
     """Columns of the planes of a region that has `columns` of its own."""
-    return _MARGIN + (columns + WIDTH - 1) // WIDTH * WIDTH + _MARGIN
+    return MARGIN + (columns + WIDTH - 1) // WIDTH * WIDTH + MARGIN
 
 
 @kernel
@@ -127,7 +117,7 @@ def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
             planes[plane, 0, column] = planes[plane, size[0] + 1, column] = _NONE
         for row in range(1, size[0] + 1):
             for step in range(WIDTH):
-                planes[plane, row, step] = planes[plane, row, _MARGIN + size[1] + step] = _NONE
+                planes[plane, row, step] = planes[plane, row, MARGIN + size[1] + step] = _NONE
                 planes[plane, row, width - WIDTH + step] = _NONE
 
 
@@ -167,14 +157,14 @@ def _start(
     """
     period2 = pins.shape[1]
     squares = zeros(SOLVED, WIDTH)
-    through[:, :, _MARGIN + size[1] :] = _NONE  # no neighbours past the end
+    through[:, :, MARGIN + size[1] :] = _NONE  # no neighbours past the end
     for row in range(1, size[0] + 2):
         if row <= size[0]:
             at = (place[0] + row - 1) % period2
             first = _phase(place, period2 // 2)
             _weigh(through, row, size[1], weights)
             _root(weights, row, size[1], pins[SOLVED, at, first:], scale)
-            _pull(weights, scale, row, size[1], pins, pinned[:, at], (at, first), unknowns[_RESIDUAL:_DIRECTION], squares)
+            _pull(weights, scale, row, size[1], pins, pinned[:, at], (at, first), unknowns[RESIDUAL:DIRECTION], squares)
         if row > 1:  # both rows that need the weights as they were are done
             _scale(weights, scale, row - 1, size[1])
     return float(max(total(load(squares, (0, 0))), total(load(squares, (1, 0))), total(load(squares, (2, 0)))))
@@ -183,7 +173,7 @@ def _start(
 @kernel
 def _weigh(through: FloatArray, row: int, columns: int, weights: FloatArray) -> None:
     """Compute the weights of Eq. 12 of one row."""
-    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+    for column in range(MARGIN, MARGIN + columns, WIDTH):
         h, v = load(through, (0, row, column)), load(through, (1, row, column))
         either = lesser(h, v)  # e is the greater of both directions' along a diagonal (errata)
         store(weights, (0, row, column), lesser(h, load(through, (0, row, column + 1))))
@@ -197,17 +187,17 @@ def _weigh(through: FloatArray, row: int, columns: int, weights: FloatArray) -> 
 @kernel
 def _root(weights: FloatArray, row: int, columns: int, pins: FloatArray, scale: FloatArray) -> None:
     """Compute the scaling of one row. pins: 1 at its pinned pixels."""
-    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
-        degree = _around(weights, row, column, _ONES)
-        free = _ONE - load(pins, column - _MARGIN)
+    for column in range(MARGIN, MARGIN + columns, WIDTH):
+        degree = around(weights, row, column, _ONES)
+        free = _ONE - load(pins, column - MARGIN)
         store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
-    scale[row, _MARGIN + columns :] = _NONE
+    scale[row, MARGIN + columns :] = _NONE
 
 
 @kernel
 def _scale(weights: FloatArray, scale: FloatArray, row: int, columns: int) -> None:
     """Scale the weights of one row."""
-    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
+    for column in range(MARGIN, MARGIN + columns, WIDTH):
         here = load(scale, (row, column))
         # From left to right: both roots may be as large as 3e18, their product with a weight is at most one.
         store(weights, (0, row, column), load(weights, (0, row, column)) * here * load(scale, (row, column + 1)))
@@ -220,22 +210,6 @@ def _scale(weights: FloatArray, scale: FloatArray, row: int, columns: int) -> No
 def _phase(place: tuple[int, int], period: int) -> int:
     """The column of `pins` that belongs to a region's first column; there are further columns to its left."""
     return 2 * period + place[1] % (2 * period)
-
-
-@kernel
-def _around(weights: FloatArray, row: int, column: int, near: tuple[Lanes | Scalar, ...]) -> Lanes:
-    """The sum over eight neighbours of c[n, n'] times a value at n', in the order of their names here."""
-    right, left, below, above, below_right, above_left, below_left, above_right = near
-    return (
-        load(weights, (0, row, column)) * right
-        + load(weights, (0, row, column - 1)) * left
-        + load(weights, (1, row, column)) * below
-        + load(weights, (1, row - 1, column)) * above
-        + load(weights, (2, row, column)) * below_right
-        + load(weights, (2, row - 1, column - 1)) * above_left
-        + load(weights, (3, row, column)) * below_left
-        + load(weights, (3, row - 1, column + 1)) * above_right
-    )
 
 
 @kernel
@@ -256,8 +230,8 @@ def _pull(
     """
     at, first = corner
     above, below = (at - 1) % pins.shape[1], (at + 1) % pins.shape[1]
-    for column in range(_MARGIN, _MARGIN + columns, WIDTH):
-        x, here = first + column - _MARGIN, load(scale, (row, column))
+    for column in range(MARGIN, MARGIN + columns, WIDTH):
+        x, here = first + column - MARGIN, load(scale, (row, column))
         nothing = _NONE * here
         every = _pulled(weights, row, column, pins, SOLVED, above, at, below, x) if pinned[SOLVED] else nothing
         for field in range(SOLVED):
@@ -282,135 +256,7 @@ def _pulled(
         load(pins, (field, below, x - 1)),
         load(pins, (field, above, x + 1)),
     )
-    return _around(weights, row, column, near)
-
-
-@kernel
-def _conjugate_gradients(
-    weights: FloatArray, size: tuple[int, int], planes: FloatArray, norm: float, tolerance: float, iterations: int
-) -> tuple[float, int]:
-    """Solve, starting from the residuals in `planes`. Returns the largest relative residual, and the iterations used.
-
-    planes: solution, residual, direction and the matrix times the direction, three fields each, (12, rows + 2, width).
-    norm: the largest squared norm of a right-hand side.
-    """
-    target = tolerance * tolerance * norm
-    steps, turns = np.zeros(SOLVED, np.float32), np.zeros(SOLVED, np.float32)
-    sums = np.empty((SOLVED, 4))
-    worst, used = 0.0, 0
-    while used < iterations:
-        _sweep(weights, size, planes, used == 0, steps, turns, sums)
-        worst = sums[:, 0].max()
-        if worst <= target:
-            return math.sqrt(worst / norm) if norm > 0 else 0.0, used
-        used += 1
-        certain = True
-        worst = 0.0
-        for field in range(SOLVED):
-            squared, curvature, applied, mixed = sums[field]
-            step = squared / curvature if curvature > 0 else 0.0
-            # The squared norm of the next residual, before it is computed: this makes one pass per iteration enough.
-            following = max(squared - 2 * step * mixed + step * step * applied, 0.0)
-            certain = certain and (squared <= target or following > 1e-3 * squared)
-            worst = max(worst, following)
-            steps[field], turns[field] = step, following / squared if squared > 0 else 0.0
-        if worst <= target and certain:  # if it is not certain, rounding may have made it small: the next sweep measures it
-            break
-    for field in range(SOLVED):
-        for row in range(1, size[0] + 1):
-            for column in range(_MARGIN, _MARGIN + size[1], WIDTH):
-                step = steps[field] * load(planes, (_DIRECTION + field, row, column))
-                store(planes, (field, row, column), load(planes, (field, row, column)) + step)
-    return math.sqrt(worst / norm), used
-
-
-@kernel
-def _sweep(
-    weights: FloatArray,
-    size: tuple[int, int],
-    planes: FloatArray,
-    first: bool,
-    steps: FloatArray,
-    turns: FloatArray,
-    sums: DoubleArray,
-) -> None:
-    """Run one iteration. sums: per field (r, r), (p, Ap), (Ap, Ap), (r, Ap) of the residual r and the direction p it ends with."""
-    parts = zeros(SOLVED, 4, WIDTH)
-    for row in range(size[0] + 1):
-        if row < size[0]:
-            if first:
-                _begin(planes, row + 1, size[1], parts)
-            else:
-                _update(planes, row + 1, size[1], steps, turns, parts)
-        if row > 0:
-            _apply(weights, planes, row, size[1], parts)
-    for field in range(SOLVED):
-        for part in range(4):
-            sums[field, part] = total(load(parts, (field, part, 0)))
-
-
-@kernel
-def _begin(planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
-    """Set solution and direction of one row from its residual, and add its (r, r) to `parts`."""
-    for field in range(SOLVED):
-        squared = load(parts, (field, 0, 0))
-        for column in range(_MARGIN, _MARGIN + columns, WIDTH):
-            residual = load(planes, (_RESIDUAL + field, row, column))
-            store(planes, (field, row, column), _NONE * residual)
-            store(planes, (_DIRECTION + field, row, column), residual)
-            squared += residual * residual
-        store(parts, (field, 0, 0), squared)
-
-
-@kernel
-def _update(planes: FloatArray, row: int, columns: int, steps: FloatArray, turns: FloatArray, parts: FloatArray) -> None:
-    """Advance solution, residual and direction of one row, and add its (r, r) to `parts`."""
-    for field in range(SOLVED):
-        step, turn = steps[field], turns[field]
-        squared = load(parts, (field, 0, 0))
-        for column in range(_MARGIN, _MARGIN + columns, WIDTH):
-            direction = load(planes, (_DIRECTION + field, row, column))
-            store(planes, (field, row, column), load(planes, (field, row, column)) + step * direction)
-            residual = load(planes, (_RESIDUAL + field, row, column)) - step * load(planes, (_APPLIED + field, row, column))
-            store(planes, (_RESIDUAL + field, row, column), residual)
-            store(planes, (_DIRECTION + field, row, column), residual + turn * direction)
-            squared += residual * residual
-        store(parts, (field, 0, 0), squared)
-
-
-@kernel
-def _apply(weights: FloatArray, planes: FloatArray, row: int, columns: int, parts: FloatArray) -> None:
-    """Apply the matrix to the directions of one row, and add its other three products to `parts`."""
-    for field in range(SOLVED):
-        curvature, applied, mixed = load(parts, (field, 1, 0)), load(parts, (field, 2, 0)), load(parts, (field, 3, 0))
-        start = _MARGIN - WIDTH
-        a0, b0, c0 = _three(planes, field, row, start)
-        a1, b1, c1 = _three(planes, field, row, start + WIDTH)
-        for column in range(_MARGIN, _MARGIN + columns, WIDTH):
-            a2, b2, c2 = _three(planes, field, row, column + WIDTH)
-            right, below_right, above_right = shifted(b1, b2, 1), shifted(c1, c2, 1), shifted(a1, a2, 1)
-            left, below_left, above_left = shifted(b0, b1, _LAST), shifted(c0, c1, _LAST), shifted(a0, a1, _LAST)
-            near = right, left, c1, a1, below_right, above_left, below_left, above_right
-            product = b1 - _around(weights, row, column, near)
-            store(planes, (_APPLIED + field, row, column), product)
-            curvature += b1 * product
-            applied += product * product
-            mixed += load(planes, (_RESIDUAL + field, row, column)) * product
-            a0, b0, c0 = a1, b1, c1
-            a1, b1, c1 = a2, b2, c2
-        store(parts, (field, 1, 0), curvature)
-        store(parts, (field, 2, 0), applied)
-        store(parts, (field, 3, 0), mixed)
-
-
-@kernel
-def _three(planes: FloatArray, field: int, row: int, column: int) -> tuple[Lanes, Lanes, Lanes]:
-    """The directions at a pixel's column in the row above, its own row and the row below."""
-    return (
-        load(planes, (_DIRECTION + field, row - 1, column)),
-        load(planes, (_DIRECTION + field, row, column)),
-        load(planes, (_DIRECTION + field, row + 1, column)),
-    )
+    return around(weights, row, column, near)
 
 
 @kernel
@@ -430,7 +276,7 @@ def _finish(
     """
     period2 = pins.shape[1]
     phase = _phase(place, period2 // 2)
-    first = _MARGIN + inner[1]
+    first = MARGIN + inner[1]
     rows, columns = size
     whole = columns // WIDTH * WIDTH
     line = zeros(SOLVED + 1, columns + WIDTH)
