@@ -137,8 +137,8 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
-    trust, needs_sites = trust_in_blocks(samples, clipping, noise, settings.sites), settings.sites.corrected or settings.learned.used
-    unclipped = unclipped_blocks(samples, clipping) if needs_sites else None
+    trust = trust_in_blocks(samples, clipping, noise, settings.sites)
+    unclipped = unclipped_blocks(samples, clipping) if settings.asks_for_sites else None
     samples = restore_highlights(samples, clipping, settings.highlights, progress)
     luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)

@@ -24,7 +24,7 @@ from .order import Note, Order, Outcome, Share, State
 from .picture_file import check_memory, needed_memory, render_to
 from .shots import Shot
 
-_TURN = 2e-4  # seconds that a thread waits for the interpreter while another one computes; Python's default is 25 times as long
+_TURN = 5e-5  # seconds that a thread waits for the interpreter while another one computes; Python's default is 100 times as long
 
 
 def attempt(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress | None = None) -> Outcome:
@@ -162,8 +162,13 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
 def _read(order: Order, source: str, note: Note, progress: StageProgress) -> Mosaic:
     """The shot, calibrated. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
     progress.stage("reading", 1)
+
+    def read() -> Mosaic:
+        mosaic = order.read(source)
+        return mosaic if order.settings.asks_for_codes else mosaic.in_scene_units()
+
     with ThreadPoolExecutor(1, "reading") as reader, _frequent_turns():
-        mosaic = reader.submit(order.read, source)
+        mosaic = reader.submit(read)
         with announced_compilation(note, progress):
             load_compiled(order.settings)
         return mosaic.result()
