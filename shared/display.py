@@ -109,7 +109,7 @@ class ColourTransform:
         return result
 
     def planes(self, rgb: FloatArray, exposure: float = 0.0) -> Iterator[tuple[slice, int, FloatArray]]:
-        """The result of `apply` in pieces that fit in the processor's cache: yield (rows, channel, plane), plane float32 (rows, W)."""
+        """The result of `apply` in pieces that fit in the processor's cache: yield (rows, channel, float32 (rows, W))."""
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
         matrix = (np.array(self.matrix) * 2.0**exposure).astype(np.float32)

@@ -176,7 +176,7 @@ def _read(order: Order, source: str, note: Note, progress: StageProgress) -> Mos
 
 @contextmanager
 def _frequent_turns() -> Iterator[None]:
-    """In the `with` block, let a thread that needs the interpreter for a moment have it soon: each tile's digest has to ask for it."""
+    """In the `with` block, let a thread that needs the interpreter for a moment have it soon: every tile's digest asks for it."""
     usual = sys.getswitchinterval()
     sys.setswitchinterval(_TURN)
     try:
