@@ -137,14 +137,15 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
-    trust, unclipped = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
+    trust = trust_in_blocks(samples, clipping, noise, settings.sites)
+    unclipped = unclipped_blocks(samples, clipping) if settings.asks_for_sites else None
     samples = restore_highlights(samples, clipping, settings.highlights, progress)
     luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
     luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
     blocks = with_trusted_colour(blocks, trust, mosaic)
-    if not (settings.sites.corrected or settings.learned.used):
+    if unclipped is None:
         return Measured(luminance, blocks, None)
     sites = site_samples(samples, unclipped, luminance, noise)
     del samples  # a plane of the frame, before another one is needed

@@ -279,6 +279,17 @@ class RenderSettings:
     sites: SiteSettings = field(default_factory=SiteSettings)
     learned: LearnedSettings = field(default_factory=LearnedSettings)
 
+    @property
+    def asks_for_codes(self) -> bool:
+        """Whether it matters which samples are saturated. If not, `Mosaic.in_scene_units` renders to the same picture."""
+        defects = self.defects.listed or self.defects.contrast > 0
+        return defects or self.highlights.restored or self.asks_for_sites
+
+    @property
+    def asks_for_sites(self) -> bool:
+        """Whether a stage works on the samples at the colour sites after colour has been spread."""
+        return self.sites.corrected or self.learned.used
+
 
 PAPER = RenderSettings()
 BEST = RenderSettings(

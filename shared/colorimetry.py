@@ -55,7 +55,9 @@ def as_rows(matrix: NDArray[np.floating]) -> Matrix:
 def encode_srgb(linear: FloatArray) -> FloatArray:
     """Linear light of any shape, clipped to 0..1 -> sample values of sRGB, 0..1 (IEC 61966-2-1); float32."""
     linear = np.clip(linear, 0.0, 1.0)
-    encoded: FloatArray = np.power(linear, np.float32(1 / SRGB_POWER))
+    # What is below the knee is replaced: powers of 0 would take ten times as long as others.
+    encoded: FloatArray = np.maximum(linear, np.float32(SRGB_KNEE))
+    np.power(encoded, np.float32(1 / SRGB_POWER), out=encoded)
     encoded *= np.float32(1 + SRGB_OFFSET)
     encoded -= np.float32(SRGB_OFFSET)
     np.copyto(encoded, np.float32(SRGB_SLOPE) * linear, where=linear <= SRGB_KNEE)

@@ -13,6 +13,7 @@ matrix, channels named R, G and B are assumed to have the primaries of sRGB; for
 curve. The space "camera" of the commands means unchanged samples; this module is not involved.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -102,21 +103,29 @@ class ColourTransform:
             back.
         Raises InputError for an exposure beyond these limits, and for a picture that `checked_picture` refuses.
         """
+        result = np.empty((*rgb.shape[:2], 3), np.float32)
+        for rows, output, plane in self.planes(rgb, exposure):
+            np.add(plane, 0, out=result[rows, :, output])  # there is no -0
+        return result
+
+    def planes(self, rgb: FloatArray, exposure: float = 0.0) -> Iterator[tuple[slice, int, FloatArray]]:
+        """The result of `apply` in pieces that fit in the processor's cache: yield (rows, channel, float32 (rows, W))."""
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
         matrix = (np.array(self.matrix) * 2.0**exposure).astype(np.float32)
         white = np.array(self.white, np.float32)[:, None, None]
-        result = np.empty((*rgb.shape[:2], 3), np.float32)
-        # Planes that fit in the processor's cache: NumPy takes three times as long for channels that lie side by side.
+        # Planes: NumPy takes three times as long for channels that lie side by side.
         for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
             planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")  # a copy, even of one pixel: it is clipped in place
             if not self.space.linear:
                 # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
                 np.clip(planes, -white, white, out=planes)
+            product = np.empty_like(planes[0])
             for output, weights in enumerate(matrix):
-                plane: FloatArray = sum(weight * each for weight, each in zip(weights, planes, strict=True))
-                result[rows, :, output] = plane if self.space.linear else encode_srgb(plane)
-        return result
+                plane: FloatArray = weights[0] * planes[0]
+                for weight, each in zip(weights[1:], planes[1:], strict=True):
+                    plane += np.multiply(weight, each, out=product)
+                yield rows, output, plane if self.space.linear else encode_srgb(plane)
 
 
 def check_exposure(exposure: float) -> None:

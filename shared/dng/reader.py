@@ -126,7 +126,9 @@ class DngReader:
         if held * 8 < rows * columns * planes * bits:
             raise damaged(f"the file declares {columns} x {rows} pixels, its {held} bytes of samples cannot hold them")
         samples = self._decoded(page) if page.compression == Compression.JPEG else page.asarray(maxworkers=1)
-        return np.ascontiguousarray(samples, np.uint16)
+        samples = np.ascontiguousarray(samples, np.uint16)
+        samples.flags.writeable = False  # so that a mosaic need not copy them
+        return samples
 
     def _decoded(self, page: TiffPage) -> CodeArray:
         """Decode and assemble strips or tiles of lossless JPEG.
@@ -143,8 +145,11 @@ class DngReader:
                 raise damaged("the raw samples are not a lossless JPEG")
             frame.check(8 * len(segment) // max(1, frame.components))  # a sample has at least one bit
             room = samples[top : top + tall, left : left + wide]
+            decoded = imagecodecs.jpeg8_decode(segment)
+            if decoded.shape == samples.shape and decoded.dtype == np.uint16:  # it is all of them
+                return decoded
             # Some writers store the same samples as a JPEG of twice the components and half the width.
-            room[...] = imagecodecs.jpeg8_decode(segment).reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
+            room[...] = decoded.reshape(-1, wide, *planes)[: room.shape[0], : room.shape[1]]
         return samples
 
     def _check_segments(self, page: TiffPage) -> int:

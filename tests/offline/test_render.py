@@ -123,6 +123,17 @@ def test_the_same_mosaic_gives_the_same_bytes() -> None:
     assert np.array_equal(mosaic.signal, before)
 
 
+def test_codes_are_asked_for_where_saturation_changes_the_picture() -> None:
+    """Where they are not, a program may convert them to scene units before it renders."""
+    codes = shot(*CASES["odd"]).codes.copy()
+    mosaic = replace(shot(*CASES["odd"]), samples=codes)
+    codes[10:25, 10:25] = mosaic.calibration.white_level
+    burnt = replace(mosaic, samples=codes)
+    assert (PAPER.asks_for_codes, BEST.asks_for_codes) == (False, True)
+    assert np.array_equal(render(burnt, PAPER).rgb, render(burnt.in_scene_units(), PAPER).rgb)
+    assert not np.array_equal(render(burnt, TIGHT_BEST).rgb, render(burnt.in_scene_units(), TIGHT_BEST).rgb)
+
+
 def test_the_presets() -> None:
     assert RenderSettings() == PAPER
     assert (PAPER.denoising.strength, PAPER.pooling.passes, PAPER.noise.estimate) == (0, (), False)

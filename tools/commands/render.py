@@ -15,7 +15,7 @@ from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, output_folder
-from tools.host.memory import allowed_memory
+from tools.host.memory import allowed_memory, reuse_memory
 from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
 from tools.rendering.defect_list import read_defects
 from tools.rendering.order import Order
@@ -73,6 +73,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
     options.check_at_least_one(arguments, "workers")
     allowed_memory(arguments.max_memory)
+    reuse_memory()
     elsewhere = options.uses_scheduler(arguments)
     if arguments.workers is not None and elsewhere:
         raise InputError("--workers cannot be used with a scheduler, which has its own workers")

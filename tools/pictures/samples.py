@@ -16,7 +16,9 @@ def quantise(encoded: FloatArray, bits: int) -> ByteArray | CodeArray:
     top = np.float32((1 << bits) - 1)
     codes = np.empty(encoded.shape, np.uint8 if bits == 8 else np.uint16)
     for rows in strips(len(encoded)):
-        codes[rows] = np.rint(encoded[rows].clip(0.0, 1.0) * top)
+        scaled = encoded[rows].clip(0.0, 1.0)
+        scaled *= top
+        codes[rows] = np.rint(scaled, out=scaled)
     return codes
 
 

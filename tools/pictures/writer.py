@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import CACHED, FloatArray, strips
+from shared.arrays import FloatArray
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import PART, EncodedPart, encode_part, join_parts
@@ -202,8 +202,8 @@ def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibratio
 def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0) -> NDArray[Any]:
     """`quantise(shown.apply(rgb, exposure), bits)`, by a few rows at a time that stay in the processor's cache."""
     codes = np.empty((*rgb.shape[:2], 3), np.uint8 if bits == 8 else np.uint16)
-    for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
-        codes[rows] = quantise(shown.apply(rgb[rows], exposure), bits)
+    for rows, channel, plane in shown.planes(rgb, exposure):
+        codes[rows, :, channel] = quantise(plane, bits)
     return codes
 
 

@@ -1,9 +1,11 @@
 """One shot, rendered to one picture, once, by whichever process on whichever machine gets it."""
 
 import os
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import count
@@ -21,6 +23,8 @@ from .lock import output_lock
 from .order import Note, Order, Outcome, Share, State
 from .picture_file import check_memory, needed_memory, render_to
 from .shots import Shot
+
+_TURN = 5e-5  # seconds that a thread waits for the interpreter while another one computes; Python's default is 100 times as long
 
 
 def attempt(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress | None = None) -> Outcome:
@@ -158,11 +162,27 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
 def _read(order: Order, source: str, note: Note, progress: StageProgress) -> Mosaic:
     """The shot, calibrated. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
     progress.stage("reading", 1)
-    with ThreadPoolExecutor(1, "reading") as reader:
-        decoded = reader.submit(order.decode, source)
+
+    def read() -> Mosaic:
+        mosaic = order.read(source)
+        return mosaic if order.settings.asks_for_codes else mosaic.in_scene_units()
+
+    with ThreadPoolExecutor(1, "reading") as reader, _frequent_turns():
+        mosaic = reader.submit(read)
         with announced_compilation(note, progress):
             load_compiled(order.settings)
-        return order.prepared(decoded.result())
+        return mosaic.result()
+
+
+@contextmanager
+def _frequent_turns() -> Iterator[None]:
+    """In the `with` block, let a thread that needs the interpreter for a moment have it soon: every tile's digest asks for it."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(_TURN)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(usual)
 
 
 @lru_cache(maxsize=1)  # so that a process reads a long journal once

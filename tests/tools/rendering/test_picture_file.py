@@ -1,5 +1,6 @@
 """Rendering within a limit of memory: estimates that hold, refusals with a remedy, and a word while it compiles."""
 
+import platform
 import re
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,20 @@ def test_a_container_may_have_less_than_the_machine(tmp_path: Path, monkeypatch:
 @pytest.mark.parametrize(("size", "words"), [(1, "1 MB"), (900 * 2**20, "900 MB"), (2**30, "1.0 GB"), (2**30 + 1, "1.1 GB")])
 def test_sizes_are_rounded_up(size: int, words: str) -> None:
     assert format_bytes(size) == words
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other libraries have no such settings")
+def test_freed_memory_is_used_again() -> None:
+    """Seen by page faults, in a thread, as pictures are converted."""
+    script = (
+        "import resource, sys, threading; import numpy as np; from tools.host.memory import reuse_memory\n"
+        "if sys.argv[1:]: reuse_memory()\n"
+        "thread = threading.Thread(target=lambda: [[np.ones(3 << 17) for _ in range(8)] and None for _ in range(100)])\n"
+        "thread.start(); thread.join()\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)"
+    )
+    fresh, reused = int(run_python(script)), int(run_python(script, "reuse"))
+    assert reused < fresh
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it")
