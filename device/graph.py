@@ -8,7 +8,7 @@ colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
 all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
-convolutions only for exact sums (`measure_blocks`, `cell_light`) and for the colour matrix (`display`).
+convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the colour matrix (`display`).
 """
 
 import numpy as np
@@ -102,18 +102,18 @@ class Inputs:
 def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
     """The probes of every block, a tensor (n, blocks) per kind.
 
-    Colour samples are converted to panchromatic codes; the sums of cells stay as read.
+    Colour samples are converted to panchromatic codes; the sums of pixels stay as read.
     """
     period = geometry.pattern.period
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
     probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])
-    rows, columns, row_steps, column_steps, samples, *cells = g.split(probes, geometry.kinds, axis=0)
+    rows, columns, row_steps, column_steps, samples, *pixels = g.split(probes, geometry.kinds, axis=0)
     channels = [sites[0][2] for sites in geometry.readings]
     counts = np.array([float(len(sites)) for sites in geometry.readings])
     black = g("Unsqueeze", g("Mul", g("Gather", contract.BLACK, channels), counts), [1, 2])
     gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), g("Mul", inputs.unit, counts)), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples, *cells]
+    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples, *pixels]
 
 
 def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str, str]:

@@ -24,7 +24,7 @@ from . import contract
 from .border import ExtendedFrame
 from .graph_check import check_graph
 
-_STRIP_PIXELS = 1 << 17
+_STRIP_PIXELS = 3 << 16
 """Sensor pixels per strip at full resolution; four times as many for smaller pictures. Their planes fit into 2 MB of cache."""
 
 _DAMAGED = "it is damaged; write it again: panchroma export-preview"
