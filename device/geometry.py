@@ -2,8 +2,8 @@
 
 **Probes** are weighted sums of the samples around a block: the luminance of each colour site interpolated along its row and along
 its column, differences of panchromatic samples along rows and along columns, and the colour samples themselves. All weights are
-small multiples of 1/64, so that a sum over 16-bit codes is exact in single precision: every processor, and every order of summation,
-gives the same bits.
+small multiples of 1/64, so that a sum over 16-bit codes is exact in single precision: every processor, and every order of
+summation, gives the same bits.
 
 A smaller picture reads the sites of a channel as one, by their mean, and has one difference per axis. Then at most 16 probes read a
 Bayer block, which takes half the time of 17.
@@ -66,7 +66,7 @@ class Geometry:
 
     @staticmethod
     def scales(pattern: CfaPattern) -> tuple[int, ...]:
-        """Possible scales of a preview, ascending: 1, and divisors of the period at which every pixel holds panchromatic samples."""
+        """Possible scales of a preview, ascending: 1, and divisors of the period at which every pixel has panchromatic samples."""
         whole = (scale for scale in range(2, pattern.period + 1) if pattern.period % scale == 0)
         return (1, *(scale for scale in whole if _masks(pattern, scale).sum(axis=(1, 2)).all()))
 
@@ -126,7 +126,7 @@ class Geometry:
 
     @cached_property
     def readings(self) -> list[list[tuple[int, int, int]]]:
-        """The sites of a block that are read as one, sorted by channel: every site alone, or, for a smaller picture, its channel's."""
+        """The sites of a block that are read as one, sorted by channel: each site alone; for a smaller picture, a channel's."""
         if self.scale == 1:
             return [[site] for site in self.sites]
         return [[site for site in self.sites if site[2] == channel] for channel in range(len(self.pattern.channels))]
@@ -136,8 +136,8 @@ class Geometry:
         """Weights of all probes, float32 (probes, window rows, window columns), kind by kind; `kinds` counts them.
 
         The kinds: interpolation along rows, along columns (one probe per reading each), differences along rows, along columns, sums
-        of the samples themselves (one probe per reading), and, where `has_pixel_probes`, sums over the panchromatic samples of every
-        pixel of the picture, measured from the block at the nearest corner of its patch.
+        of the samples themselves (one probe per reading), and, where `has_pixel_probes`, sums over the panchromatic samples of
+        every pixel of the picture, measured from the block at the nearest corner of its patch.
         """
         rows, columns = self.window
         weights = np.zeros((len(self._probes), len(rows), len(columns)), np.float32)
@@ -248,11 +248,11 @@ class Geometry:
         return {at(step): weight for step, weight in zip(steps, _exact(weights), strict=True)}
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
-        """Weights of the differences along an axis; for a smaller picture one, between the panchromatic pixels at the four corners."""
+        """Weights of the differences along an axis; for a smaller picture one, between the panchromatic pixels at the corners."""
         if self.scale == 1:
             return [{after: 1.0, before: -1.0} for before, after in self._differences(axis)]
-        ends = [(-1, size) for size in self.pattern.block_shape]
-        return [{place: _CORNER if place[axis] >= 0 else -_CORNER for place in product(*ends)}]
+        height, width = self.pattern.block_shape
+        return [{place: _CORNER if place[axis] >= 0 else -_CORNER for place in product((-1, height), (-1, width))}]
 
     def _differences(self, axis: int) -> list[tuple[Place, Place]]:
         """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it."""

@@ -126,8 +126,7 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
     variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
     least = g("Add", inputs.still, g("Mul", variance, 2.0))  # what noise alone adds to a squared difference
     row_change, column_change = (
-        g("Add", g.mean(g("Mul", each, each), count, axis=0), least)
-        for each, count in zip(steps, geometry.kinds[2:4], strict=True)
+        g("Add", g.mean(g("Mul", each, each), count, axis=0), least) for each, count in zip(steps, geometry.kinds[2:4], strict=True)
     )
     along_rows = g("Div", column_change, g("Add", row_change, column_change))
     filled = g("Add", columns, g("Mul", g("Sub", rows, columns), along_rows))

@@ -92,7 +92,7 @@ def test_a_smaller_picture_reads_each_channel_as_one(pattern: CfaPattern) -> Non
     for scale in Geometry.scales(pattern)[1:]:
         geometry = Geometry(pattern, scale)
         along, down, across, below, samples, *_ = by_kind(geometry)
-        assert [len(kind) for kind in (along, down, across, below, samples)] == [*[len(pattern.channels)] * 2, 1, 1, len(pattern.channels)]
+        assert {len(along), len(down), len(samples)} == {len(pattern.channels)}
         for mean, each in ((along, whole[0]), (down, whole[1])):
             for channel, probe in enumerate(mean):
                 probes = [one for one, site in zip(each, geometry.sites, strict=True) if site[2] == channel]
@@ -102,7 +102,7 @@ def test_a_smaller_picture_reads_each_channel_as_one(pattern: CfaPattern) -> Non
                     assert abs(probe.get(place, 0) - wanted) <= 4 / 64  # the largest weight takes what rounding the others leaves
         for (probe,), axis in ((across, 1), (below, 0)):
             assert {letter(pattern, *place) for place in probe} == {"W"}
-            assert [sum(value for place, value in probe.items() if (place[axis] < 0) == near) for near in (False, True)] == [0.25, -0.25]
+            assert {(place[axis] >= 0, value) for place, value in probe.items()} == {(True, 1 / 8), (False, -1 / 8)}
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
