@@ -8,7 +8,7 @@ colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
 all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
-convolutions only for exact sums (`measure_blocks`, `cell_light`) and for the colour matrix (`display`).
+convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the colour matrix (`display`).
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from . import contract
 from .geometry import Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
-BUILDER = "3"
+BUILDER = "4"
 """Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
 
 _FLOOR = 1e-3
@@ -67,7 +67,7 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
         settled = settle(g, geometry, inputs, probes, filled, pooled, contrast)
         pixels, cells = pixel_light(g, geometry, inputs, settled)
     else:
-        pixels, cells = cell_light(g, geometry, inputs, *probes[5:])
+        pixels, cells = mean_light(g, geometry, inputs, *probes[5:])
     spread = propagate(g, geometry, blocks, cells)  # Eq. 10
     camera = [g("Mul", light, spread) for light in pixels]  # Eq. 17
     picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
@@ -102,17 +102,18 @@ class Inputs:
 def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
     """The probes of every block, a tensor (n, blocks) per kind.
 
-    Colour samples are converted to panchromatic codes; the sums of cells stay as read.
+    Colour samples are converted to panchromatic codes; the sums of pixels stay as read.
     """
     period = geometry.pattern.period
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
     probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])
-    rows, columns, row_steps, column_steps, samples, *cells = g.split(probes, geometry.kinds, axis=0)
-    channels = [channel for _, _, channel in geometry.sites]
-    black = g("Unsqueeze", g("Gather", contract.BLACK, channels), [1, 2])
-    gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), inputs.unit), [1, 2])
+    rows, columns, row_steps, column_steps, samples, *pixels = g.split(probes, geometry.kinds, axis=0)
+    channels = [sites[0][2] for sites in geometry.readings]
+    counts = np.array([float(len(sites)) for sites in geometry.readings])
+    black = g("Unsqueeze", g("Mul", g("Gather", contract.BLACK, channels), counts), [1, 2])
+    gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), g("Mul", inputs.unit, counts)), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples, *cells]
+    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples, *pixels]
 
 
 def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str, str]:
@@ -125,22 +126,22 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
     variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
     least = g("Add", inputs.still, g("Mul", variance, 2.0))  # what noise alone adds to a squared difference
     row_change, column_change = (
-        g("Add", g("Mul", g.total(g("Mul", each, each), count, axis=0), 1 / count), least)
-        for each, count in zip(steps, geometry.kinds[2:4], strict=True)
+        g("Add", g.mean(g("Mul", each, each), count, axis=0), least) for each, count in zip(steps, geometry.kinds[2:4], strict=True)
     )
     along_rows = g("Div", column_change, g("Add", row_change, column_change))
     filled = g("Add", columns, g("Mul", g("Sub", rows, columns), along_rows))
-    sites = len(geometry.sites)
-    contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least))
-    return filled, g("Mul", g.total(filled, sites, axis=0), 1 / sites), contrast
+    contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least)) if geometry.scale == 1 else ""
+    return filled, g.mean(filled, len(geometry.readings), axis=0), contrast
 
 
 def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
     """Chromaticity c_j of every block, (C, blocks): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1."""
-    channels = [channel for _, _, channel in geometry.sites]
+    channels = [sites[0][2] for sites in geometry.readings]
     counts = [channels.count(channel) for channel in range(inputs.channels)]
 
     def of_channels(products: str) -> str:
+        if set(counts) == {1}:
+            return products
         parts = g.split(products, counts, axis=0)
         return g("Concat", *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)), axis=0)
 
@@ -202,7 +203,7 @@ def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], fill
 
 
 def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tuple[list[str], str]:
-    """Luminance of every pixel, colour sites filled in: (cells, patches) per pixel of a cell; and the mean of each cell."""
+    """Luminance of every pixel, colour sites filled in: (1, 1, cells, patches) per pixel of a cell; and the mean of each cell."""
     period, across, cell = geometry.pattern.period, geometry.across, geometry.cell
     above, below, left, right = geometry.halo
     # Space to depth, while samples have 2 bytes, in three steps for which onnxruntime has fast code: separate rows, separate
@@ -230,27 +231,29 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
             ]
             light = g("ScatterND", light, np.array([[hole.cell] for _, hole in holes]), g("Concat", *values, axis=0))
         pixels.append(light)
-    return pixels, g("Mul", g.sum(pixels), 1 / cell**2)
+    return [g("Unsqueeze", light, [0, 1]) for light in pixels], g("Mul", g.sum(pixels), 1 / cell**2)
 
 
-def cell_light(g: Nodes, geometry: Geometry, inputs: Inputs, measured: str = "") -> tuple[list[str], str]:
-    """Luminance of every cell if it is one pixel of the picture: the mean of its panchromatic samples, (cells, patches).
+def mean_light(g: Nodes, geometry: Geometry, inputs: Inputs, measured: str = "") -> tuple[list[str], str]:
+    """Luminance of every pixel of a smaller picture, the mean of its panchromatic samples; and the mean of each cell.
 
-    measured: the sums of the cells, (cells, blocks), if probes have measured them.
-    It is returned twice, in the form of `pixel_light`: as pixels, and as the means of the cells.
+    measured: the sums of the pixels, (pixels, blocks), if probes have measured them.
+    The pixels are one tensor (pixels of a cell, 1, cells, patches), to be multiplied by the colour of the cells.
     """
     if measured:
         # Around the blocks at the corners of the patches there is one more on each side, see `Geometry.halo`.
-        places = [(cell, *geometry.corner(cell)) for cell in range(len(geometry.cells))]
+        places = [(pixel, *geometry.corner(pixel)) for pixel in range(len(geometry.pixels))]
         parts = [g("Slice", measured, [n, 1 + i, 1 + j], [n + 1, i - 2, j - 2], [0, 1, 2]) for n, i, j in places]
         sums = g("Concat", *parts, axis=0)
     else:
         above, below, left, right = geometry.halo
         codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
         image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
-        sums = g("Squeeze", g("Conv", image, geometry.cells[:, None], strides=[geometry.pattern.period] * 2), [0])
-    light = g("Sub", g("Div", sums, geometry.cells.sum(axis=(1, 2))[:, None, None]), inputs.black)
-    return [light], light
+        sums = g("Squeeze", g("Conv", image, geometry.pixels[:, None], strides=[geometry.pattern.period] * 2), [0])
+    light = g("Sub", g("Div", sums, geometry.pixels.sum(axis=(1, 2))[:, None, None]), inputs.black)
+    count, cells = geometry.within**2, geometry.across**2
+    mean = light if count == 1 else g("Mul", g.sum(g.split(light, [cells] * count, axis=0)), 1 / count)
+    return [g.reshape(light, [count, 1, cells, *inputs.patches])], mean
 
 
 def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
@@ -274,9 +277,8 @@ def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
 
 
 def display(g: Nodes, camera: str) -> str:
-    """Convert camera RGB relative to display white, (C, ...), to sRGB codes, uint8 (1, 3, n), as `ColourTransform` does."""
-    clipped = g("Clip", camera, -1.0, 1.0)
-    flat = g("Reshape", g("Unsqueeze", clipped, [0]), [1, 0, -1])
+    """Convert camera RGB relative to display white, (m, C, ...), to sRGB codes, uint8 (m, 3, n), as `ColourTransform` does."""
+    flat = g("Reshape", g("Clip", camera, -1.0, 1.0), [0, 0, -1])
     # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused.
     linear = g("Conv", flat, g("Unsqueeze", contract.MATRIX, [2]), np.full(3, _SHIFT))
     root = g("Sqrt", g("Clip", linear, _SHIFT, 2.0))
@@ -285,9 +287,9 @@ def display(g: Nodes, camera: str) -> str:
 
 
 def interleave(g: Nodes, geometry: Geometry, inputs: Inputs, planes: list[str], *, linear: bool) -> str:
-    """Assemble the picture (rows, columns, channels) from its planes, one tensor per pixel of a cell."""
-    within, across, channels = geometry.cell // geometry.scale, geometry.across, inputs.channels if linear else 3
-    values = g("Concat", *(g("Reshape", each, [channels, across**2, -1]) for each in planes), axis=0)
+    """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells, patches) in one tensor or more."""
+    within, across, channels = geometry.within, geometry.across, inputs.channels if linear else 3
+    values = planes[0] if len(planes) == 1 else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
     values = g.reshape(values, [within, within, channels, across, across, *inputs.patches])
     # Depth to space in two steps: move whole rows of patches into place, then interleave the columns.
     values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])

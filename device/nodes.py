@@ -51,6 +51,10 @@ class Nodes:
             return self("Add", first, self.total(rest, count - 1, axis))
         return self.total(self("Add", *self.split(values, (count // 2, count // 2), axis)), count // 2, axis)
 
+    def mean(self, values: str, count: int, axis: int) -> str:
+        """The mean over an axis of length `count`, see `total`."""
+        return values if count == 1 else self("Mul", self.total(values, count, axis), 1 / count)
+
     def reshape(self, values: str, shape: Shape) -> str:
         """Reshape to sizes that are numbers or names of one-element tensors."""
         return self("Reshape", values, self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0))

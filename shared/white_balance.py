@@ -56,7 +56,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     tops = tops[every // 2 :: every]
     blocks = np.zeros((len(pattern.channels), len(tops), len(lefts)), np.float32)
     for row, column, channel in pattern.sites:
-        blocks[channel] += mosaic.samples[np.ix_(tops + row, lefts + column)]
+        blocks[channel] += mosaic.samples[tops + row, lefts[0] + column :: pattern.period][:, : len(lefts)]
     blocks /= np.bincount([channel for *_, channel in pattern.sites])[:, None, None]
     if mosaic.samples.dtype == np.uint16:
         blocks -= np.array(calibration.black_level[:-1], np.float32)[:, None, None]

@@ -87,6 +87,25 @@ def test_samples_are_the_sites_channel_by_channel(pattern: CfaPattern) -> None:
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_smaller_picture_reads_each_channel_as_one(pattern: CfaPattern) -> None:
+    whole = by_kind(Geometry(pattern))
+    for scale in Geometry.scales(pattern)[1:]:
+        geometry = Geometry(pattern, scale)
+        along, down, across, below, samples, *_ = by_kind(geometry)
+        assert {len(along), len(down), len(samples)} == {len(pattern.channels)}
+        for mean, each in ((along, whole[0]), (down, whole[1])):
+            for channel, probe in enumerate(mean):
+                probes = [one for one, site in zip(each, geometry.sites, strict=True) if site[2] == channel]
+                assert sum(probe.values()) == 1
+                for place in {place for one in probes for place in one}:
+                    wanted = sum(one.get(place, 0) for one in probes) / len(probes)
+                    assert abs(probe.get(place, 0) - wanted) <= 4 / 64  # the largest weight takes what rounding the others leaves
+        for (probe,), axis in ((across, 1), (below, 0)):
+            assert {letter(pattern, *place) for place in probe} == {"W"}
+            assert {(place[axis] >= 0, value) for place, value in probe.items()} == {(True, 1 / 8), (False, -1 / 8)}
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
 def test_holes_are_where_the_filters_are(pattern: CfaPattern) -> None:
     for scale in Geometry.scales(pattern):
         geometry = Geometry(pattern, scale)
@@ -99,15 +118,18 @@ def test_holes_are_where_the_filters_are(pattern: CfaPattern) -> None:
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_cells_share_out_the_panchromatic_pixels(pattern: CfaPattern) -> None:
+def test_pixels_share_out_the_panchromatic_samples(pattern: CfaPattern) -> None:
     clear = np.array([[letter(pattern, row, column) == "W" for column in range(pattern.period)] for row in range(pattern.period)])
     for scale in Geometry.scales(pattern):
         geometry = Geometry(pattern, scale)
-        assert np.array_equal(geometry.cells.sum(axis=0), np.roll(clear, [-half for half in geometry.half], (0, 1)))
-        for number, cell in enumerate(geometry.cells):
-            rows, columns = np.nonzero(cell)
-            assert {*(rows // geometry.cell), *(columns // geometry.cell)} <= {*divmod(number, geometry.across)}
-            assert scale == 1 or len(rows)
+        assert np.array_equal(geometry.pixels.sum(axis=0), np.roll(clear, [-half for half in geometry.half], (0, 1)))
+        for number, pixel in enumerate(geometry.pixels):
+            within, cell = divmod(number, geometry.across**2)
+            (down, right), (row, column) = divmod(within, geometry.within), divmod(cell, geometry.across)
+            place = row * geometry.within + down, column * geometry.within + right
+            places = np.argwhere(pixel) // scale
+            assert (places == place).all()
+            assert scale == 1 or len(places)
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -133,7 +155,7 @@ def test_scales() -> None:
 def test_chromaticity_is_shared_by_two_by_two_pixels_where_they_fit() -> None:
     cells = {period: Geometry(CfaPattern.bayer(period)).cell for period in (3, 4, 6, 7, 8)}
     assert cells == {3: 1, 4: 2, 6: 2, 7: 1, 8: 2}
-    assert [Geometry(CfaPattern.bayer(6), scale).cell for scale in (2, 3, 6)] == [2, 3, 6]
+    assert [Geometry(CfaPattern.bayer(6), scale).cell for scale in (2, 3, 6)] == [2, 6, 6]
 
 
 def test_every_origin_has_the_same_geometry() -> None:
@@ -142,4 +164,4 @@ def test_every_origin_has_the_same_geometry() -> None:
         other = Geometry(CfaPattern.bayer(6, origin=(origin[0], origin[1])))
         assert np.array_equal(first.probes, other.probes)
         assert (first.holes, first.halo) == (other.holes, other.halo)
-        assert np.array_equal(first.cells, other.cells)
+        assert np.array_equal(first.pixels, other.pixels)

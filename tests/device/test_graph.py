@@ -14,7 +14,7 @@ from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.sensor import sample
 from tests.reference.compare import assert_close
-from tests.reference.preview import preview
+from tests.reference.preview import preview, small_preview
 from tools.commands.export_preview import shipped
 
 MODELS = Path(graph.__file__).parent / "models"
@@ -69,6 +69,15 @@ def test_it_is_the_literal_preview(name: str) -> None:
     pattern = PATTERNS[name]
     mosaic = Mosaic(codes((19, 25)), pattern, calibration_of(pattern))
     assert_close(linear(mosaic), preview(mosaic), SINGLE)
+
+
+SMALL = [(CfaPattern.bayer(6, "GRBG", (1, 4)), 3), (CfaPattern.bayer(6, origin=(2, 5)), 2), (CfaPattern.bayer(6), 6)]
+
+
+@pytest.mark.parametrize(("pattern", "scale"), [*SMALL, (CfaPattern.bayer(8, origin=(3, 1)), 2), (SIX, 4), (SEVEN, 7)])
+def test_a_smaller_one_is_the_literal_one(pattern: CfaPattern, scale: int) -> None:
+    mosaic = Mosaic(codes((37, 52)), pattern, calibration_of(pattern))
+    assert_close(linear(mosaic, scale), small_preview(mosaic, scale), SINGLE)
 
 
 def test_it_is_the_literal_preview_where_nothing_is_known_of_the_noise() -> None:

@@ -45,15 +45,16 @@ def sampler(mosaic: Mosaic) -> Sample:
 class Block:
     """What a block measures: luminance at its sites, their mean, its noise and its chromaticity."""
 
-    def __init__(self, sample: Sample, mosaic: Mosaic, place: tuple[int, int]) -> None:
-        geometry = Geometry(mosaic.pattern)
+    def __init__(self, sample: Sample, mosaic: Mosaic, place: tuple[int, int], scale: int) -> None:
+        geometry = Geometry(mosaic.pattern, scale)
         origins = zip(mosaic.pattern.block_origin, place, strict=True)
         top, left = (origin + number * mosaic.pattern.period for origin, number in origins)
         rows, columns = geometry.window
         seen = np.array([[sample(top + row, left + column) for column in columns] for row in rows])
-        along, down, row_steps, column_steps, colours = np.split(
+        along, down, row_steps, column_steps, colours, *_ = np.split(
             (geometry.probes.astype(float) * seen).sum(axis=(1, 2)), np.cumsum(geometry.kinds)[:-1]
         )
+        colours = colours / [len(sites) for sites in geometry.readings]
         self.noise = mosaic.calibration.noise
         least = graph._STILL + 2 * self._variance(along[0])
         row_change, column_change = np.mean(row_steps**2) + least, np.mean(column_steps**2) + least
@@ -64,7 +65,7 @@ class Block:
         self.variance = self._variance(self.luminance)
         self.colours = colours
         channels = range(len(mosaic.pattern.channels))
-        at = [[number for number, site in enumerate(geometry.sites) if site[2] == channel] for channel in channels]
+        at = [[number for number, sites in enumerate(geometry.readings) if sites[0][2] == channel] for channel in channels]
         samples = [[float(colours[number]) for number in numbers] for numbers in at]
         lights = [[float(self.filled[number]) for number in numbers] for numbers in at]
         least_variance = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
@@ -94,32 +95,61 @@ class Block:
         return self.noise.sigma(max(luminance, 0)) ** 2 if self.noise else 0.0
 
 
-def preview(mosaic: Mosaic) -> DoubleArray:
-    """Camera RGB, scene units, (H, W, C), of a full-resolution preview."""
-    pattern, (height, width) = mosaic.pattern, mosaic.shape
-    geometry, sample = Geometry(pattern), sampler(mosaic)
-    known: dict[tuple[int, int], Block] = {}
+class Colours:
+    """The chromaticity of every block, and its spread over the cells, for a picture of one scale."""
 
-    def block(row: int, column: int) -> Block:
-        if (row, column) not in known:
-            known[row, column] = Block(sample, mosaic, (row, column))
-        return known[row, column]
+    def __init__(self, mosaic: Mosaic, scale: int = 1) -> None:
+        self._mosaic, self._scale = mosaic, scale
+        self._sample = sampler(mosaic)
+        self._known: dict[tuple[int, int], Block] = {}
 
-    def chromaticity(row: int, column: int) -> DoubleArray:
-        own = block(row, column)
+    def block(self, row: int, column: int) -> Block:
+        if (row, column) not in self._known:
+            self._known[row, column] = Block(self._sample, self._mosaic, (row, column), self._scale)
+        return self._known[row, column]
+
+    def chromaticity(self, row: int, column: int) -> DoubleArray:
+        own = self.block(row, column)
         share = own.variance / (own.variance + graph._POOLING * own.light**2)
-        total, weight = np.zeros(len(pattern.channels)), 0.0
+        total, weight = np.zeros(len(self._mosaic.pattern.channels)), 0.0
         for down, right in product((-1, 0, 1), repeat=2):
-            other = block(row + down, column + right)
+            other = self.block(row + down, column + right)
             part = (1.0 if (down, right) == (0, 0) else share) * other.light**2
             total, weight = total + part * other.chromaticity, weight + part
         return total / weight
 
+    def spread(self, row: int, column: int, light: Sample) -> DoubleArray:
+        """The colour of the cell around a sensor pixel; light: that of the part of the picture that begins at any pixel."""
+        geometry, pattern = Geometry(self._mosaic.pattern, self._scale), self._mosaic.pattern
+        corner, cell, place = [], [], []
+        for value, origin, half in zip((row, column), pattern.block_origin, geometry.half, strict=True):
+            patch, inside = divmod(value - origin - half, pattern.period)
+            number = inside // geometry.cell
+            corner.append(patch)
+            cell.append(origin + half + patch * pattern.period + number * geometry.cell)
+            place.append((number + 0.5) * geometry.cell / pattern.period)
+        steps = range(0, geometry.cell, self._scale)
+        mean = np.mean([light(cell[0] + down, cell[1] + right) for down, right in product(steps, repeat=2)])
+        total, weight = np.zeros(len(pattern.channels)), 0.0
+        for down, right in product((0, 1), repeat=2):
+            each = self.block(corner[0] + down, corner[1] + right)
+            near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
+            apart = mean / each.light - 1
+            part = near**graph._SPREAD / (apart**2 + graph._CONTRAST + graph._NOISE_WEIGHT * each.variance / each.light**2)
+            total, weight = total + part * self.chromaticity(corner[0] + down, corner[1] + right), weight + part
+        result: DoubleArray = total / weight
+        return result
+
+
+def preview(mosaic: Mosaic) -> DoubleArray:
+    """Camera RGB, scene units, (H, W, C), of a full-resolution preview."""
+    pattern, (height, width) = mosaic.pattern, mosaic.shape
+    geometry, sample, colours = Geometry(pattern), sampler(mosaic), Colours(mosaic)
     settled: dict[tuple[int, int], DoubleArray] = {}
 
     def filled(row: int, column: int) -> DoubleArray:
         if (row, column) not in settled:
-            settled[row, column] = block(row, column).settled(chromaticity(row, column), mosaic)
+            settled[row, column] = colours.block(row, column).settled(colours.chromaticity(row, column), mosaic)
         return settled[row, column]
 
     def luminance(row: int, column: int) -> float:
@@ -132,20 +162,24 @@ def preview(mosaic: Mosaic) -> DoubleArray:
 
     picture = np.empty((height, width, len(pattern.channels)))
     for row, column in product(range(height), range(width)):
-        corner, cell, place = [], [], []
-        for value, origin, half in zip((row, column), pattern.block_origin, geometry.half, strict=True):
-            patch, inside = divmod(value - origin - half, pattern.period)
-            number = inside // geometry.cell
-            corner.append(patch)
-            cell.append(origin + half + patch * pattern.period + number * geometry.cell)
-            place.append((number + 0.5) * geometry.cell / pattern.period)
-        mean = np.mean([luminance(cell[0] + down, cell[1] + right) for down, right in product(range(geometry.cell), repeat=2)])
-        total, weight = np.zeros(len(pattern.channels)), 0.0
-        for down, right in product((0, 1), repeat=2):
-            each = block(corner[0] + down, corner[1] + right)
-            near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
-            apart = mean / each.light - 1
-            part = near**graph._SPREAD / (apart**2 + graph._CONTRAST + graph._NOISE_WEIGHT * each.variance / each.light**2)
-            total, weight = total + part * chromaticity(corner[0] + down, corner[1] + right), weight + part
-        picture[row, column] = luminance(row, column) * total / weight
+        picture[row, column] = luminance(row, column) * colours.spread(row, column, luminance)
+    return picture
+
+
+def small_preview(mosaic: Mosaic, scale: int) -> DoubleArray:
+    """Camera RGB, scene units, (H // scale, W // scale, C), of a smaller preview."""
+    pattern, sample, colours = mosaic.pattern, sampler(mosaic), Colours(mosaic, scale)
+    planes, clear = pattern.filter_map((pattern.period, pattern.period)), len(pattern.channels)
+    # Pixels of the picture begin where patches do; the first covers the middle of the first `scale` rows and columns.
+    begins = [origin + half for origin, half in zip(pattern.block_origin, Geometry(pattern).half, strict=True)]
+    first = [begin + ((scale - 1) // 2 - begin) // scale * scale for begin in begins]
+
+    def light(row: int, column: int) -> float:
+        inside = [(row + down, column + right) for down, right in product(range(scale), repeat=2)]
+        return float(np.mean([sample(*each) for each in inside if planes[each[0] % len(planes), each[1] % len(planes)] == clear]))
+
+    picture = np.empty((mosaic.shape[0] // scale, mosaic.shape[1] // scale, len(pattern.channels)))
+    for row, column in product(range(picture.shape[0]), range(picture.shape[1])):
+        at = first[0] + row * scale, first[1] + column * scale
+        picture[row, column] = light(*at) * colours.spread(*at, light)
     return picture
