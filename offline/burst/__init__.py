@@ -1,0 +1,1 @@
+"""A hand-held series of frames: how each moved against the reference."""

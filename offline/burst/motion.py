@@ -1,0 +1,103 @@
+"""How one frame of a hand-held series lies against another: a shift, a small rotation, and local shifts (parallax)."""
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+
+from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.errors import InputError
+
+_ROUNDS = 8  # of `back`: each makes its error smaller by the factor by which local shifts differ from pixel to pixel, below 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the points of the reference lie in another frame of the same size.
+
+    The point (centre + (v, u)), v down and u across, of the reference lies in the other frame at
+
+        centre + shift + (v cos(angle) - u sin(angle), v sin(angle) + u cos(angle)) + its local shift
+
+    where centre is ((H - 1) / 2, (W - 1) / 2).
+
+    shift: (down, across), pixels.
+    angle: radians; positive turns the scene counter-clockwise, as one sees the picture.
+    local: (node rows, node columns, 2), pixels (down, across), two or more nodes along each side; None: none. The nodes are a regular
+        grid of which the outermost lie on the outermost pixels of the frame; shifts are bilinear between them.
+
+    Raises InputError for figures that are not finite, and for another shape of `local`.
+    """
+
+    shift: tuple[float, float] = (0.0, 0.0)
+    angle: float = 0.0
+    local: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.shift, self.angle]).all():
+            raise InputError(f"a motion of {self.shift} pixels and {self.angle} radians, expected finite numbers")
+        if self.local is not None:
+            shape = self.local.shape
+            if len(shape) != 3 or min(shape[:2]) < 2 or shape[2] != 2 or not np.isfinite(self.local).all():
+                raise InputError(f"local shifts of shape {shape}, expected (2 or more, 2 or more, 2) and finite numbers")
+
+    def places(self, rows: slice, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+        """The place in the other frame of every pixel in some rows of the reference: (down, across), float32 (rows, W) each.
+
+        rows: rows of the reference, a step of one.
+        shape: (H, W) of the frames. Places may lie outside.
+        """
+        first, last, _ = rows.indices(shape[0])
+        y, x = np.arange(first, last, dtype=np.float64)[:, None], np.arange(shape[1], dtype=np.float64)
+        turn, start = self.affine(shape)
+        down = turn[0, 0] * y + (turn[0, 1] * x + start[0])
+        across = turn[1, 0] * y + (turn[1, 1] * x + start[1])
+        if self.local is not None:
+            local = self._on_grid(y[:, 0], x, shape)
+            down += local[..., 0]
+            across += local[..., 1]
+        return down.astype(np.float32), across.astype(np.float32)
+
+    def back(self, y: FloatArray, x: FloatArray, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+        """The places in the reference of points (y, x) of the other frame, float32 arrays of the same shape.
+
+        shape: (H, W) of the frames. Points and places may lie outside.
+        """
+        turn, start = self.affine(shape)
+        down, across = y - start[0], x - start[1]
+        there = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
+        for _ in range(_ROUNDS if self.local is not None else 0):
+            local = self._at(*there, shape)
+            down, across = y - start[0] - local[..., 0], x - start[1] - local[..., 1]
+            there = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
+        return there[0].astype(np.float32), there[1].astype(np.float32)
+
+    def affine(self, shape: tuple[int, int]) -> tuple[DoubleArray, DoubleArray]:
+        """(turn (2, 2), start (2,)): without local shifts the pixel p = (row, column) lies at turn @ p + start. shape: (H, W)."""
+        turn = np.array([[cos(self.angle), -sin(self.angle)], [sin(self.angle), cos(self.angle)]])
+        centre = (np.array(shape) - 1) / 2
+        return turn, centre + self.shift - turn @ centre
+
+    def _on_grid(self, y: DoubleArray, x: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
+        """The local shifts at rows y, columns x: (rows, columns, 2)."""
+        assert self.local is not None
+        (top, below), (left, beside) = (_between(places, size, nodes) for places, size, nodes in zip((y, x), shape, self.local.shape))
+        row = below[:, None, None]
+        lines = self.local[top] * (1 - row) + self.local[top + 1] * row
+        return lines[:, left] * (1 - beside[:, None]) + lines[:, left + 1] * beside[:, None]
+
+    def _at(self, y: DoubleArray, x: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
+        """The local shifts at points: (..., 2)."""
+        assert self.local is not None
+        (top, below), (left, beside) = (_between(places, size, nodes) for places, size, nodes in zip((y, x), shape, self.local.shape))
+        row, column = below[..., None], beside[..., None]
+        above = self.local[top, left] * (1 - column) + self.local[top, left + 1] * column
+        under = self.local[top + 1, left] * (1 - column) + self.local[top + 1, left + 1] * column
+        return above * (1 - row) + under * row
+
+
+def _between(places: DoubleArray, size: int, nodes: int) -> tuple[IndexArray, DoubleArray]:
+    """The node before each place along a side of `size` pixels, and how far it is on the way to the next; the ends go on outside."""
+    at = np.clip(places * ((nodes - 1) / max(size - 1, 1)), 0, nodes - 1)
+    before = np.minimum(at.astype(np.intp), nodes - 2)
+    return before, at - before
