@@ -8,6 +8,7 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.errors import InputError
 
+_ONE = np.float32(1)
 _ROUNDS = 8  # of `back`: each makes its error smaller by the factor by which local shifts differ from pixel to pixel, below 0.1
 
 
@@ -23,8 +24,8 @@ class Motion:
 
     shift: (down, across), pixels.
     angle: radians; positive turns the scene counter-clockwise, as one sees the picture.
-    local: (node rows, node columns, 2), pixels (down, across), two or more nodes along each side; None: none. The nodes are a regular
-        grid of which the outermost lie on the outermost pixels of the frame; shifts are bilinear between them.
+    local: (node rows, node columns, 2), pixels (down, across), two or more nodes along each side; None: none. The nodes are a
+        regular grid, the outermost on the outermost pixels of the frame; shifts are bilinear between them.
 
     Raises InputError for figures that are not finite, and for another shape of `local`.
     """
@@ -53,7 +54,7 @@ class Motion:
         down = turn[0, 0] * y + (turn[0, 1] * x + start[0])
         across = turn[1, 0] * y + (turn[1, 1] * x + start[1])
         if self.local is not None:
-            local = self._on_grid(y[:, 0], x, shape)
+            local = _on_grid(self.local, y[:, 0], x, shape)
             down += local[..., 0]
             across += local[..., 1]
         return down.astype(np.float32), across.astype(np.float32)
@@ -66,8 +67,10 @@ class Motion:
         turn, start = self.affine(shape)
         down, across = y - start[0], x - start[1]
         there = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
-        for _ in range(_ROUNDS if self.local is not None else 0):
-            local = self._at(*there, shape)
+        for _ in range(_ROUNDS):
+            if self.local is None:
+                break
+            local = _at(self.local, *there, shape)
             down, across = y - start[0] - local[..., 0], x - start[1] - local[..., 1]
             there = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
         return there[0].astype(np.float32), there[1].astype(np.float32)
@@ -78,26 +81,30 @@ class Motion:
         centre = (np.array(shape) - 1) / 2
         return turn, centre + self.shift - turn @ centre
 
-    def _on_grid(self, y: DoubleArray, x: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
-        """The local shifts at rows y, columns x: (rows, columns, 2)."""
-        assert self.local is not None
-        (top, below), (left, beside) = (_between(places, size, nodes) for places, size, nodes in zip((y, x), shape, self.local.shape))
-        row = below[:, None, None]
-        lines = self.local[top] * (1 - row) + self.local[top + 1] * row
-        return lines[:, left] * (1 - beside[:, None]) + lines[:, left + 1] * beside[:, None]
 
-    def _at(self, y: DoubleArray, x: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
-        """The local shifts at points: (..., 2)."""
-        assert self.local is not None
-        (top, below), (left, beside) = (_between(places, size, nodes) for places, size, nodes in zip((y, x), shape, self.local.shape))
-        row, column = below[..., None], beside[..., None]
-        above = self.local[top, left] * (1 - column) + self.local[top, left + 1] * column
-        under = self.local[top + 1, left] * (1 - column) + self.local[top + 1, left + 1] * column
-        return above * (1 - row) + under * row
+def _on_grid(local: FloatArray, y: DoubleArray, x: DoubleArray, shape: tuple[int, int]) -> FloatArray:
+    """Local shifts at rows y and columns x: (rows, columns, 2)."""
+    top, below = _between(y, shape[0], local.shape[0])
+    left, beside = _between(x, shape[1], local.shape[1])
+    row, column = below[:, None, None], beside[:, None]
+    lines = local[top] * (_ONE - row) + local[top + 1] * row
+    shifts: FloatArray = lines[:, left] * (_ONE - column) + lines[:, left + 1] * column
+    return shifts
 
 
-def _between(places: DoubleArray, size: int, nodes: int) -> tuple[IndexArray, DoubleArray]:
-    """The node before each place along a side of `size` pixels, and how far it is on the way to the next; the ends go on outside."""
+def _at(local: FloatArray, y: FloatArray, x: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Local shifts at points: (..., 2)."""
+    top, below = _between(y, shape[0], local.shape[0])
+    left, beside = _between(x, shape[1], local.shape[1])
+    row, column = below[..., None], beside[..., None]
+    above = local[top, left] * (_ONE - column) + local[top, left + 1] * column
+    under = local[top + 1, left] * (_ONE - column) + local[top + 1, left + 1] * column
+    shifts: FloatArray = above * (_ONE - row) + under * row
+    return shifts
+
+
+def _between(places: FloatArray | DoubleArray, size: int, nodes: int) -> tuple[IndexArray, FloatArray]:
+    """The node before each place along a side of `size` pixels, and the share of the way to the next. Outside: the last node."""
     at = np.clip(places * ((nodes - 1) / max(size - 1, 1)), 0, nodes - 1)
     before = np.minimum(at.astype(np.intp), nodes - 2)
-    return before, at - before
+    return before, (at - before).astype(np.float32)
