@@ -10,7 +10,7 @@ from shared.arrays import FloatArray
 from .motion import RADIUS, Motion, displaced
 
 _SIZE = 0.2  # diameter, part of the frame's shorter side
-_COLOUR = (1.7, 0.9, 0.4)  # of the scene's mean luminance, in an order that is drawn
+_COLOUR = (2.0, 0.8, 0.2)  # of the scene's mean luminance, in an order that is drawn
 _TEXTURES = 8  # places of the scene, of which the one with the most contrast is taken
 _STEPS = (5.0, 20.0)  # pixels of the sensor from frame to frame
 
