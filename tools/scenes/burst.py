@@ -124,13 +124,13 @@ def tremor(burst: Burst, rng: np.random.Generator) -> tuple[Motion, ...]:
 
     >>> import numpy as np
     >>> first, second = tremor(Burst(2, pixels=3), np.random.default_rng(1))
-    >>> first.none, 0 < np.hypot(second.down, second.across) <= 3, second.degrees
+    >>> first.none, 0 < math.hypot(second.down, second.across) <= 3, second.degrees
     (True, True, 0.0)
     """
     motions = [Motion()]
     while len(motions) < burst.frames:
         last = motions[-1]
-        down, across, degrees = rng.normal(0, [burst.pixels / 2, burst.pixels / 2, burst.degrees / 2])
+        down, across, degrees = rng.normal(0, [burst.pixels / 2, burst.pixels / 2, burst.degrees / 2]).tolist()
         motion = Motion(last.down + down, last.across + across, last.degrees + degrees)
         if math.hypot(motion.down, motion.across) <= burst.pixels and abs(motion.degrees) <= burst.degrees:
             motions.append(motion)
