@@ -95,7 +95,7 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
             mosaic = balance(sensor.mosaic(frame))
             picture = preview(mosaic)
         except InputError as error:
-            yield Refused(f"{frame.source}: {error}" if frame.source else str(error))
+            yield Refused(_reason(frame, error))
             continue
         made = perf_counter()
         path = shots.save(mosaic, picture, frame.taken)
@@ -122,8 +122,7 @@ def capture_burst(
         try:
             mosaics.append(sensor.mosaic(frame))
         except InputError as error:
-            message = f"{frame.source}: {error}" if frame.source else str(error)
-            yield Refused(f"{message}; none of the burst's {count} frames is saved")
+            yield Refused(f"{_reason(frame, error)}; none of the burst's {count} frames is saved")
             return
     white = SteadyWhite()(mosaics[0]).calibration
     save = shots.burst(count, first)
@@ -134,3 +133,7 @@ def capture_burst(
         made = perf_counter()
         path = save(balanced, picture)
         yield Saved(path, made - started, perf_counter() - made)
+
+
+def _reason(frame: RawFrame, error: InputError) -> str:
+    return f"{frame.source}: {error}" if frame.source else str(error)
