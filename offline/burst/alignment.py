@@ -28,7 +28,7 @@ _TILE, _COARSE_TILE = (
     16,
 )  # pixels of a level, about: of the finest level, and of the others while only the frame's motion is sought
 _ROUNDS, _STILL = 8, 2e-3  # corrections on each level, until one is smaller than this, pixels of the level
-_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 3
+_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2
 _LEAST_AGREEMENT = 0.3
 _MOST_ERROR = 0.5  # pixels
 
