@@ -44,9 +44,11 @@ def rigid(tiles: Tiles, turn: DoubleArray) -> Step:
     jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1], arm[..., 0]
     certain, weights = _certain(tiles), np.ones(shape)
     weak = np.diag([1e-6, 1e-6, 1e-6 * np.square(arm).sum(axis=-1).mean()])  # where nothing is known: no correction
+    each = np.swapaxes(jacobian, -1, -2) @ certain
+    each_known, each_wanted = each @ jacobian, _times(each, tiles.shifts)
     for _ in range(_ROUNDS):
-        known = np.einsum("ab,abip,abij,abjq->pq", weights, jacobian, certain, jacobian) + weak
-        step = np.linalg.solve(known, np.einsum("ab,abip,abij,abj->p", weights, jacobian, certain, tiles.shifts))
+        known = np.einsum("ab,abpq->pq", weights, each_known) + weak
+        step = np.linalg.solve(known, np.einsum("ab,abp->p", weights, each_wanted))
         far = _squared(tiles.shifts - jacobian @ step, certain)
         weights = _counts(far)
     covariance = np.linalg.inv(known) * max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
@@ -69,7 +71,9 @@ def local(tiles: Tiles, before: DoubleArray) -> DoubleArray:
     odd = np.indices(weights.shape).sum(axis=0) % 2
     halves = [_smooth(shifts, certain * (weights * half)[..., None, None], field) for half in (1 - odd, odd)]
     predicted = np.where(odd[..., None], *halves)
-    freedom = np.trace(np.linalg.solve(certain + np.eye(2) / _VAGUE**2, certain), axis1=2, axis2=3)  # 2, less where there is no texture
+    freedom = np.trace(
+        np.linalg.solve(certain + np.eye(2) / _VAGUE**2, certain), axis1=2, axis2=3
+    )  # 2, less where there is no texture
     without, left = (_window(weights * _squared(rest, certain)) for rest in (shifts, shifts - predicted))
     won = (without - left) / (without + _window(weights * freedom))
     taken: DoubleArray = field * np.clip((won - _LOST) / (_WON - _LOST), 0, 1)[..., None]
@@ -83,7 +87,7 @@ def _certain(tiles: Tiles) -> DoubleArray:
 
 def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
     """Squared deviations in units of their variance: (R, C)."""
-    squared: DoubleArray = np.einsum("abi,abij,abj->ab", shifts, information, shifts)
+    squared: DoubleArray = (shifts * _times(information, shifts)).sum(axis=-1)
     return squared
 
 
@@ -97,7 +101,7 @@ def _counts(far: DoubleArray) -> DoubleArray:
 def _smooth(shifts: DoubleArray, information: DoubleArray, guess: DoubleArray) -> DoubleArray:
     """The shifts that fit the tiles' and differ little from node to node: conjugate gradients from a guess."""
     tie = 1 / _STEP**2
-    inverse = np.linalg.inv(information + 4 * tie * np.eye(2))
+    inverse: DoubleArray = np.linalg.inv(information + 4 * tie * np.eye(2)).astype(np.float64, copy=False)
     field = guess
     rest = _times(information, shifts - field) - _bent(field, tie)
     toward = better = _times(inverse, rest)
@@ -113,7 +117,7 @@ def _smooth(shifts: DoubleArray, information: DoubleArray, guess: DoubleArray) -
 
 
 def _times(matrices: DoubleArray, vectors: DoubleArray) -> DoubleArray:
-    product: DoubleArray = (matrices @ vectors[..., None])[..., 0]
+    product: DoubleArray = matrices[..., 0] * vectors[..., :1] + matrices[..., 1] * vectors[..., 1:]
     return product
 
 
@@ -130,4 +134,5 @@ def _window(values: DoubleArray) -> DoubleArray:
     for axis in (0, 1):
         wide = np.pad(values, [(_NEAR, _NEAR) if each == axis else (0, 0) for each in (0, 1)])
         values = np.lib.stride_tricks.sliding_window_view(wide, 2 * _NEAR + 1, axis=axis).sum(axis=-1)
-    return values + everywhere
+    sums: DoubleArray = values + everywhere
+    return sums
