@@ -18,7 +18,8 @@ _VAGUE = 0.25  # pixels: a tile that is as uncertain has half a say
 _OVERALL = 0.02
 _TINY = np.finfo(np.float64).tiny
 _NEAR = 2  # nodes: radius of the window in which tiles are asked whether they agree on local shifts
-_LOST, _WON = 0.25, 0.6  # share of the squared deviations that local shifts must explain to be taken at all, and in full
+_LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
+_LEAST = 0.1  # that share of all
 
 
 class Step(NamedTuple):
@@ -74,8 +75,11 @@ def local(tiles: Tiles, before: DoubleArray) -> DoubleArray:
     freedom = np.trace(
         np.linalg.solve(certain + np.eye(2) / _VAGUE**2, certain), axis1=2, axis2=3
     )  # 2, less where there is no texture
-    without, left = (_window(weights * _squared(rest, certain)) for rest in (shifts, shifts - predicted))
-    won = (without - left) / (without + _window(weights * freedom))
+    without, left = (weights * _squared(rest, certain) for rest in (shifts, shifts - predicted))
+    won, most = without - left, without + weights * freedom
+    if won.sum() <= _LEAST * most.sum():
+        return np.zeros_like(field)  # some windows out of many would agree by chance
+    won = _window(won) / np.maximum(_window(most), _TINY)
     taken: DoubleArray = field * np.clip((won - _LOST) / (_WON - _LOST), 0, 1)[..., None]
     return taken
 
