@@ -19,7 +19,7 @@ _OVERALL = 0.02
 _TINY = np.finfo(np.float64).tiny
 _NEAR = 2  # nodes: radius of the window in which tiles are asked whether they agree on local shifts
 _LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
-_LEAST = 0.1  # that share of all
+_LEAST = 0.2  # that share of all
 
 
 class Step(NamedTuple):
