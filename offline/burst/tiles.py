@@ -11,6 +11,7 @@ from .levels import BLUR, SPREAD, Level, tile_edges
 from .motion import Motion
 
 _STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
+_DEVIATIONS = 3.0  # by which gradients must exceed those of noise alone
 _LEAST = 1e-6  # fraction of the squares of luminance: differences below it are rounding
 
 
@@ -67,8 +68,9 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
     brighter = float(np.median(ratios))
     unevenness = _weighted_median(np.abs(ratios / brighter - 1), light) if brighter > 0 else 0.0
     middles = [level.offsets((each[1:] + each[:-1] - 1) / 2, axis) for axis, each in enumerate((rows, columns))]
-    # Half of the differences' noise is the reference's, and so are the squares of its gradients.
-    values, axes = np.linalg.eigh(squares - (_STEEPNESS / 2 * noise * pixels)[..., None, None] * np.eye(2))
+    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+    chance = _STEEPNESS / 2 * noise * (pixels + _DEVIATIONS * np.sqrt(SPREAD * pixels))
+    values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
     information = (axes * (np.maximum(values, 0) / (noise * SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
     texture = rr - r * r / number
     return Tiles(

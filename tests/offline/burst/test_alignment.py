@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.burst import Motion, align
+from offline.burst import Motion, align, levels
 from offline.luminance import recover_luminance
 from offline.settings import BEST
 from shared import CfaPattern, SensorCalibration
@@ -45,9 +45,16 @@ def test_the_motion_of_the_camera_is_found(motion: Motion) -> None:
     assert found.agreement > 0.98
 
 
-@pytest.mark.parametrize("shape", [(61, 143), (144, 90), (1001, 1501)])
+@pytest.mark.parametrize("shape", [(61, 143), (144, 90)])
 def test_frames_of_any_size(shape: tuple[int, int]) -> None:
     assert error(align(seen(Motion(), shape), seen(MOVED, shape)).motion, MOVED, shape).max() < 2 * BETWEEN
+
+
+def test_large_frames_are_compared_at_half_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(levels, "_LARGEST", 10_000)
+    shape = (211, 304)
+    found = align(seen(Motion(), shape), seen(MOVED, shape))
+    assert error(found.motion, MOVED, shape).max() < 3 * BETWEEN
 
 
 def test_samples_of_the_sensor_and_noise() -> None:
