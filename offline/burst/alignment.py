@@ -23,12 +23,9 @@ from .tiles import Tiles, measure
 _CORRELATED = 128  # pixels: the longer side of the planes that are correlated, or less
 _PEAKS, _APART = 3, 3  # how many shifts are tried, and pixels by which they differ
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_TILE, _COARSE_TILE = (
-    32,
-    16,
-)  # pixels of a level, about: of the finest level, and of the others while only the frame's motion is sought
+_TILE, _COARSE_TILE = 32, 16  # pixels of a level, about: on the last level of a search, and on those before
 _ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller than this, pixels of the level
-_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2
+_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on each, from which local shifts come
 _LEAST_AGREEMENT = 0.3
 _MOST_ERROR = 0.5  # pixels
 _MOST_UNEVEN = 0.1
@@ -74,10 +71,10 @@ def align(
     planes = [np.where(plane < limit, plane, np.float32(np.nan)) for plane, limit in zip((reference, frame), limits, strict=True)]
     pyramid = levels(*planes)
     first = next((number for number, level in enumerate(pyramid) if max(level.frame.shape) <= _CORRELATED), len(pyramid) - 1)
-    coarse, fine = pyramid[first:][::-1], pyramid[:first][::-1]
+    coarse, fine = pyramid[first:][::-1], pyramid[: max(first, 1)][::-1]
     tried = [_refined(coarse, Motion(shift), _brightness(coarse[-1])) for shift in _shifts(coarse[-1])]
     motion, tiles, _ = max(tried, key=lambda each: _agreement(coarse[-1], each[1], noise))
-    motion, tiles, error = _refined([*fine, pyramid[0]], motion, tiles.gain)
+    motion, tiles, error = _refined(fine, motion, tiles.gain)
     agreement = _agreement(pyramid[0], tiles, noise)
     if not error <= _MOST_ERROR:
         raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene; {_REMEDY}")
