@@ -159,7 +159,7 @@ def _agreement(level: Level, tiles: Tiles, noise: tuple[NoiseModel | None, Noise
     smooth = tiles.pixels / (SPREAD * level.scale**2)
     texture = np.maximum(tiles.texture - smooth * variance[0], 0)
     differs = np.maximum(tiles.rest - smooth * (variance[0] + variance[1]), 0)
-    share = np.clip(1 - differs / np.maximum(texture, np.finfo(np.float64).tiny), 0, 1)
+    share = np.clip(1 - differs / np.maximum(texture, np.finfo(np.float32).tiny), 0, 1)
     contrast = np.sqrt(texture / np.maximum(tiles.pixels, 1))
     weights = tiles.pixels * contrast / (contrast + max(float(contrast.mean()), np.finfo(np.float32).tiny))
     return float((weights * share).sum() / max(weights.sum(), np.finfo(np.float32).tiny))

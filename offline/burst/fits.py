@@ -18,7 +18,7 @@ _NEAR = 2  # nodes: radius of the window in which tiles are asked whether they a
 _OVERALL = 0.02  # weight of all other tiles there
 _LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
 _LEAST = 0.2  # that share of all
-_TINY = np.finfo(np.float64).tiny
+_TINY = 1e-30
 
 
 class Step(NamedTuple):
