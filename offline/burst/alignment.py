@@ -68,8 +68,7 @@ def align(
     if reference.shape != frame.shape:
         sizes = ["{1} x {0}".format(*plane.shape) for plane in (frame, reference)]
         raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference; take frames of one camera and size")
-    planes = [np.where(plane < limit, plane, np.float32(np.nan)) for plane, limit in zip((reference, frame), limits, strict=True)]
-    pyramid = levels(*planes)
+    pyramid = levels(_unclipped(reference, limits[0]), _unclipped(frame, limits[1]))
     first = next((number for number, level in enumerate(pyramid) if max(level.frame.shape) <= _CORRELATED), len(pyramid) - 1)
     coarse, fine = pyramid[first:][::-1], pyramid[: max(first, 1)][::-1]
     tried = [_refined(coarse, Motion(shift), _brightness(coarse[-1])) for shift in _shifts(coarse[-1])]
@@ -87,6 +86,11 @@ def align(
         share = f"half of it differs by {100 * tiles.unevenness:.0f} % from an even change, at most {100 * _MOST_UNEVEN:.0f} % may"
         raise InputError(f"its light comes from elsewhere, as from a flash: {share}; {_REMEDY}")
     return Alignment(motion, tiles.gain, error, agreement, tiles.unevenness)
+
+
+def _unclipped(plane: FloatArray, limit: float) -> FloatArray:
+    """The plane with NaN at its clipped pixels."""
+    return np.where(plane < limit, plane, np.float32(np.nan)) if limit < np.inf else plane
 
 
 def _shifts(level: Level) -> Iterator[tuple[float, float]]:
