@@ -1,7 +1,8 @@
-"""The capture loop: turns raw frames into DNG files with previews."""
+"""The capture loop: turns raw frames into DNG files with previews, one by one or as a burst."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
@@ -94,8 +95,45 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
             mosaic = balance(sensor.mosaic(frame))
             picture = preview(mosaic)
         except InputError as error:
-            yield Refused(f"{frame.source}: {error}" if frame.source else str(error))
+            yield Refused(_reason(frame, error))
             continue
         made = perf_counter()
         path = shots.save(mosaic, picture, frame.taken)
         yield Saved(path, made - started, perf_counter() - made)
+
+
+def capture_burst(
+    frames: Iterable[RawFrame], count: int, sensor: Sensor, preview: PreviewMaker, shots: ShotFolder
+) -> Iterator[Saved | Refused]:
+    """Take `count` frames as fast as they come, then save them under one name, and yield the outcome of each.
+
+    All of them are in memory before the first is saved. If fewer come, or one does not fit the sensor, none is saved, and the one
+    outcome is a `Refused`. White, where it is unknown, is estimated from the first frame for all.
+
+    For the arguments and errors see `capture`.
+    """
+    taken = list(islice(frames, count))
+    if len(taken) < count:
+        yield Refused(f"the frames ended after {len(taken)} of {count} of the burst; none of them is saved")
+        return
+    first, mosaics = taken[0].taken, []
+    while taken:  # raw bytes are let go as samples take their place
+        frame = taken.pop(0)
+        try:
+            mosaics.append(sensor.mosaic(frame))
+        except InputError as error:
+            yield Refused(f"{_reason(frame, error)}; none of the burst's {count} frames is saved")
+            return
+    white = SteadyWhite()(mosaics[0]).calibration
+    save = shots.burst(count, first)
+    for mosaic in mosaics:
+        started = perf_counter()
+        balanced = replace(mosaic, calibration=white)
+        picture = preview(balanced)
+        made = perf_counter()
+        path = save(balanced, picture)
+        yield Saved(path, made - started, perf_counter() - made)
+
+
+def _reason(frame: RawFrame, error: InputError) -> str:
+    return f"{frame.source}: {error}" if frame.source else str(error)

@@ -4,6 +4,7 @@ import errno
 import os
 import re
 import stat
+from collections.abc import Callable
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -11,13 +12,14 @@ from pathlib import Path
 from shared import Mosaic, write_dng
 from shared.arrays import ByteArray
 from shared.errors import InputError, OutputError
+from shared.series import frame_name
 from shared.writing import part_path, sweep
 
-_NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})\.dng")
+_NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-(\d{6,})(-\d+)?\.dng")
 
 
 class ShotFolder:
-    """Saves shots as TIME-COUNTER.dng, durably, and never over another file.
+    """Saves shots as TIME-COUNTER.dng, bursts as TIME-COUNTER-1.dng, -2.dng ..., durably, and never over another file.
 
     TIME is UTC to the millisecond. COUNTER continues from the highest one in the folder, so that names are unique and the order of
     the shots is known even if the clock is wrong: many cameras have no clock that runs while they are off.
@@ -47,18 +49,46 @@ class ShotFolder:
         taken: time of the shot, with time zone.
         """
         while True:
-            time = taken.astimezone(UTC)
-            path = self.path / f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}.dng"
-            try:
-                write_dng(path, mosaic, picture)
-            except OutputError as error:
-                if isinstance(error.__cause__, FileExistsError):  # another camera saves in the same folder
-                    continue
-                raise
-            break
+            path = self.path / f"{self._stem(taken)}.dng"
+            if self._write(path, mosaic, picture):
+                return path
+
+    def burst(self, count: int, taken: datetime) -> Callable[[Mosaic, ByteArray], Path]:
+        """A function that saves the next frame of a burst: see `save`, which it takes the shot and its preview for.
+
+        count: number of frames.
+        taken: time of the first one, which all their names have.
+        """
+        saved: list[Path] = []
+        stem = self._stem(taken)
+
+        def save(mosaic: Mosaic, picture: ByteArray) -> Path:
+            nonlocal stem
+            while True:
+                path = self.path / f"{frame_name(stem, len(saved) + 1, count)}.dng"
+                if self._write(path, mosaic, picture, again=not saved):  # the first frame takes the name for all
+                    saved.append(path)
+                    return path
+                stem = self._stem(taken)
+
+        return save
+
+    def _stem(self, taken: datetime) -> str:
+        """TIME-COUNTER with the next number of the counter."""
+        time = taken.astimezone(UTC)
+        return f"{time:%Y%m%dT%H%M%S}.{time.microsecond // 1000:03}Z-{next(self._counter):06}"
+
+    def _write(self, path: Path, mosaic: Mosaic, picture: ByteArray, *, again: bool = True) -> bool:
+        """Write a shot. Returns False if the name is taken: another camera saves in the same folder. again: False to raise that."""
+        try:
+            write_dng(path, mosaic, picture)
+        except OutputError as error:
+            if again and isinstance(error.__cause__, FileExistsError):
+                return False
+            raise
         if self._latest is not None:
             _point(self._latest, path)
-        return path
+        return True
 
 
 def _check_link(link: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from device import Preview
-from device.capture import Refused, Saved, Sensor, capture
+from device.capture import Refused, Saved, Sensor, capture, capture_burst
 from device.frame_queue import FrameQueue
 from device.frames import FrameLayout, RawFrame
 from device.shots import ShotFolder
@@ -67,6 +67,40 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_rest_go_on(tmp_path: Path)
     assert third.reason.startswith("frames/7.raw: 2 bytes are not a frame")
     assert isinstance(fourth, Saved)
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_burst_is_in_memory_before_the_first_frame_is_saved(tmp_path: Path) -> None:
+    given: list[int] = []
+
+    def frames() -> Iterator[RawFrame]:
+        for seed in range(9):
+            given.append(len(list(tmp_path.iterdir())))
+            yield frame(seed)
+
+    saved = list(capture_burst(frames(), 3, SENSOR, grey, ShotFolder(tmp_path)))
+    assert given == [0, 0, 0]
+    assert [each.path.name for each in saved if isinstance(each, Saved)] == [
+        f"20260309T070501.000Z-000001-{number}.dng" for number in (1, 2, 3)
+    ]
+    for seed, each in enumerate(saved):
+        assert isinstance(each, Saved)
+        assert np.array_equal(read_dng(each.path).codes, random_codes(SIZE, 10, seed))
+
+
+def test_of_a_burst_with_a_frame_that_does_not_fit_nothing_is_saved(tmp_path: Path) -> None:
+    short = RawFrame(b"12", TAKEN, 0.0, "frames/7.raw")
+    (outcome,) = capture_burst([frame(0), short, frame(1)], 3, SENSOR, grey, ShotFolder(tmp_path))
+    assert isinstance(outcome, Refused)
+    assert outcome.reason.startswith("frames/7.raw: 2 bytes are not a frame")
+    assert outcome.reason.endswith("; none of the burst's 3 frames is saved")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_burst_has_one_white(tmp_path: Path) -> None:
+    saved = list(capture_burst(map(frame, range(3)), 3, SENSOR, grey, ShotFolder(tmp_path)))
+    one, *others = [read_dng(each.path).calibration for each in saved if isinstance(each, Saved)]
+    assert one.neutral_estimated or one.neutral is None
+    assert others == [one, one]
 
 
 def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk: Callable[[], None]) -> None:

@@ -48,6 +48,30 @@ def test_another_camera_in_the_folder_loses_nothing(tmp_path: Path) -> None:
     assert len(names(tmp_path)) == 4
 
 
+def test_a_burst_has_one_name_and_one_count(tmp_path: Path) -> None:
+    shots = ShotFolder(tmp_path)
+    save = shots.burst(10, TAKEN)
+    saved = [save(mosaic(), preview()).name for _ in range(2)]
+    assert saved == ["20260309T070501.020Z-000001-01.dng", "20260309T070501.020Z-000001-02.dng"]
+    assert ShotFolder(tmp_path).save(mosaic(), preview(), TAKEN).name == "20260309T070501.020Z-000002.dng"
+
+
+def test_bursts_of_two_cameras_have_names_of_their_own(tmp_path: Path) -> None:
+    one, other = (ShotFolder(tmp_path).burst(2, TAKEN) for _ in range(2))
+    saved = [save(mosaic(), preview()).name for save in (one, other, other, one)]
+    assert [name[-12:] for name in saved] == ["000001-1.dng", "000002-1.dng", "000002-2.dng", "000001-2.dng"]
+    assert names(tmp_path) == sorted(saved)
+
+
+def test_a_later_frame_of_a_burst_replaces_no_file(tmp_path: Path) -> None:
+    save = ShotFolder(tmp_path).burst(2, TAKEN)
+    save(mosaic(), preview())
+    (tmp_path / "20260309T070501.020Z-000001-2.dng").write_text("precious")
+    with pytest.raises(OutputError, match=r"000001-2\.dng: exists already"):
+        save(mosaic(), preview())
+    assert (tmp_path / "20260309T070501.020Z-000001-2.dng").read_text() == "precious"
+
+
 def test_the_link_leads_to_the_latest_from_anywhere(tmp_path: Path) -> None:
     folder, elsewhere = tmp_path / "shots", tmp_path / "links"
     folder.mkdir()

@@ -1,23 +1,27 @@
-"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside.
+"""Save a camera's frames as shots: each becomes a DNG, TIME-COUNTER.dng, with its preview inside; or one burst of frames.
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, or builtin:WIDTHxHEIGHT@FPS, a
 simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o
 shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112. The first frames are compared with these options.
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
-SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
+--burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
+none is saved. SIGINT and SIGTERM end the command after the current file (exit codes 130 and 0).
 """
 
 import argparse
+from itertools import islice
 from pathlib import Path
 
-from device.capture import Refused, Saved, capture
+from device.capture import Refused, Saved, capture, capture_burst
 from device.frame_queue import FrameQueue
+from device.frames import FrameLayout
 from device.shots import ShotFolder
 from shared.errors import InputError, OutputError
 from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
+from tools.host.memory import allowed_memory, format_bytes
 from tools.host.signals import Stopping
 from tools.live.source import add_source_options, open_source
 from tools.pictures.previews import preview_maker
@@ -30,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source_options(parser)
     options.add_output_folder(parser, "the shots")
     parser.add_argument("--frames", type=int, metavar="N", help="stop after N shots (default: when the stream ends)")
+    parser.add_argument("--burst", type=int, metavar="N", help="save one burst of N frames, all or none, and stop")
     parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a piped recording")
     parser.add_argument("--latest", type=Path, metavar="LINK", help="keep a symbolic link with this name to the latest shot")
     options.add_graph(parser)
@@ -39,10 +44,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Save frames until the source ends or the user does; returns the exit code."""
-    options.check_at_least_one(arguments, "frames", "jobs")
+    options.check_at_least_one(arguments, "frames", "burst", "jobs")
+    if arguments.burst and arguments.frames:
+        raise InputError("--frames does not go with --burst: it counts single shots")
     if arguments.wait and arguments.source.startswith("builtin:"):
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = open_source(arguments)
+    if arguments.burst:
+        _check_memory(arguments.burst, source.sensor.layout)
     folder = output_folder(arguments.output)
     shots = ShotFolder(folder, arguments.latest)
     preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.jobs)
@@ -58,15 +67,22 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     with Stopping() as stopping:
         frames = source.frames(stopping, lambda error: refused(str(error)), console.note)
-        queue = FrameQueue(frames, _DEPTH, wait=source.waits or arguments.wait, stopped=stopping)
+        if arguments.burst:  # all frames may wait: none is dropped, and no more are read
+            frames = islice(frames, arguments.burst)
+        queue = FrameQueue(frames, arguments.burst or _DEPTH, wait=source.waits or arguments.wait, stopped=stopping)
         try:
-            for each in capture(queue, source.sensor, preview, shots):
+            if arguments.burst:
+                outcomes = capture_burst(queue, arguments.burst, source.sensor, preview, shots)
+            else:
+                outcomes = capture(queue, source.sensor, preview, shots)
+            for each in outcomes:
                 if isinstance(each, Refused):
-                    refused(each.reason)
+                    if not (arguments.burst and stopping()):  # then the user has ended it
+                        refused(each.reason)
                     continue
                 saved += 1
                 _report(each, queue.dropped, arguments.source, console)
-                if saved == arguments.frames:
+                if saved == arguments.frames or stopping():
                     break
             else:
                 if arguments.frames and not stopping():
@@ -75,6 +91,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             refused(str(error))
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
         lost = queue.dropped + (len(queue) if stopping() else 0)
+    if arguments.burst and stopping():
+        lost = arguments.burst - saved
     console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
 
@@ -85,3 +103,13 @@ def _report(shot: Saved, dropped: int, source: str, console: Console) -> None:
     console.record(
         source=source, ok=True, output=str(shot.path), preview_ms=round(preview, 1), write_ms=round(write, 1), dropped=dropped
     )
+
+
+def _check_memory(frames: int, layout: FrameLayout) -> None:
+    """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory."""
+    needed, free = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height), allowed_memory(None)
+    if needed > free:
+        raise InputError(
+            f"--burst is {frames}: that many frames of {layout.width} x {layout.height} need {format_bytes(needed)} of memory, "
+            f"{format_bytes(free)} can be used; take fewer"
+        )

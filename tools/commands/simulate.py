@@ -3,6 +3,8 @@
 A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
 render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn:
 builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
+
+--burst N makes a hand-held series of each scene, STEM-1.dng, STEM-2.dng ...; the first frame is the reference, which has not moved.
 """
 
 import argparse
@@ -18,12 +20,15 @@ from shared import Camera, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
+from shared.series import frame_name
+from shared.writing import write_durably
 from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import plan, search
 from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
+from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
@@ -62,8 +67,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light.add_argument(
         "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"
     )
+    burst = parser.add_argument_group("a burst: a hand-held series of each scene")
+    burst.add_argument("--burst", type=int, metavar="N", help="make N frames, STEM-1.dng to STEM-N.dng; the first has not moved")
+    burst.add_argument(
+        "--motion", type=float, default=0.0, metavar="PIXELS", help="the others are displaced by up to this (default: 0)"
+    )
+    burst.add_argument("--rotation", type=float, default=0.0, metavar="DEGREES", help="and rotated by up to this (default: 0)")
+    burst.add_argument("--moving", action="store_true", help="a thing moves through the scene, 5 to 20 pixels from frame to frame")
+    burst.add_argument(
+        "--exposures",
+        type=parsed_stops,
+        default=(),
+        metavar="EV,EV,...",
+        help="a bracket: exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time",
+    )
+    parser.add_argument(
+        "--reduce", type=int, default=1, metavar="N", help="make one pixel from N x N of the scene; a burst is displaced before"
+    )
     parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
-    parser.add_argument("--truth", action="store_true", help="also write the scene as STEM.truth.tif: float32, scene units")
+    parser.add_argument(
+        "--truth",
+        action="store_true",
+        help="also write what the (first) frame sees as STEM.truth.tif, float32, scene units, and the motion of a burst",
+    )
     options.add_max_pixels(parser)
     options.add_overwrite(parser)
     options.add_json(parser, "scene")
@@ -79,6 +105,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--seed is {arguments.seed}, expected 0 or more")
     if not 0 <= arguments.sigma < np.inf:
         raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
+    options.check_at_least_one(arguments, "reduce")
+    is_series, burst = arguments.burst is not None, _burst(arguments)
     known, pattern = options.camera_of(arguments)
     camera = _calibration(arguments, known)
     folder = output_folder(arguments.output)
@@ -86,26 +114,45 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
-        return [f"{stem}.dng", *([f"{stem}.truth.tif"] if arguments.truth else [])]
+        shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
+        beside = [f"{stem}.truth.tif", *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
+        return [*(f"{shot}.dng" for shot in shots), *beside]
+
+    def random(path: Path) -> np.random.Generator:
+        return noise_of(arguments.seed, path.relative_to(folder))
 
     def work(job: Job) -> dict[str, Any]:
+        shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
+        taken: dict[str, Frame] = {}
         with console.progress(job.source) as progress:
             progress.stage("reading", 1)
             scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels)
-            progress.stage("sampling", 1)
-            shot, *truth = job.outputs
-            mosaic = photograph(scene, pattern, camera, arguments, noise_of(arguments.seed, shot.relative_to(folder)))
-            job.make_folders()
-            progress.stage("writing", 1)
-            write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
-            for path in truth:
-                write_picture(
-                    path, scene.rgb, _TRUTH, calibration=mosaic.calibration, metadata=scene.metadata, overwrite=arguments.overwrite
-                )
+            frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
+            progress.stage("sampling and writing", burst.frames)
+            for shot in shots:
+                frame = next(frames)
+                mosaic = photograph(scene, frame, pattern, camera, arguments, random(shot))
+                job.make_folders()
+                write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
+                if not taken and beside:
+                    metadata = frame.metadata(scene.metadata)
+                    write_picture(
+                        beside[0],
+                        frame.rgb,
+                        _TRUTH,
+                        calibration=mosaic.calibration,
+                        metadata=metadata,
+                        overwrite=arguments.overwrite,
+                    )
+                taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
+                progress.advance()
+            for path in beside[1:]:
+                write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
         for note in scene.notes:
             console.note(f"{job.source}: {note}")
         rows, columns = mosaic.shape
-        console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
+        for shot in shots:
+            console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
         return {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
 
     found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
@@ -123,15 +170,32 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
 
 
 def photograph(
-    scene: Scene, pattern: CfaPattern, camera: SensorCalibration, arguments: argparse.Namespace, rng: np.random.Generator
+    scene: Scene,
+    frame: Frame,
+    pattern: CfaPattern,
+    camera: SensorCalibration,
+    arguments: argparse.Namespace,
+    rng: np.random.Generator,
 ) -> Mosaic:
-    """The scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
+    """A frame of the scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
     if camera.neutral is None:
         camera = replace(camera, neutral=scene.neutral, neutral_estimated=scene.neutral_estimated)
     camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz)
+    metadata = frame.metadata(scene.metadata)
     if arguments.protocol == "sensor":
-        return simulate_sensor(scene.rgb, pattern, camera, arguments.light, rng, scene.metadata)
-    return simulate_additive(scene.rgb, pattern, camera, arguments.sigma, rng, scene.metadata)
+        return simulate_sensor(frame.rgb, pattern, camera, arguments.light * frame.exposure, rng, metadata)
+    rgb = frame.rgb if frame.exposure == 1 else frame.rgb * np.float32(frame.exposure)
+    return simulate_additive(rgb, pattern, camera, arguments.sigma, rng, metadata)
+
+
+def _burst(arguments: argparse.Namespace) -> Burst:
+    """The burst that is asked for; one frame without --burst."""
+    if arguments.burst is None:
+        for option in ("motion", "rotation", "moving", "exposures"):
+            if getattr(arguments, option):
+                raise InputError(f"--{option} needs --burst: it is about the frames of a series")
+        return Burst(1)
+    return Burst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.exposures)
 
 
 def _calibration(arguments: argparse.Namespace, known: Camera | None) -> SensorCalibration:

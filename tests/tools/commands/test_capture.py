@@ -20,7 +20,7 @@ from tests.data import ROOT
 from tests.device.packer import pack, random_codes
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
-from tests.tools.command import PROGRAM, file_limit, spawn
+from tests.tools.command import PROGRAM, file_limit, names, spawn
 from tests.tools.command import run as command
 from tools.cli import main
 from tools.commands import capture as verb
@@ -303,6 +303,9 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
         (["builtin:64x48@9", "--new"], "--new does not go with builtin:64x48@9: only a folder can already contain frames"),
         (["builtin:64x48@9", "--wait"], "--wait does not go with builtin:64x48@9"),
         (["builtin:64x48@9", "--frames", "0"], "--frames is 0, expected 1 or more"),
+        (["builtin:64x48@9", "--burst", "0"], "--burst is 0, expected 1 or more"),
+        (["builtin:64x48@9", "--burst", "2", "--frames", "2"], "--frames does not go with --burst"),
+        (["builtin:4000x3000@9", "--burst", "999999"], "that many frames of 4000 x 3000 need 22351.8 GB of memory"),
         (["builtin:64x48@9", "--jobs", "-1"], "-j is -1, expected 1 or more"),
         (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),
         (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: there is no such file"),
@@ -321,6 +324,62 @@ def test_what_is_asked_in_vain_is_told_at_once(
     assert run(*arguments, "-o", str(out)) == 2
     assert words in capsys.readouterr().err
     assert list(out.iterdir()) == []
+
+
+def test_a_burst_is_saved_under_one_name_however_fast_it_comes(out: Path) -> None:
+    done = piped(b"".join(map(frame, range(40))), "-o", str(out), *LAYOUT, "--burst", "12", "--json")
+    assert done.returncode == 0
+    assert done.stderr.endswith(b"12 saved, 0 dropped\n")
+    (stem,) = {path.stem.rpartition("-")[0] for path in shots(out)}
+    assert stem.endswith("Z-000001")
+    assert [path.stem.removeprefix(stem) for path in shots(out)] == [f"-{number:02}" for number in range(1, 13)]
+    for seed, path in enumerate(shots(out)):
+        assert read_dng(path).codes.tobytes() == random_codes(SIZE, 12, seed).tobytes()
+        assert read_preview(path).startswith(b"\xff\xd8")
+    assert len(done.stdout.splitlines()) == 12
+    assert piped(frame(0), "-o", str(out), *LAYOUT).returncode == 0
+    assert shots(out)[-1].stem.endswith("Z-000002")
+
+
+def test_a_burst_that_is_cut_short_is_not_saved(out: Path) -> None:
+    done = piped(b"".join(map(frame, range(3))), "-o", str(out), *LAYOUT, "--burst", "4", "--wait")
+    assert done.returncode == 1
+    assert b"panchroma: the frames ended after 3 of 4 of the burst; none of them is saved\n" in done.stderr
+    assert names(out) == set()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_leaves_whole_frames_of_a_burst(
+    out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals, code: int
+) -> None:
+    made: list[int] = []
+
+    def interrupted(mosaic: Mosaic) -> ByteArray:
+        made.append(1)
+        if len(made) == 2:
+            os.kill(os.getpid(), number)
+        return np.zeros((*mosaic.shape, 3), np.uint8)
+
+    monkeypatch.setattr(verb, "preview_maker", lambda *_, **__: interrupted)
+    assert run("builtin:64x48@100", "-o", str(out), "--burst", "5") == code
+    assert len([read_dng(path) for path in shots(out)]) == 2
+    assert [path.suffix for path in out.iterdir()] == [".dng"] * 2
+    assert capsys.readouterr().err.endswith("2 saved, 3 dropped\n")
+
+
+def test_a_signal_ends_a_burst_that_does_not_come(out: Path) -> None:
+    line = [*PROGRAM, "capture", "-", "-o", str(out), *LAYOUT, "--burst", "3", "--latest", str(out / "latest.dng")]
+    with subprocess.Popen(line, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin
+        assert process.stderr
+        process.stdin.write(frame(0))
+        process.stdin.flush()
+        assert b"no --camera" in process.stderr.readline()
+        assert b"the frame " in process.stderr.readline()  # the first has come
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+        assert process.stderr.read() == b"0 saved, 3 dropped\n"
+    assert names(out) == set()
 
 
 def test_frames_that_do_not_come_are_missed(out: Path) -> None:

@@ -22,6 +22,7 @@ from shared.sensor import sample, simulate_additive, simulate_sensor, typical_no
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.tools.command import assert_refused, file_limit, names, run, spawn
 from tools.commands.simulate import noise_of
+from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"
@@ -189,6 +190,85 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
     assert read_dng(out / "scene2.dng").shape == (2, 2)
 
 
+# --- bursts ---------------------------------------------------------------------------------------------------------------------
+
+SERIES, HAND = "builtin:150x120", ["--burst", "3", "--motion", "2", "--rotation", "0.5", "--moving"]
+FRAMES = [f"builtin-150x120-{number}.dng" for number in (1, 2, 3)]
+BESIDE = {"builtin-150x120.truth.tif", "builtin-150x120.motion.json"}
+
+
+def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
+    outcome = run("simulate", SERIES, "-o", out, *HAND, "--sigma", "0.02", "--seed", "3", "--truth", "--json")
+    assert outcome.code == 0, outcome.err
+    assert names(out) == {*FRAMES, *BESIDE}
+    told = json.loads((out / "builtin-150x120.motion.json").read_text())
+    hand = noise_of(3, "builtin-150x120-1.motion")
+    frames = list(burst_frames(builtin_scene(150, 120).rgb, Burst(3, 2, 0.5, True), hand))
+    for name, frame in zip(FRAMES, frames, strict=True):
+        shot = read_dng(out / name)
+        known = simulate_additive(frame.rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(3, name))
+        assert np.array_equal(shot.codes, known.codes)
+        assert told["frames"][name]["down"] == frame.motion.down
+        assert told["centre"] == [(count - 1) / 2 for count in shot.shape]
+    assert told["reference"] == FRAMES[0]
+    assert np.array_equal(tifffile.imread(out / "builtin-150x120.truth.tif"), frames[0].rgb)
+    (record,) = outcome.records
+    assert len(record["outputs"]) == 5
+    assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
+
+
+def test_a_seed_makes_the_same_burst_again_and_another_another(out: Path, tmp_path: Path) -> None:
+    contents = []
+    for number, seed in enumerate(("1", "1", "2")):
+        folder = tmp_path / str(number)
+        assert run("simulate", SERIES, "-o", folder, *HAND, "--seed", seed, "--truth").code == 0
+        contents.append([(folder / name).read_bytes() for name in (*FRAMES, *BESIDE)])
+    assert contents[0] == contents[1]
+    assert all(one != other for one, other in zip(contents[0][1:], contents[2][1:], strict=True))
+
+
+def test_frames_that_do_not_move_differ_by_noise_alone(out: Path) -> None:
+    assert run("simulate", SERIES, "-o", out, "--burst", "2", "--sigma", "0.05").code == 0
+    one, other = (read_dng(out / name).signal for name in FRAMES[:2])
+    assert one.shape == (120, 150)
+    noise = (one - other)[CfaPattern.bayer().panchromatic_mask(one.shape)]
+    assert noise.std() == pytest.approx(0.05 * 2**0.5, rel=0.05)
+    assert run("simulate", SERIES, "-o", out, "--burst", "2", "--overwrite").code == 0
+    assert np.array_equal(read_dng(out / FRAMES[0]).codes, read_dng(out / FRAMES[1]).codes)
+
+
+@pytest.mark.parametrize("protocol", [["--sigma", "0"], ["--protocol", "sensor"]])
+def test_a_bracket_clips_and_its_files_state_the_exposure(out: Path, protocol: list[str]) -> None:
+    assert run("simulate", SERIES, "-o", out, "--burst", "3", "--exposures", "0,-2,1.5", *protocol).code == 0
+    shots = [read_dng(out / name) for name in FRAMES]
+    times = [shot.metadata.exposure_time or 0 for shot in shots]
+    assert [time / times[0] for time in times] == pytest.approx([1, 0.25, 2**1.5], rel=1e-6)
+    assert np.median(shots[1].signal) == pytest.approx(np.median(shots[0].signal) / 4, rel=0.02)
+    assert [shot.codes.max() == 4095 for shot in shots] == [False, False, True]
+
+
+def test_a_scene_is_reduced_with_and_without_a_burst(out: Path, tmp_path: Path) -> None:
+    rgb = np.random.default_rng(0).random((37, 48, 3), np.float32)
+    np.save(tmp_path / "scene.npy", rgb)
+    assert run("simulate", tmp_path / "scene.npy", "-o", out, "--reduce", "2", "--truth").code == 0
+    truth = tifffile.imread(out / "scene.truth.tif")
+    np.testing.assert_allclose(truth, rgb[:36].reshape(18, 2, 24, 2, 3).mean(axis=(1, 3)), rtol=1e-5)
+    assert run("simulate", tmp_path / "scene.npy", "-o", out, "--reduce", "2", "--burst", "1").code == 0
+    assert np.array_equal(read_dng(out / "scene-1.dng").codes, read_dng(out / "scene.dng").codes)
+
+
+def test_a_burst_replaces_nothing_unless_told(out: Path) -> None:
+    (out / FRAMES[2]).write_text("precious")
+    outcome = run("simulate", SERIES, "-o", out, "--burst", "3")
+    assert_refused(outcome, "exists already", name=str(out / FRAMES[2]))
+    assert names(out) == {FRAMES[2]}
+
+
+def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
+    assert_refused(run("simulate", SOURCE, "-o", out, *HAND), "nothing is left; take a larger picture", name=SOURCE)
+    assert names(out) == set()
+
+
 # --- what is refused ------------------------------------------------------------------------------------------------------------
 
 
@@ -205,6 +285,13 @@ def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
         (["--seed", "-1"], "--seed is -1"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the noise of --protocol paper"),
         (["--light", "2"], "--light needs --protocol sensor"),
+        (["--motion", "2"], "--motion needs --burst"),
+        (["--moving"], "--moving needs --burst"),
+        (["--burst", "0"], "--burst is 0"),
+        (["--burst", "2", "--motion", "-1"], "--motion is -1.0 pixels, expected 0 to"),
+        (["--burst", "2", "--exposures", "0,x"], "--exposures is '0,x', expected stops"),
+        (["--burst", "2", "--exposures", "0"], "--exposures has 1 figures for 2 frames"),
+        (["--reduce", "0"], "--reduce is 0, expected 1 or more"),
         (["--exposure", "2"], "--exposure is called --light here, a factor"),
         (["--protocol", "sensor", "--exposure=2"], "--exposure is called --light here, a factor"),
         (["--camera", "missing.json"], "missing.json: there is no such file"),

@@ -1,0 +1,7 @@
+"""A hand-held series of frames of one scene: where they lie against one of them."""
+
+from .alignment import Alignment, align
+from .motion import Motion
+from .render import Judged, MergedBurst, merge_burst, render_burst_bands
+
+__all__ = ["Alignment", "Judged", "MergedBurst", "Motion", "align", "merge_burst", "render_burst_bands"]

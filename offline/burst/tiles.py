@@ -1,0 +1,93 @@
+"""What each tile of a level says about a motion: how far from where the motion puts it the tile lies, and how certain that is."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+
+from ..kernels.displacement import SUMS, displacement_sums
+from .levels import BLUR, SPREAD, Level, tile_edges
+from .motion import Motion
+
+_STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
+_DEVIATIONS = 3.0  # by which gradients must exceed those of noise alone
+_LEAST = 1e-6  # fraction of the squares of luminance: differences below it are rounding
+
+
+class Tiles(NamedTuple):
+    """A measurement; (R, C) tiles. Pixels are those of the level.
+
+    rows, columns: of the tiles' middles, from the frame's centre, float64 (R,) and (C,).
+    shifts: (R, C, 2), how much farther (down, across) than the motion says the tiles lie.
+    information: (R, C, 2, 2), inverse of the shifts' covariance: small where there is no texture, or along an edge, or where the
+        two planes differ by more than a shift. The differences that the shift leaves say how much noise there is.
+    texture: (R, C), sum of the squares of the reference, less its mean.
+    rest: (R, C), sum of the squares of the differences that a shift and an offset leave.
+    pixels: (R, C), how many counted.
+    light: (R, C), mean luminance of the reference, scene units.
+    gain: how many times as bright the frame is as the reference.
+    unevenness: the fraction by which the light of tiles differs from that; half of all light is in tiles that differ more.
+    """
+
+    rows: DoubleArray
+    columns: DoubleArray
+    shifts: DoubleArray
+    information: DoubleArray
+    texture: DoubleArray
+    rest: DoubleArray
+    pixels: DoubleArray
+    light: DoubleArray
+    gain: float
+    unevenness: float
+
+
+def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, local: DoubleArray | None = None) -> Tiles:
+    """Measure how the tiles around (R, C) nodes lie, compared with a motion.
+
+    gain: a guess of how many times as bright the frame is.
+    local: (R, C, 2), shifts of the nodes besides the motion's own, pixels of the frame.
+    """
+    rows, columns = (tile_edges(size, level.scale, count) for size, count in zip(level.shape, nodes, strict=True))
+    turn, start = level.affine(motion)
+    starts = np.broadcast_to(start, (*nodes, 2)) + (0.0 if local is None else local / level.scale)
+    sums = np.empty((*nodes, SUMS))
+    (yy, yx), (xy, xx) = turn.tolist()
+    displacement_sums(level.reference, level.frame, rows, columns, (yy, yx, xy, xx), starts, gain, sums)
+    pixels, gy, gx, gyy, gyx, gxx, e, ye, xe, ee, r, f, rr, _ = np.moveaxis(sums, -1, 0)
+    number = np.maximum(pixels, 1)
+    crossed = gyx - gy * gx / number
+    squares = np.stack([gyy - gy * gy / number, crossed, crossed, gxx - gx * gx / number], axis=-1).reshape(*nodes, 2, 2)
+    right = np.stack([ye - gy * e / number, xe - gx * e / number], axis=-1)
+    least = _LEAST * rr.sum() / max(pixels.sum(), 1) + np.finfo(np.float32).tiny
+    shifts = -np.linalg.solve(squares + least * np.eye(2), right[..., None])[..., 0]
+    rest = np.maximum(ee - e * e / number + (right * shifts).sum(axis=-1), 0)
+    noise = rest / np.maximum(pixels - 3, 1) + least
+    seen = (pixels > 0) & (r > 0)
+    ratios, light = (f[seen] / r[seen], r[seen]) if seen.any() else (np.ones(1), np.ones(1))
+    brighter = float(np.median(ratios))
+    unevenness = _weighted_median(np.abs(ratios / brighter - 1), light) if brighter > 0 else 0.0
+    middles = [level.offsets((each[1:] + each[:-1] - 1) / 2, axis) for axis, each in enumerate((rows, columns))]
+    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+    chance = _STEEPNESS / 2 * noise * (pixels + _DEVIATIONS * np.sqrt(SPREAD * pixels))
+    values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
+    information = (axes * (np.maximum(values, 0) / (noise * SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
+    texture = rr - r * r / number
+    return Tiles(
+        middles[0],
+        middles[1],
+        shifts,
+        information,
+        texture,
+        rest,
+        pixels,
+        r / number,
+        gain * brighter if brighter > 0 else gain,
+        unevenness,
+    )
+
+
+def _weighted_median(values: DoubleArray, weights: DoubleArray) -> float:
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])

@@ -1,0 +1,187 @@
+"""The frames of a burst: what each sees, and that the truth about them is true."""
+
+import doctest
+import json
+
+import numpy as np
+import pytest
+
+from shared import CaptureMetadata
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from shared.metadata import CaptureField
+from shared.tiff import FieldType
+from tools.scenes import burst as module
+from tools.scenes import motion, moving_thing
+from tools.scenes.burst import Burst, burst_frames, motion_text, reduced, tremor
+from tools.scenes.drawn.builtin import builtin_scene
+from tools.scenes.motion import Motion
+
+HAND = Burst(5, pixels=3, degrees=0.3)
+
+
+def random(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(scope="module")
+def leaves() -> FloatArray:
+    return builtin_scene(240, 200).rgb
+
+
+@pytest.mark.parametrize("documented", [module, motion, moving_thing])
+def test_the_examples(documented: object) -> None:
+    assert doctest.testmod(documented).failed == 0  # type: ignore[arg-type]
+
+
+def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
+    motions = tremor(Burst(200, pixels=3, degrees=0.3), random())
+    assert motions[0].none
+    shifts = np.array([(each.down, each.across) for each in motions])
+    lengths, angles = np.hypot(*shifts.T), np.array([each.degrees for each in motions])
+    assert 2.5 < lengths.max() <= 3
+    assert 0.25 < np.abs(angles).max() <= 0.3
+    assert np.unique((shifts % 1 * 4).astype(int), axis=0).shape[0] == 16  # every sixteenth of a pixel is met
+    assert tremor(HAND, random()) == tremor(HAND, random()) != tremor(HAND, random(1))
+
+
+def test_without_motion_every_frame_is_the_scene(leaves: FloatArray) -> None:
+    frames = list(burst_frames(leaves, Burst(3), random()))
+    assert [frame.motion for frame in frames] == [Motion()] * 3
+    assert all(np.array_equal(frame.rgb, leaves) for frame in frames)
+
+
+def test_the_reference_is_a_part_of_the_scene(leaves: FloatArray) -> None:
+    reference = next(burst_frames(leaves, HAND, random()))
+    rows, columns = reference.rgb.shape[:2]
+    top, left = (200 - rows) // 2, (240 - columns) // 2
+    assert top == left < 45
+    assert np.array_equal(reference.rgb, leaves[top : top + rows, left : left + columns])
+
+
+@pytest.mark.parametrize("pixel", [1, 2])
+def test_a_frame_sees_the_scene_where_its_motion_says(pixel: int) -> None:
+    """A ramp of light, 1 per row in one channel and per column in the other, says of each pixel where it is in the scene."""
+    ramp = np.zeros((300, 321, 3), np.float32)
+    ramp[..., 0], ramp[..., 1] = np.mgrid[:300, :321]
+    frames = list(burst_frames(ramp, HAND, random(), pixel))
+    reference = frames[0].rgb
+    for frame in frames:
+        shape = frame.rgb.shape
+        assert shape == reference.shape
+        points = np.moveaxis(np.indices(shape[:2], dtype=float), 0, -1)
+        places = frame.motion.of(points, shape)  # where the frame sees what the reference sees at `points`
+        whole = np.rint(places).astype(int)
+        inside = ((whole >= 0) & (whole < shape[:2])).all(axis=-1)
+        seen = frame.rgb[tuple(whole[inside].T)][:, :2]
+        # A pixel off by part of one reads a ramp that much lower or higher: turn this part back to the reference.
+        off = Motion(degrees=-frame.motion.degrees).of(whole - (frame.motion.down, frame.motion.across), shape)[inside]
+        expected = reference[0, 0, :2] + pixel * off
+        np.testing.assert_allclose(seen, expected, atol=0.01 * pixel)
+
+
+def test_larger_pixels_are_means(leaves: FloatArray) -> None:
+    for pixel in (1, 2, 3):
+        means = reduced(leaves, pixel)
+        rows, columns = 200 // pixel, 240 // pixel
+        blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
+        np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
+    with pytest.raises(InputError, match="the scene has 240 x 200 pixels: --reduce 201 leaves nothing of it"):
+        next(burst_frames(leaves, Burst(1), random(), 201))
+
+
+def test_light_is_not_negative() -> None:
+    """Interpolation overshoots beside a sharp edge."""
+    edge = np.zeros((120, 120, 3), np.float32)
+    edge[:, 60:] = 1
+    frames = list(burst_frames(edge, HAND, random()))
+    assert min(frame.rgb.min() for frame in frames) == 0
+    assert max(frame.rgb.max() for frame in frames) > 1.01
+
+
+def test_a_thing_moves_by_itself_and_hides_what_is_behind(leaves: FloatArray) -> None:
+    without = list(burst_frames(leaves, Burst(4), random()))
+    frames = list(burst_frames(leaves, Burst(4, moving=True), random()))
+    places = []
+    for frame, plain in zip(frames, without, strict=True):
+        assert frame.thing is not None
+        row, column, radius = frame.thing
+        places.append((row, column))
+        distance = np.hypot(np.arange(200)[:, None] - row, np.arange(240) - column)
+        changed = (frame.rgb != plain.rgb).any(axis=2)
+        assert not changed[distance > radius + 1].any()
+        assert changed[distance < radius - 1].mean() > 0.99
+        colour = frame.rgb[(distance < radius - 1) & (frame.rgb.sum(axis=2) > 0.1)]
+        np.testing.assert_allclose(
+            colour / colour.sum(axis=1, keepdims=True), [colour[0] / colour[0].sum()] * len(colour), atol=1e-3
+        )
+        assert radius == 20
+        assert radius <= row <= 200 - radius
+        assert radius <= column <= 240 - radius
+    steps = np.diff(places, axis=0)
+    np.testing.assert_allclose(steps, steps[:1].repeat(3, axis=0))
+    assert 5 <= np.hypot(*steps[0]) <= 20
+
+
+def test_a_thing_is_where_the_truth_says_in_larger_pixels_too(leaves: FloatArray) -> None:
+    plain, *_ = burst_frames(leaves, Burst(3, pixels=1), random(), 2)
+    frame, *_ = burst_frames(leaves, Burst(3, pixels=1, moving=True), random(), 2)
+    assert frame.thing is not None
+    row, column, radius = frame.thing
+    changed = (frame.rgb != plain.rgb).any(axis=2)
+    np.testing.assert_allclose(np.argwhere(changed).mean(axis=0), (row, column), atol=0.2)
+    assert changed.sum() == pytest.approx(np.pi * radius**2, rel=0.15)
+
+
+def test_a_scene_too_small_for_a_texture_has_a_thing(leaves: FloatArray) -> None:
+    frames = list(burst_frames(leaves[:40, :30], Burst(3, moving=True), random()))
+    assert all(frame.thing is not None and np.isfinite(frame.rgb).all() for frame in frames)
+
+
+def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
+    frames = list(burst_frames(leaves, Burst(3, stops=(0, -2, 1)), random()))
+    assert [frame.exposure for frame in frames] == [1, 0.25, 2]
+    kept, dropped = (
+        CaptureField("exif", 37383, FieldType.SHORT, b"\5\0"),
+        CaptureField("exif", 37377, FieldType.SRATIONAL, b"12345678"),
+    )
+    scene = CaptureMetadata(exposure_time=0.01, more=(kept, dropped))
+    assert [frame.metadata(scene).exposure_time for frame in frames] == [0.01, 0.0025, 0.02]
+    assert frames[0].metadata(scene).more == (kept,)
+    unknown = [frame.metadata(CaptureMetadata()).exposure_time for frame in frames]
+    assert unknown == [1 / 60, 1 / 240, 1 / 30]
+    assert next(burst_frames(leaves, Burst(1), random())).metadata(scene) is scene
+
+
+def test_the_text_of_the_motion(leaves: FloatArray) -> None:
+    frames = list(burst_frames(leaves, Burst(2, pixels=2, degrees=1, moving=True, stops=(0, 1)), random()))
+    text = json.loads(motion_text({"a-1.dng": frames[0], "a-2.dng": frames[1]}, (100, 121)))
+    assert text["centre"] == [49.5, 60]
+    assert text["reference"] == "a-1.dng"
+    second, moved = text["frames"]["a-2.dng"], frames[1].motion
+    assert (second["down"], second["across"], second["degrees"]) == (moved.down, moved.across, moved.degrees)
+    assert second["stops"] == 1
+    assert tuple(second["thing"].values()) == frames[1].thing
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        ({"frames": 0}, "--burst is 0"),
+        ({"pixels": -1}, "--motion is -1 pixels"),
+        ({"pixels": np.nan}, "--motion is nan"),
+        ({"degrees": 31}, "--rotation is 31 degrees, expected 0 to 30"),
+        ({"stops": (0, 1)}, "--exposures has 2 figures for 3 frames"),
+        ({"stops": (0, 1, 99)}, "expected -10 to 10"),
+        ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
+    ],
+)
+def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Burst(**{"frames": 3, **figures})  # type: ignore[arg-type]
+    assert words in str(refused.value)
+
+
+def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
+    with pytest.raises(InputError, match="loses 112 pixels on each side of a scene of 240 x 200: nothing is left; take a larger"):
+        next(burst_frames(leaves, Burst(2, pixels=100), random()))

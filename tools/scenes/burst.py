@@ -1,0 +1,207 @@
+"""A burst: frames of one scene that a hand-held camera takes one after the other, each as light on its sensor."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from shared import CaptureMetadata
+from shared.arrays import FloatArray
+from shared.errors import InputError
+
+from .motion import MOST_DEGREES, Motion, displaced, reach
+from .moving_thing import MovingThing
+
+MOST_PIXELS, MOST_STOPS = 1000.0, 10.0
+_TIME = 1 / 60  # seconds: exposure time of a bracket, where the scene does not know its own
+_SHUTTER_SPEED = 37377  # Exif's other statement of the exposure time
+
+
+@dataclass(frozen=True)
+class Burst:
+    """How a burst is taken.
+
+    frames: their number, 1 or more. The first is the reference, which has not moved.
+    pixels: of the sensor, by which the others are at most displaced.
+    degrees: by which they are at most rotated.
+    moving: whether a thing moves through the scene.
+    stops: exposure of each frame, 0 = the scene's own; () = all of them are.
+    Raises InputError for figures that are negative, not finite or too large, and for another number of stops than frames.
+    """
+
+    frames: int
+    pixels: float = 0.0
+    degrees: float = 0.0
+    moving: bool = False
+    stops: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise InputError(f"--burst is {self.frames}, expected 1 frame or more")
+        if not 0 <= self.pixels <= MOST_PIXELS:
+            raise InputError(f"--motion is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
+        if not 0 <= self.degrees <= MOST_DEGREES:
+            raise InputError(f"--rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
+        if self.stops and len(self.stops) != self.frames:
+            raise InputError(f"--exposures has {len(self.stops)} figures for {self.frames} frames, expected one for each")
+        if not all(abs(stop) <= MOST_STOPS for stop in self.stops):
+            raise InputError(f"--exposures is {self.stops} stops, expected -{MOST_STOPS:g} to {MOST_STOPS:g}")
+
+    @property
+    def largest(self) -> Motion:
+        """A motion that is at least as large as any of the burst."""
+        return Motion(self.pixels, self.pixels, self.degrees)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One frame of a burst.
+
+    rgb: the light that it sees, float32 (H, W, 3), scene units, whatever its exposure is.
+    motion: from the reference to it, pixels of the sensor.
+    stops: its exposure; None = it is no part of a bracket.
+    thing: (row, column, radius) of the moving thing at this time, pixels, as the reference would see it; None = there is none.
+    """
+
+    rgb: FloatArray
+    motion: Motion
+    stops: float | None
+    thing: tuple[float, float, float] | None
+
+    @property
+    def exposure(self) -> float:
+        """Factor by which its light is multiplied."""
+        return 1.0 if self.stops is None else 2.0**self.stops
+
+    def metadata(self, scene: CaptureMetadata) -> CaptureMetadata:
+        """Capture data of the frame: those of the scene, with an exposure time that tells the frames of a bracket apart."""
+        if self.stops is None:
+            return scene
+        more = tuple(field for field in scene.more if field.tag != _SHUTTER_SPEED)
+        return replace(scene, exposure_time=(scene.exposure_time or _TIME) * self.exposure, more=more)
+
+
+def parsed_stops(text: str) -> tuple[float, ...]:
+    """The exposures in a text such as "0,-2,2", stops. Raises InputError for any other.
+
+    >>> parsed_stops("0,-2,1.5")
+    (0.0, -2.0, 1.5)
+    """
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise InputError(f"--exposures is {text!r}, expected stops with commas between them, such as 0,-2,2") from None
+
+
+def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
+    """The means of `pixel` x `pixel` pixels, float32 (H // pixel, W // pixel, C): a sensor of larger pixels.
+
+    >>> import numpy as np
+    >>> reduced(np.arange(15, dtype=np.float32).reshape(3, 5, 1), 2)[..., 0].tolist()
+    [[3.0, 5.0]]
+    """
+    if pixel == 1:
+        return rgb
+    rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
+    whole = rgb[: rows * pixel, : columns * pixel]
+    mean = np.zeros((rows, columns, rgb.shape[2]), np.float32)
+    for row in range(pixel):
+        for column in range(pixel):
+            mean += whole[row::pixel, column::pixel]
+    mean /= pixel**2
+    return mean
+
+
+def tremor(burst: Burst, rng: np.random.Generator) -> tuple[Motion, ...]:
+    """The motions of a burst's frames: a random walk from the first frame on, which stays within the burst's limits.
+
+    >>> import numpy as np
+    >>> first, second = tremor(Burst(2, pixels=3), np.random.default_rng(1))
+    >>> first.none, 0 < math.hypot(second.down, second.across) <= 3, second.degrees
+    (True, True, 0.0)
+    """
+    motions = [Motion()]
+    while len(motions) < burst.frames:
+        last = motions[-1]
+        down, across, degrees = rng.normal(0, [burst.pixels / 2, burst.pixels / 2, burst.degrees / 2]).tolist()
+        motion = Motion(last.down + down, last.across + across, last.degrees + degrees)
+        if math.hypot(motion.down, motion.across) <= burst.pixels and abs(motion.degrees) <= burst.degrees:
+            motions.append(motion)
+    return tuple(motions)
+
+
+def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel: int = 1) -> Iterator[Frame]:
+    """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are smaller than it.
+
+    rgb: the scene, float32 (H, W, 3), scene units.
+    rng: source of the motions, and of the thing that moves.
+    pixel: pixels of the scene, each way, that are one of the sensor: the scene moves at its full size, and is averaged then.
+    Raises InputError if nothing is left between the margins that the motion needs, or not one such pixel fits into the scene.
+
+    >>> import numpy as np
+    >>> light = np.full((200, 300, 3), 0.5, np.float32)
+    >>> [frame.rgb.shape for frame in burst_frames(light, Burst(2, pixels=3), np.random.default_rng(1), pixel=2)]
+    [(82, 132, 3), (82, 132, 3)]
+    """
+    whole = [count // pixel * pixel for count in rgb.shape[:2]]  # the centre of the scene is that of the frames
+    if not all(whole):
+        raise InputError(f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: --reduce {pixel} leaves nothing of it")
+    scene = rgb[: whole[0], : whole[1]]
+    margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
+    rows, columns = (count // pixel - 2 * margin for count in whole)
+    if min(rows, columns) < 1:
+        raise InputError(
+            f"a burst with this motion loses {margin} pixels on each side of a scene of {whole[1] // pixel} x {whole[0] // pixel}: "
+            "nothing is left; take a larger picture, or less motion"
+        )
+    motions = tremor(burst, rng)
+    thing = MovingThing.drawn(scene, margin * pixel, burst.frames, pixel, rng) if burst.moving else None
+    for number, motion in enumerate(motions):
+        light = thing.before(scene, number) if thing else scene
+        if not motion.none:
+            light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
+        light = light[margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel]
+        yield Frame(
+            reduced(light, pixel),
+            motion,
+            burst.stops[number] if burst.stops else None,
+            _on_sensor(thing, number, margin, pixel) if thing else None,
+        )
+
+
+def _on_sensor(thing: MovingThing, number: int, margin: int, pixel: int) -> tuple[float, float, float]:
+    """(row, column, radius) of the thing in pixels of the sensor, without the margin."""
+    row, column = ((place - (pixel - 1) / 2) / pixel - margin for place in thing.place(number))
+    return row, column, thing.radius / pixel
+
+
+def motion_text(frames: Mapping[str, Frame], shape: tuple[int, int]) -> str:
+    """The true motion of a burst as JSON, to measure alignment with.
+
+    frames: by the names of their files.
+    shape: rows and columns of each.
+    """
+    described: dict[str, Any] = {
+        "convention": "a point (y, x) of the reference, from `centre`, is at y' = cos(a) y + sin(a) x + down, "
+        "x' = cos(a) x - sin(a) y + across of a frame, from `centre`; a = degrees; pixels, rows down and columns to the right",
+        "centre": [(count - 1) / 2 for count in shape],
+        "reference": next(iter(frames)),
+        "frames": {
+            name: {
+                "down": frame.motion.down,
+                "across": frame.motion.across,
+                "degrees": frame.motion.degrees,
+                **({} if frame.stops is None else {"stops": frame.stops}),
+                **({} if frame.thing is None else {"thing": dict(zip(("row", "column", "radius"), frame.thing, strict=True))}),
+            }
+            for name, frame in frames.items()
+        },
+    }
+    if any(frame.thing for frame in frames.values()):
+        described["thing"] = (
+            "what moves on its own: row, column and radius of its disc as the reference would see it, from pixel (0, 0)"
+        )
+    return json.dumps(described, indent=1) + "\n"
