@@ -113,11 +113,13 @@ class Outcome:
         postponed (another process makes it, or it needs more memory than its share); failed.
     line: for people.
     facts: for machines.
+    errors: a line for each file that failed, though the picture could be made without it.
     """
 
     state: State
     line: str = ""
     facts: dict[str, Any] = field(default_factory=dict)
+    errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
