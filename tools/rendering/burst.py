@@ -1,0 +1,165 @@
+"""The frames of a burst as what one picture is rendered from: which fit, which are left out and why, what is known of each."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shared import Mosaic
+from shared.arrays import FloatArray
+from shared.errors import ForeignFileError, InputError, PanchromaError
+from shared.progress import Progress
+
+from .frames import Frame, leave_odd_ones_out
+from .order import Note, Order
+from .picture_file import check_memory
+from .report import Shown, page
+from .shots import Shot
+from .subject import Subject
+
+if TYPE_CHECKING:
+    from offline import RenderSettings
+    from offline.burst import MergedBurst, Motion
+
+Shift = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BurstOrder(Order):
+    """Settings of a burst.
+
+    reference: index of the file that the picture shows; None = the sharpest, or with `shifts` the first.
+    shifts: (right, down), where the sensor was at each file, pixels; () = hand-held: find the motion.
+    """
+
+    reference: int | None = None
+    shifts: tuple[Shift, ...] = ()
+
+    def open(self, shot: Shot, memory: int, note: Note) -> Subject:
+        """The frames that can be read. Raises InputError if there is none, or if the one that is to be the reference is not."""
+        frames: list[Frame] = []
+        for name in shot.files:
+            frame = self._frame(name, found=shot.found)
+            if frame.mosaic and not any(each.mosaic for each in frames):  # before memory is full of frames
+                check_memory(frame.mosaic, self.kind, self.settings, memory, len(shot.files))
+            frames.append(frame)
+        leave_odd_ones_out(frames, self.reference)
+        for frame in frames:
+            if frame.reason and not frame.failed:
+                note(f"{frame.name}: is left out: {frame.reason}")
+        if self.reference is not None and frames[self.reference].reason:
+            raise InputError(f"{frames[self.reference].line}; name another --reference")
+        if not any(frame.mosaic for frame in frames):
+            for frame in frames:
+                if frame.failed:
+                    note(frame.line)
+            raise InputError(f"none of the {len(frames)} frames can be used")
+        return Burst(self, frames, note, reported=shot.page is not None)
+
+    def key(self, output: Path, source_digest: str, **more: Any) -> str:
+        """Digest of everything that the picture depends on."""
+        return super().key(output, source_digest, burst=[self.reference, self.shifts], **more)
+
+    def _frame(self, name: str, *, found: bool) -> Frame:
+        try:
+            mosaic = self.decode(name)
+        except ForeignFileError as error:
+            return Frame(name, reason=str(error), failed=not found)
+        except PanchromaError as error:
+            return Frame(name, reason=str(error), failed=True)
+        try:
+            return Frame(name, self.prepared(mosaic))
+        except PanchromaError as error:
+            return Frame(name, reason=str(error))
+
+
+class Burst(Subject):
+    """The frames of a burst.
+
+    order: settings.
+    frames: all files, those that are left out too; one or more have a mosaic.
+    note: called with each remark for the user.
+    reported: `page` will be called.
+    """
+
+    def __init__(self, order: BurstOrder, frames: Sequence[Frame], note: Note, *, reported: bool) -> None:
+        self._order, self.frames, self._note = order, frames, note
+        self._used = [index for index, frame in enumerate(frames) if frame.mosaic is not None]
+        self._reference = self._used[0] if order.reference is None else order.reference
+        self._merged: MergedBurst | None = None
+        self._shown: Shown | None = None
+        self._reported = reported
+        self.count = len(self._used)
+        self.errors = tuple(frame.line for frame in frames if frame.failed)
+        super().__init__(self._mosaic(self._reference))
+
+    def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
+        """Align and merge the frames."""
+        from offline.burst import merge_burst
+
+        if self.count > 1:
+            order, used = self._order, self._used
+            known = order.reference is not None or order.shifts
+            merged = merge_burst(
+                [self._mosaic(index) for index in used],
+                settings,
+                progress,
+                reference=used.index(self._reference) if known else None,
+                motions=self._motions() if order.shifts else None,
+            )
+            self._reference = used[merged.reference]
+            for index, judged in zip(used, merged.frames, strict=True):
+                self.frames[index].judged = judged
+                if not judged.used:
+                    self.frames[index].reason = judged.reason
+                    self._note(f"{self.frames[index].name}: is left out: {judged.reason}")
+            self._merged = merged
+        self.mosaic = self._mosaic(self._reference)
+        if self._left == 1:
+            self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
+        self.words = f"{self._left} of {len(self.frames)} frames, "
+
+    def bands(self, settings: "RenderSettings", progress: Progress) -> Iterator[FloatArray]:
+        """Yield the picture as `offline.render_bands` does."""
+        from offline.burst import render_burst_bands
+
+        if self._merged is None or self._left == 1:
+            bands = super().bands(settings, progress)
+        else:
+            bands = render_burst_bands(self._merged, settings, progress)
+        if self._reported:
+            self._shown = Shown(self.mosaic, self._order.exposure)
+            bands = self._shown.taken(bands)
+        return bands
+
+    def page(self, settings: "RenderSettings", progress: Progress) -> bytes:
+        """Return the report on the burst, as HTML."""
+        if self._shown is None:
+            raise RuntimeError("the bands of the picture come first")
+        alone = Shown(self.mosaic, self._order.exposure)
+        for _ in alone.taken(super().bands(settings, progress)):
+            pass
+        shares = None if self._merged is None else self._merged.shares
+        return page(self.frames, self._reference, shares, alone, self._shown)
+
+    def facts(self) -> dict[str, Any]:
+        """What became of each frame, for machines."""
+        return {"reference": self.frames[self._reference].name, "frames": [frame.facts() for frame in self.frames]}
+
+    @property
+    def _left(self) -> int:
+        return sum(not frame.reason for frame in self.frames)
+
+    def _mosaic(self, index: int) -> Mosaic:
+        mosaic = self.frames[index].mosaic
+        if mosaic is None:
+            raise RuntimeError("this frame is left out")
+        return mosaic
+
+    def _motions(self) -> list["Motion"]:
+        """The known motions: a sensor that has moved to the right sees everything further left."""
+        from offline.burst import Motion
+
+        right, down = self._order.shifts[self._reference]
+        moved = (self._order.shifts[index] for index in self._used)
+        return [Motion((down - below, right - beside)) for beside, below in moved]
