@@ -16,7 +16,8 @@ from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED
 from tools.host.memory import allowed_memory
-from tools.rendering.burst import BurstOrder, Shift, same_file
+from tools.rendering.burst import BurstOrder, Shift
+from tools.rendering.frames import same_file
 from tools.rendering.options import add_picture, add_run, order_fields
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.series import series, series_stem
