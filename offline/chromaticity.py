@@ -19,13 +19,18 @@ _LEAST_TOTAL = 0.5  # sum_i gamma_i c_i above which scaling is harmless
 
 
 def estimate_chromaticities(
-    mosaic: Mosaic, luminance: FloatArray, settings: ChromaticitySettings, progress: Progress = SILENT
+    mosaic: Mosaic,
+    luminance: FloatArray,
+    settings: ChromaticitySettings,
+    progress: Progress = SILENT,
+    extra: DoubleArray | None = None,
 ) -> FloatArray:
     """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1 in each.
 
     Blocks that lie partly or wholly outside the frame take the value of the nearest whole block.
 
     luminance: (H, W), scene units.
+    extra: what other frames add to sum l^2 and sum l m of each channel of each whole block, (2 C, rows, columns).
     """
     progress.stage("chromaticity", settings.repetitions)
     grid = mosaic.pattern.grid(mosaic.shape)
@@ -34,6 +39,10 @@ def estimate_chromaticities(
     chromaticity = solve_constrained(*sums, gamma)
     if settings.mismatch:
         chromaticity = solve_jointly(mosaic, luminance, grid, chromaticity, sums[2], settings.mismatch)
+    if extra is not None:
+        more, products = (np.moveaxis(part, 0, 2) for part in np.split(extra, 2))
+        weight = sums[0]
+        chromaticity = solve_constrained(weight + more, weight * chromaticity + products, sums[2], gamma)
     unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)

@@ -34,12 +34,14 @@ def pool_blocks(
     noise: NoiseModel | None,
     settings: PoolingSettings,
     progress: Progress = SILENT,
+    extra: DoubleArray | None = None,
 ) -> FloatArray:
     """c_j of every block, float32 (block rows, block columns, C), sum_i gamma_i c_i = 1; `blocks` itself where there is no noise.
 
     blocks: what `estimate_chromaticities` returns; the first pass compares these.
     luminance: (H, W), denoised, scene units.
     noise: noise of the mosaic; None = unknown, treated as none.
+    extra: what other frames add to sum l^2 and sum l m of each channel of each whole block, (2 C, rows, columns).
     """
     if not settings.passes or noise is None or not any(noise.shot[:-1] + noise.read[:-1]):
         return blocks
@@ -48,6 +50,10 @@ def pool_blocks(
     channels, (rows, columns) = blocks.shape[2], (len(grid.whole_rows), len(grid.whole_columns))
     chromaticity = blocks[grid.inside].reshape(rows, columns, channels).transpose(2, 0, 1)
     sums, light = precise_sums(mosaic, luminance, chromaticity, noise, grid, settings.doubt)
+    if extra is not None:
+        shot, read = (np.array(part[:channels])[:, None, None] for part in (noise.shot, noise.read))
+        variances = np.maximum(shot * mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE)
+        sums[: 2 * channels] += (extra.reshape(2, channels, rows, columns) / variances).reshape(2 * channels, rows, columns)
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
     used = len(sums)
     sums = np.pad(sums, ((0, -used % TOGETHER), (0, 0), (0, 0)))

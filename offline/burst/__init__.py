@@ -2,5 +2,6 @@
 
 from .alignment import Alignment, align
 from .motion import Motion
+from .render import Judged, MergedBurst, merge_burst, render_burst_bands
 
-__all__ = ["Alignment", "Motion", "align"]
+__all__ = ["Alignment", "Judged", "MergedBurst", "Motion", "align", "merge_burst", "render_burst_bands"]

@@ -27,8 +27,8 @@ _TILE, _COARSE_TILE = (
     32,
     16,
 )  # pixels of a level, about: of the finest level, and of the others while only the frame's motion is sought
-_ROUNDS, _STILL = 8, 2e-3  # corrections on each level, until one is smaller than this, pixels of the level
-_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 3
+_ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller than this, pixels of the level
+_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2
 _LEAST_AGREEMENT = 0.3
 _MOST_ERROR = 0.5  # pixels
 
@@ -137,6 +137,8 @@ def _with_local_shifts(pyramid: list[Level], motion: Motion, tiles: Tiles) -> tu
         for _ in range(_LOCAL_ROUNDS):
             tiles = measure(level, nodes, motion, tiles.gain, shifts)
             shifts = level.scale * fits.local(tiles, shifts / level.scale)
+        if not shifts.any():
+            break  # the finer levels would not find any either
     if not shifts.any():
         return motion, tiles
     return replace(motion, local=shifts.astype(np.float32)), measure(pyramid[0], nodes, motion, tiles.gain, shifts)

@@ -11,8 +11,12 @@ from .tiles import Tiles
 _FLOOR = 0.03  # pixels: what a tile says may be wrong by this even without noise: aliasing, filled pixels
 _FAR = 9.0  # squared deviations in units of their variance, from which on a tile counts clearly less: something moved there
 _ROUNDS = 12
-_STEP = 0.15  # pixels: how much local shifts differ from a node to the next
-_SWEEPS = 80
+_STEP = 0.3  # pixels: how much local shifts differ from a node to the next
+_ITERATIONS = 40
+_LOCAL_ROUNDS = 3
+_VAGUE = 0.25  # pixels: a tile that is as uncertain has half a say
+_OVERALL = 0.02
+_TINY = np.finfo(np.float64).tiny
 _NEAR = 2  # nodes: radius of the window in which tiles are asked whether they agree on local shifts
 _LOST, _WON = 0.25, 0.6  # share of the squared deviations that local shifts must explain to be taken at all, and in full
 
@@ -40,12 +44,13 @@ def rigid(tiles: Tiles, turn: DoubleArray) -> Step:
     jacobian[..., 0, 2], jacobian[..., 1, 2] = -arm[..., 1], arm[..., 0]
     certain, weights = _certain(tiles), np.ones(shape)
     weak = np.diag([1e-6, 1e-6, 1e-6 * np.square(arm).sum(axis=-1).mean()])  # where nothing is known: no correction
+    each = np.swapaxes(jacobian, -1, -2) @ certain
+    each_known, each_wanted = each @ jacobian, _times(each, tiles.shifts)
     for _ in range(_ROUNDS):
-        known = np.einsum("ab,abip,abij,abjq->pq", weights, jacobian, certain, jacobian) + weak
-        step = np.linalg.solve(known, np.einsum("ab,abip,abij,abj->p", weights, jacobian, certain, tiles.shifts))
+        known = np.einsum("ab,abpq->pq", weights, each_known) + weak
+        step = np.linalg.solve(known, np.einsum("ab,abp->p", weights, each_wanted))
         far = _squared(tiles.shifts - jacobian @ step, certain)
-        limit = max(_FAR, 4 * float(np.median(far)))
-        weights = (limit / (limit + far)) ** 2  # Geman and McClure
+        weights = _counts(far)
     covariance = np.linalg.inv(known) * max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
     error = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] * np.square(arm).sum(axis=-1).mean()
     return Step(step[:2], float(step[2]), weights, float(error**0.5))
@@ -59,56 +64,75 @@ def local(tiles: Tiles, before: DoubleArray) -> DoubleArray:
     Tiles agree where one half of them, chosen like the squares of a chessboard, predicts what the other half measures.
     """
     certain, shifts = _certain(tiles), tiles.shifts + before
-    weights = _counts(tiles.shifts, certain)
-    for _ in range(3):
-        field = _smooth(shifts, certain * weights[..., None, None])
-        weights = _counts(shifts - field, certain)
-    odd = np.indices(shifts.shape[:2]).sum(axis=0) % 2
-    predicted = np.where(
-        odd[..., None],
-        _smooth(shifts, certain * (weights * (1 - odd))[..., None, None]),
-        _smooth(shifts, certain * (weights * odd)[..., None, None]),
-    )
-    without, left = _window(weights * _squared(shifts, certain)), _window(weights * _squared(shifts - predicted, certain))
-    won = (without - left) / (without + _window(2 * weights))
+    weights, field = np.ones(shifts.shape[:2]), before
+    for _ in range(_LOCAL_ROUNDS):
+        field = _smooth(shifts, certain * weights[..., None, None], field)
+        weights = _counts(_squared(shifts - field, certain))
+    odd = np.indices(weights.shape).sum(axis=0) % 2
+    halves = [_smooth(shifts, certain * (weights * half)[..., None, None], field) for half in (1 - odd, odd)]
+    predicted = np.where(odd[..., None], *halves)
+    freedom = np.trace(
+        np.linalg.solve(certain + np.eye(2) / _VAGUE**2, certain), axis1=2, axis2=3
+    )  # 2, less where there is no texture
+    without, left = (_window(weights * _squared(rest, certain)) for rest in (shifts, shifts - predicted))
+    won = (without - left) / (without + _window(weights * freedom))
     taken: DoubleArray = field * np.clip((won - _LOST) / (_WON - _LOST), 0, 1)[..., None]
     return taken
 
 
 def _certain(tiles: Tiles) -> DoubleArray:
     """The tiles' information, with an error of `_FLOOR` added to each."""
-    certain: DoubleArray = np.linalg.solve(np.eye(2) + _FLOOR**2 * tiles.information, tiles.information)
-    return certain
+    return np.asarray(np.linalg.solve(np.eye(2) + _FLOOR**2 * tiles.information, tiles.information), np.float64)
 
 
 def _squared(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
     """Squared deviations in units of their variance: (R, C)."""
-    squared: DoubleArray = np.einsum("abi,abij,abj->ab", shifts, information, shifts)
+    squared: DoubleArray = (shifts * _times(information, shifts)).sum(axis=-1)
     return squared
 
 
-def _counts(shifts: DoubleArray, certain: DoubleArray) -> DoubleArray:
-    far = _squared(shifts, certain)
-    weights: DoubleArray = (4 * _FAR / (4 * _FAR + far)) ** 2
+def _counts(far: DoubleArray) -> DoubleArray:
+    """Weights of tiles by squared deviations in units of their variance, as by Geman and McClure."""
+    limit = max(_FAR, 4 * float(np.median(far)))
+    weights: DoubleArray = (limit / (limit + far)) ** 2
     return weights
 
 
-def _smooth(shifts: DoubleArray, information: DoubleArray) -> DoubleArray:
-    """The shifts that fit the tiles' and differ little from node to node. Far from any texture they stay 0."""
+def _smooth(shifts: DoubleArray, information: DoubleArray, guess: DoubleArray) -> DoubleArray:
+    """The shifts that fit the tiles' and differ little from node to node: conjugate gradients from a guess."""
     tie = 1 / _STEP**2
-    inverse = np.linalg.inv(information + 4 * tie * np.eye(2))
-    wanted = (information @ shifts[..., None])[..., 0]
-    field: DoubleArray = np.zeros_like(shifts)
-    for _ in range(_SWEEPS):
-        wide = np.pad(field, ((1, 1), (1, 1), (0, 0)), mode="edge")
-        around = wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:]
-        field = (inverse @ (wanted + tie * around)[..., None])[..., 0]
+    inverse: DoubleArray = np.linalg.inv(information + 4 * tie * np.eye(2)).astype(np.float64, copy=False)
+    field = guess
+    rest = _times(information, shifts - field) - _bent(field, tie)
+    toward = better = _times(inverse, rest)
+    size = float((rest * better).sum())
+    for _ in range(_ITERATIONS):
+        image = _times(information, toward) + _bent(toward, tie)
+        step = size / max(float((toward * image).sum()), _TINY)
+        field, rest = field + step * toward, rest - step * image
+        better = _times(inverse, rest)
+        size, before = float((rest * better).sum()), size
+        toward = better + size / max(before, _TINY) * toward
     return field
 
 
+def _times(matrices: DoubleArray, vectors: DoubleArray) -> DoubleArray:
+    product: DoubleArray = matrices[..., 0] * vectors[..., :1] + matrices[..., 1] * vectors[..., 1:]
+    return product
+
+
+def _bent(field: DoubleArray, tie: float) -> DoubleArray:
+    """By how much nodes differ from their neighbours, summed: the gradient of what ties them."""
+    wide = np.pad(field, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    bent: DoubleArray = tie * (4 * field - wide[:-2, 1:-1] - wide[2:, 1:-1] - wide[1:-1, :-2] - wide[1:-1, 2:])
+    return bent
+
+
 def _window(values: DoubleArray) -> DoubleArray:
-    """Sums over the window around each node."""
+    """Sums over the window around each node, and a little of the sum over all: what decides where a window holds no texture."""
+    everywhere = _OVERALL * values.sum()
     for axis in (0, 1):
         wide = np.pad(values, [(_NEAR, _NEAR) if each == axis else (0, 0) for each in (0, 1)])
         values = np.lib.stride_tricks.sliding_window_view(wide, 2 * _NEAR + 1, axis=axis).sum(axis=-1)
-    return values
+    sums: DoubleArray = values + everywhere
+    return sums

@@ -7,9 +7,10 @@ import numpy as np
 from shared.arrays import DoubleArray
 
 from ..kernels.displacement import SUMS, displacement_sums
-from .levels import SPREAD, Level, tile_edges
+from .levels import BLUR, SPREAD, Level, tile_edges
 from .motion import Motion
 
+_STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
 _LEAST = 1e-6  # fraction of the squares of luminance: differences below it are rounding
 
 
@@ -62,6 +63,8 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
     seen = (pixels > 0) & (r > 0)
     brighter = float(np.median(f[seen] / r[seen])) if seen.any() else 1.0
     middles = [level.offsets((each[1:] + each[:-1] - 1) / 2, axis) for axis, each in enumerate((rows, columns))]
-    information = squares / (noise * SPREAD)[..., None, None]
+    # Half of the differences' noise is the reference's, and so are the squares of its gradients.
+    values, axes = np.linalg.eigh(squares - (_STEEPNESS / 2 * noise * pixels)[..., None, None] * np.eye(2))
+    information = (axes * (np.maximum(values, 0) / (noise * SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
     texture = rr - r * r / number
     return Tiles(middles[0], middles[1], shifts, information, texture, rest, pixels, r / number, gain * brighter)

@@ -7,7 +7,9 @@ from shared.arrays import DoubleArray, FloatArray, IndexArray
 from .compile import kernel, parallel_kernel, prange
 from .lanes import Scalar
 
-Taps = tuple[float, float, float, float]
+Taps = tuple[Scalar, Scalar, Scalar, Scalar]
+
+_HALF, _ONE, _TWO, _THREE, _FOUR, _FIVE = (np.float32(value) for value in (0.5, 1, 2, 3, 4, 5))
 
 SUMS = 14
 """How many sums a tile has: 1, gy, gx, gy gy, gy gx, gx gx, e, gy e, gx e, e e, r, f, r r, r f, in this order."""
@@ -35,48 +37,67 @@ def displacement_sums(
     gain: how many times as bright the frame is.
     sums: (tile rows, tile columns, SUMS), written; float64.
     """
-    (height, width), across = frame.shape, len(columns) - 1
-    yy, yx, xy, xx = turn
-    part = 1.0 / gain
+    across, part = len(columns) - 1, np.float32(1.0 / gain)
     for tile in prange((len(rows) - 1) * across):
         row, column = tile // across, tile % across
+        place = starts[row, column, 0], starts[row, column, 1]
         total = np.zeros(SUMS)
         for y in range(max(rows[row], 1), min(rows[row + 1], reference.shape[0] - 1)):
-            down, beside = yy * y + starts[row, column, 0], xy * y + starts[row, column, 1]
-            for x in range(max(columns[column], 1), min(columns[column + 1], reference.shape[1] - 1)):
-                to_y, to_x = down + yx * x, beside + xx * x
-                if not (1.0 <= to_y < height - 2.0 and 1.0 <= to_x < width - 2.0):
-                    continue
-                seen = _between(frame, to_y, to_x) * part
-                here = reference[y, x]
-                steep_y = 0.5 * (reference[y + 1, x] - reference[y - 1, x])
-                steep_x = 0.5 * (reference[y, x + 1] - reference[y, x - 1])
-                error = seen - here
-                if np.isnan(error + steep_y + steep_x):
-                    continue
-                total[0] += 1.0
-                total[1] += steep_y
-                total[2] += steep_x
-                total[3] += steep_y * steep_y
-                total[4] += steep_y * steep_x
-                total[5] += steep_x * steep_x
-                total[6] += error
-                total[7] += steep_y * error
-                total[8] += steep_x * error
-                total[9] += error * error
-                total[10] += here
-                total[11] += seen
-                total[12] += here * here
-                total[13] += here * seen
+            first = max(columns[column], 1), min(columns[column + 1], reference.shape[1] - 1)
+            _add_row(reference, frame, y, first, turn, place, part, total)
         for each in range(SUMS):
             sums[row, column, each] = total[each]
+
+
+@kernel
+def _add_row(
+    reference: FloatArray,
+    frame: FloatArray,
+    y: int,
+    columns: tuple[int, int],
+    turn: tuple[float, float, float, float],
+    start: tuple[float, float],
+    part: Scalar,
+    total: DoubleArray,
+) -> None:
+    """Add the pixels of a row of a tile, columns[0] to columns[1], to its sums."""
+    height, width = frame.shape
+    down, beside = turn[0] * y + start[0], turn[2] * y + start[1]
+    n = gy = gx = gyy = gyx = gxx = se = gye = gxe = see = sr = sf = srr = srf = np.float32(0)
+    for x in range(columns[0], columns[1]):
+        to_y, to_x = down + turn[1] * x, beside + turn[3] * x
+        if not (1.0 <= to_y < height - 2.0 and 1.0 <= to_x < width - 2.0):
+            continue
+        f = part * _between(frame, to_y, to_x)
+        r = reference[y, x]
+        steep_y = _HALF * (reference[y + 1, x] - reference[y - 1, x])
+        steep_x = _HALF * (reference[y, x + 1] - reference[y, x - 1])
+        e = f - r
+        if np.isnan(e + steep_y + steep_x):
+            continue
+        n += _ONE
+        gy += steep_y
+        gx += steep_x
+        gyy += steep_y * steep_y
+        gyx += steep_y * steep_x
+        gxx += steep_x * steep_x
+        se += e
+        gye += steep_y * e
+        gxe += steep_x * e
+        see += e * e
+        sr += r
+        sf += f
+        srr += r * r
+        srf += r * f
+    for each, value in enumerate((n, gy, gx, gyy, gyx, gxx, se, gye, gxe, see, sr, sf, srr, srf)):
+        total[each] += value
 
 
 @kernel
 def _between(plane: FloatArray, y: float, x: float) -> Scalar:
     """Bicubic interpolation (Keys 1981, a = -1/2) at a place at least one pixel inside the plane."""
     top, left = int(y), int(x)
-    along, down = _taps(x - left), _taps(y - top)
+    along, down = _taps(np.float32(x - left)), _taps(np.float32(y - top))
     before, after = _line(plane, top - 1, left, along), _line(plane, top + 2, left, along)
     return (
         down[0] * before + down[1] * _line(plane, top, left, along) + down[2] * _line(plane, top + 1, left, along) + down[3] * after
@@ -90,12 +111,12 @@ def _line(plane: FloatArray, y: int, x: int, taps: Taps) -> Scalar:
 
 
 @kernel
-def _taps(t: float) -> Taps:
+def _taps(t: Scalar) -> Taps:
     """Weights of four neighbours for a place 0 <= t < 1 after the second."""
     square, cube = t * t, t * t * t
     return (
-        0.5 * (2.0 * square - cube - t),
-        0.5 * (3.0 * cube - 5.0 * square + 2.0),
-        0.5 * (4.0 * square - 3.0 * cube + t),
-        0.5 * (cube - square),
+        _HALF * (_TWO * square - cube - t),
+        _HALF * (_THREE * cube - _FIVE * square + _TWO),
+        _HALF * (_FOUR * square - _THREE * cube + t),
+        _HALF * (cube - square),
     )

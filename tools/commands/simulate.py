@@ -144,7 +144,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                         metadata=metadata,
                         overwrite=arguments.overwrite,
                     )
-                taken[shot.name] = replace(frame, rgb=frame.rgb[:0])  # without its light
+                taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
                 progress.advance()
             for path in beside[1:]:
                 write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
@@ -184,7 +184,8 @@ def photograph(
     metadata = frame.metadata(scene.metadata)
     if arguments.protocol == "sensor":
         return simulate_sensor(frame.rgb, pattern, camera, arguments.light * frame.exposure, rng, metadata)
-    return simulate_additive(frame.rgb * np.float32(frame.exposure), pattern, camera, arguments.sigma, rng, metadata)
+    rgb = frame.rgb if frame.exposure == 1 else frame.rgb * np.float32(frame.exposure)
+    return simulate_additive(rgb, pattern, camera, arguments.sigma, rng, metadata)
 
 
 def _burst(arguments: argparse.Namespace) -> Burst:

@@ -41,7 +41,7 @@ class Burst:
     def __post_init__(self) -> None:
         if self.frames < 1:
             raise InputError(f"--burst is {self.frames}, expected 1 frame or more")
-        if not 0 <= self.pixels < MOST_PIXELS:
+        if not 0 <= self.pixels <= MOST_PIXELS:
             raise InputError(f"--motion is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
         if not 0 <= self.degrees <= MOST_DEGREES:
             raise InputError(f"--rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
@@ -99,17 +99,13 @@ def parsed_stops(text: str) -> tuple[float, ...]:
 def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     """The means of `pixel` x `pixel` pixels, float32 (H // pixel, W // pixel, C): a sensor of larger pixels.
 
-    Raises InputError if not one of them fits into the picture.
-
     >>> import numpy as np
     >>> reduced(np.arange(15, dtype=np.float32).reshape(3, 5, 1), 2)[..., 0].tolist()
     [[3.0, 5.0]]
     """
-    rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
-    if not rows or not columns:
-        raise InputError(f"{rgb.shape[1]} x {rgb.shape[0]} pixels cannot be reduced {pixel} x {pixel}")
     if pixel == 1:
         return rgb
+    rows, columns = rgb.shape[0] // pixel, rgb.shape[1] // pixel
     whole = rgb[: rows * pixel, : columns * pixel]
     mean = np.zeros((rows, columns, rgb.shape[2]), np.float32)
     for row in range(pixel):
@@ -143,7 +139,7 @@ def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel:
     rgb: the scene, float32 (H, W, 3), scene units.
     rng: source of the motions, and of the thing that moves.
     pixel: pixels of the scene, each way, that are one of the sensor: the scene moves at its full size, and is averaged then.
-    Raises InputError if nothing is left between the margins that the motion needs.
+    Raises InputError if nothing is left between the margins that the motion needs, or not one such pixel fits into the scene.
 
     >>> import numpy as np
     >>> light = np.full((200, 300, 3), 0.5, np.float32)
@@ -151,6 +147,8 @@ def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel:
     [(82, 132, 3), (82, 132, 3)]
     """
     whole = [count // pixel * pixel for count in rgb.shape[:2]]  # the centre of the scene is that of the frames
+    if not all(whole):
+        raise InputError(f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: --reduce {pixel} leaves nothing of it")
     scene = rgb[: whole[0], : whole[1]]
     margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
     rows, columns = (count // pixel - 2 * margin for count in whole)

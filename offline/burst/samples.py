@@ -1,0 +1,82 @@
+"""The colour samples of all frames of a burst, each at its own place in the reference.
+
+The sums of Eqs. 8-9 are additive: a sample that lies near a block of the reference is one more term of the block's sums, the more
+certain the nearer it is.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from shared.arrays import ByteArray, DoubleArray, FloatArray
+from shared.pattern import BlockGrid
+
+from ..kernels.spreading import TILE, Samples
+
+_GRADIENT = 0.01  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
+_FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
+_INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
+_ERROR = 2e-6  # variance of what a picture misses of a sample besides noise, scene units squared
+
+
+@dataclass(frozen=True, eq=False)
+class ColourSamples:
+    """M colour samples.
+
+    places: (M, 2), row and column in the reference, pixels.
+    channels: (M,).
+    values: (M,), scene units of the reference.
+    light: (M,), luminance there.
+    variance: (M,), of their noise; 0 where there is none.
+    weight: (M,), how far they are trusted, more than 0, at most 1.
+    own: how many of them, the first ones, are the reference's.
+    """
+
+    places: FloatArray
+    channels: ByteArray
+    values: FloatArray
+    light: FloatArray
+    variance: FloatArray
+    weight: FloatArray
+    own: int
+
+    def relit(self, change: FloatArray) -> "ColourSamples":
+        """The samples where luminance has changed. change: (H, W)."""
+        there = map_coordinates(change, self.places.T, order=1, mode="nearest")
+        return replace(self, light=(self.light + there).astype(np.float32, copy=False))
+
+    def block_sums(self, grid: BlockGrid, channels: int) -> DoubleArray:
+        """sum l^2 and sum l m of each channel from the samples of other frames around each whole block, (2 C, rows, columns).
+
+        Each term counts relative to a sample in the middle of the block.
+        """
+        rest = slice(self.own, None)
+        shape = len(grid.whole_rows), len(grid.whole_columns)
+        middle = np.array([grid.whole_rows[0], grid.whole_columns[0]]) + (np.array(grid.block_shape) - 1) / 2
+        at = (self.places[rest] - middle) / grid.period
+        block = np.rint(at).astype(np.intp)
+        inside = ((block >= 0) & (block < shape)).all(axis=1)
+        far = np.maximum(np.square((at - block) * grid.period).sum(axis=1) - _INSIDE, 0)
+        light, variance = self.light[rest].astype(np.float64), self.variance[rest] + _FLOOR
+        share = inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
+        number = (block.clip(0, np.array(shape) - 1) * (shape[1], 1)).sum(axis=1)
+        sums = np.empty((2 * channels, *shape))
+        for channel in range(channels):
+            mine = self.channels[rest] == channel
+            for plane, factor in ((channel, light), (channels + channel, self.values[rest])):
+                terms = (share * light * factor)[mine]
+                sums[plane] = np.bincount(number[mine], terms, minlength=sums[plane].size).reshape(shape)
+        return sums
+
+    def by_tile(self, shape: tuple[int, int], gamma: FloatArray) -> tuple[Samples, float]:
+        """The samples as `spread_samples` takes them, and their median precision, 0 to 1."""
+        across = -(-shape[1] // TILE)
+        tile = (self.places.clip(0, np.array(shape) - 1) // TILE).astype(np.intp) @ (across, 1)
+        order = np.argsort(tile, kind="stable")
+        starts = np.searchsorted(tile[order], np.arange(-(-shape[0] // TILE) * across + 1))
+        per_channel = gamma[self.channels]
+        precision = _ERROR / (_ERROR + self.variance * per_channel**2)
+        figures = np.column_stack([self.places, self.values * per_channel, self.light, self.weight * precision])
+        typical = float(np.median(precision)) if len(precision) else 1.0
+        return (figures[order].astype(np.float32), self.channels[order], starts), typical

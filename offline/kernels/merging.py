@@ -1,0 +1,362 @@
+"""Luminance from the panchromatic samples of all frames of a burst, each at its own place.
+
+The frames sample one light field at places that differ by fractions of a pixel: together they show more of it than one frame can.
+It is kept on a grid of half pixels. The start is the mean of the interpolated frames. Then, some times over, what the samples miss
+is spread to the grid around them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise, nothing is
+changed, so that noise stays averaged and detail gets sharp.
+"""
+
+import numpy as np
+
+from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import zeros
+from .lanes import Scalar
+
+_ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, and around it
+_ITERATIONS = 6
+_FILLED = 0.05  # weight of interpolated light where a frame has colour sites
+_SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced
+_NOISE = np.float32(1.0)  # of the power of what samples miss: what noise accounts for
+_NARROW = np.array([0.5692, 0.2052, 0.0096], np.float32)  # Gaussian of 0.7 places of the grid, at distances 0, 1, 2
+_WIDE = np.array([0.2005, 0.1769, 0.1216, 0.0651, 0.0271, 0.0088], np.float32)  # of 2 places
+_NONE, _ONE = np.float32(0), np.float32(1)
+
+Motions = tuple[DoubleArray, DoubleArray, FloatArray]
+"""(turns, starts, shifts) of F frames, (F, 2, 2), (F, 2), (F, node rows, node columns, 2), as `burst.Motion` has them."""
+Area = tuple[int, int, int, int]
+Taps = tuple[Scalar, Scalar, Scalar, Scalar]
+
+
+@parallel_kernel(
+    "f4[:, :, ::1], u1[:, :, ::1], f8[:, ::1], b1[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), i8[:, ::1], "
+    "f4[:, ::1], f4[:, ::1], f4[:, :, :, ::1], f4[:, :, :, ::1]"
+)
+def merge(
+    planes: FloatArray,
+    trust: ByteArray,
+    noise: DoubleArray,
+    panchromatic: BoolArray,
+    motions: Motions,
+    sites: IndexArray,
+    merged: FloatArray,
+    variance: FloatArray,
+    light: FloatArray,
+    weight: FloatArray,
+) -> None:
+    """Merge the frames of a burst.
+
+    planes: (F, H, W), luminance of each frame, filled in at the colour sites, in units of the reference, which is the first.
+    trust: (F, H, W), how far each frame agrees with the reference at each pixel of the reference, 0 to 255.
+    noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise.
+    panchromatic: (K, K), which pixels are, from the frame's first pixel on.
+    motions: where the reference's points lie in each frame.
+    sites: (S, 2), frame row and column of each colour site of the first whole block.
+    merged: (H, W), written: luminance of the reference.
+    variance: (H, W), written: variance of the noise of `merged`, relative to the reference's.
+    light, weight: (F, block rows, block columns, S), written: luminance where each colour sample of each frame lies in the
+        reference, and how far it is trusted, 0 to 1; 0 beyond the reference.
+    """
+    height, width = merged.shape
+    along = (width + _COLUMNS - 1) // _COLUMNS
+    for tile in prange((height + _ROWS - 1) // _ROWS * along):
+        top, left = tile // along * _ROWS, tile % along * _COLUMNS
+        core = top, min(top + _ROWS, height), left, min(left + _COLUMNS, width)
+        area = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height), max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
+        fine = _start(planes, trust, noise, panchromatic, motions, area, core, variance)
+        samples = _samples(planes, trust, noise, panchromatic, motions, area)
+        _sharpen(fine, samples, noise[0, 0] + noise[0, 1] > 0)
+        for y in range(core[0], core[1]):
+            for x in range(core[2], core[3]):
+                merged[y, x] = fine[2 * (y - area[0]), 2 * (x - area[2])]
+        _light_at_sites(fine, trust, panchromatic, motions, sites, area, core, light, weight)
+
+
+@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f8, f4[:, ::1]")
+def displace(plane: FloatArray, motions: Motions, factor: float, out: FloatArray) -> None:
+    """A frame as the reference would see it.
+
+    plane: (H, W). motions: one. factor: what to multiply it by.
+    out: (H, W), written; NaN where the frame sees nothing.
+    """
+    shape = 1, plane.shape[0], plane.shape[1]
+    for y in prange(len(plane)):
+        for x in range(plane.shape[1]):
+            to_y, to_x = there(motions, 0, float(y), float(x), shape)
+            inside = -0.5 <= to_y < plane.shape[0] - 0.5 and -0.5 <= to_x < plane.shape[1] - 0.5
+            out[y, x] = np.float32(factor) * interpolated(plane, to_y, to_x) if inside else np.float32(np.nan)
+
+
+@kernel
+def _start(
+    planes: FloatArray, trust: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions,
+    area: Area, core: Area, variance: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """The mean of the interpolated frames on the grid of half pixels of an area; and `variance` in its core."""
+    period, rows, columns = len(panchromatic), area[1] - area[0], area[3] - area[2]
+    mean = zeros(rows, columns)
+    for row in range(rows):
+        for column in range(columns):
+            y, x = area[0] + row, area[2] + column
+            known = max(planes[0, y, x], _NONE)
+            total, light, spread = 0.0, 0.0, 0.0
+            for frame in range(len(planes)):
+                if trust[frame, y, x] == 0:
+                    continue
+                to_y, to_x = there(motions, frame, float(y), float(x), planes.shape)
+                if not (-0.5 <= to_y < planes.shape[1] - 0.5 and -0.5 <= to_x < planes.shape[2] - 0.5):
+                    continue
+                share = trust[frame, y, x] / 255.0 * _precision(noise, frame, known)
+                share *= _FILLED + _measured(panchromatic, to_y, to_x, period)
+                light += share * interpolated(planes[frame], to_y, to_x)
+                total += share
+                spread += share * share / _precision(noise, frame, known)
+            mean[row, column] = light / total
+            if core[0] <= y < core[1] and core[2] <= x < core[3]:
+                variance[y, x] = min(spread / (total * total), 1.0)
+    fine = zeros(2 * rows - 1, 2 * columns - 1)
+    for row in range(2 * rows - 1):
+        for column in range(2 * columns - 1):
+            fine[row, column] = interpolated(mean, 0.5 * row, 0.5 * column)
+    return fine
+
+
+@kernel
+def _precision(noise: DoubleArray, frame: int, light: Scalar) -> float:
+    """Precision of a frame's samples relative to the reference's."""
+    reference = noise[0, 0] * light + noise[0, 1]
+    return reference / (noise[frame, 0] * light + noise[frame, 1]) if reference > 0 else 1.0
+
+
+@kernel
+def _measured(panchromatic: BoolArray, y: float, x: float, period: int) -> float:
+    """How far light interpolated at a place of a frame is measured there, 0 to 1."""
+    top, left = int(np.floor(y)), int(np.floor(x))
+    down, across = y - top, x - left
+    upper = (1 - across) * panchromatic[top % period, left % period] + across * panchromatic[top % period, (left + 1) % period]
+    below, beside = (top + 1) % period, (left + 1) % period
+    lower = (1 - across) * panchromatic[below, left % period] + across * panchromatic[below, beside]
+    return (1 - down) * upper + down * lower
+
+
+@kernel
+def _samples(
+    planes: FloatArray, trust: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions, area: Area
+) -> FloatArray:
+    """The panchromatic samples that lie in an area: (samples, 5), place on the grid (y, x), value, weight, variance."""
+    frames, height, width = planes.shape
+    period = len(panchromatic)
+    found = np.empty((frames * (area[1] - area[0] + 2) * (area[3] - area[2] + 2), 5), np.float32)
+    count = 0
+    for frame in range(frames):
+        first, last, before, after = bounds(motions, frame, area, planes.shape)
+        for row in range(first, last):
+            for column in range(before, after):
+                if not panchromatic[row % period, column % period]:
+                    continue
+                y, x = back(motions, frame, float(row), float(column), planes.shape)
+                if not (area[0] <= y <= area[1] - 1 and area[2] <= x <= area[3] - 1):
+                    continue
+                trusted = trust[frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)]
+                if trusted == 0 or count == len(found):
+                    continue
+                value = planes[frame, row, column]
+                found[count, 0], found[count, 1], found[count, 2] = 2 * (y - area[0]), 2 * (x - area[2]), value
+                found[count, 3] = trusted / 255.0 * _precision(noise, frame, max(value, _NONE))
+                found[count, 4] = noise[frame, 0] * max(value, _NONE) + noise[frame, 1]
+                count += 1
+    return found[:count]
+
+
+@kernel
+def _sharpen(fine: FloatArray, samples: FloatArray, noisy: bool) -> None:
+    """Spread what the samples miss to the grid around them, some times over."""
+    rows, columns = fine.shape
+    error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
+    every, buffer = zeros(rows, columns), zeros(rows, columns)
+    for sample in range(len(samples)):
+        _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
+    if noisy:
+        for row in range(rows):
+            for column in range(columns):
+                every[row, column] = count[row, column]
+        _blur(every, buffer, _WIDE)
+    _blur(count, buffer, _NARROW)
+    for _ in range(_ITERATIONS):
+        for row in range(rows):
+            for column in range(columns):
+                error[row, column] = power[row, column] = _NONE
+        for sample in range(len(samples)):
+            y, x, weight = samples[sample, 0], samples[sample, 1], samples[sample, 3]
+            missed = samples[sample, 2] - interpolated(fine, y, x)
+            _splat(error, y, x, weight * missed)
+            if noisy:
+                _splat(power, y, x, weight * missed * missed / max(samples[sample, 4], np.float32(1e-20)))
+        _blur(error, buffer, _NARROW)
+        if noisy:
+            _blur(power, buffer, _WIDE)
+        for row in range(rows):
+            for column in range(columns):
+                gain = _ONE
+                if noisy:
+                    gain = max(_NONE, _ONE - _NOISE * every[row, column] / max(power[row, column], np.float32(1e-20)))
+                fine[row, column] += gain * error[row, column] / (count[row, column] + _SPARSE)
+
+
+@kernel
+def _splat(plane: FloatArray, y: Scalar, x: Scalar, value: Scalar) -> None:
+    """Add a value to the four places around (y, x)."""
+    top, left = min(int(y), plane.shape[0] - 2), min(int(x), plane.shape[1] - 2)
+    down, across = y - np.float32(top), x - np.float32(left)
+    plane[top, left] += (_ONE - down) * (_ONE - across) * value
+    plane[top, left + 1] += (_ONE - down) * across * value
+    plane[top + 1, left] += down * (_ONE - across) * value
+    plane[top + 1, left + 1] += down * across * value
+
+
+@kernel
+def _blur(plane: FloatArray, buffer: FloatArray, taps: FloatArray) -> None:
+    """Blur a plane by a symmetric filter along both axes, in place; there is nothing beyond its edges."""
+    rows, columns = plane.shape
+    for row in range(rows):
+        for column in range(columns):
+            buffer[row, column] = taps[0] * plane[row, column]
+        for step in range(1, len(taps)):
+            if row >= step:
+                for column in range(columns):
+                    buffer[row, column] += taps[step] * plane[row - step, column]
+            if row + step < rows:
+                for column in range(columns):
+                    buffer[row, column] += taps[step] * plane[row + step, column]
+    for row in range(rows):
+        for column in range(columns):
+            plane[row, column] = taps[0] * buffer[row, column]
+        for step in range(1, len(taps)):
+            for column in range(step, columns):
+                plane[row, column] += taps[step] * buffer[row, column - step]
+            for column in range(columns - step):
+                plane[row, column] += taps[step] * buffer[row, column + step]
+
+
+@kernel
+def _light_at_sites(
+    fine: FloatArray, trust: ByteArray, panchromatic: BoolArray, motions: Motions, sites: IndexArray,
+    area: Area, core: Area, light: FloatArray, weight: FloatArray,
+) -> None:  # fmt: skip
+    """Luminance and trust of the colour samples that lie in the core of an area."""
+    period, (frames, height, width) = len(panchromatic), trust.shape
+    for frame in range(frames):
+        first, last, before, after = bounds(motions, frame, core, trust.shape)
+        for site in range(len(sites)):
+            begin = max(0, -((sites[site, 0] - first) // period)), max(0, -((sites[site, 1] - before) // period))
+            for row in range(begin[0], light.shape[1]):
+                if sites[site, 0] + row * period >= last:
+                    break
+                for column in range(begin[1], light.shape[2]):
+                    if sites[site, 1] + column * period >= after:
+                        break
+                    place = float(sites[site, 0] + row * period), float(sites[site, 1] + column * period)
+                    y, x = back(motions, frame, place[0], place[1], trust.shape)
+                    near = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
+                    if core[0] <= near[0] < core[1] and core[2] <= near[1] < core[3]:
+                        light[frame, row, column, site] = interpolated(fine, 2 * (y - area[0]), 2 * (x - area[2]))
+                        weight[frame, row, column, site] = trust[frame, near[0], near[1]] / 255.0
+
+
+@kernel
+def there(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
+    """Where a point of the reference lies in a frame."""
+    turns, starts, shifts = motions
+    down, across = _shift(shifts, frame, y, x, shape)
+    return (
+        turns[frame, 0, 0] * y + turns[frame, 0, 1] * x + starts[frame, 0] + down,
+        turns[frame, 1, 0] * y + turns[frame, 1, 1] * x + starts[frame, 1] + across,
+    )
+
+
+@kernel
+def back(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
+    """Where a point of a frame lies in the reference. Local shifts change slowly: three rounds are exact to a thousandth of one."""
+    turns, starts, shifts = motions
+    down, across = y - starts[frame, 0], x - starts[frame, 1]
+    at_y = turns[frame, 0, 0] * down + turns[frame, 1, 0] * across
+    at_x = turns[frame, 0, 1] * down + turns[frame, 1, 1] * across
+    if shifts.shape[1] < 2:
+        return at_y, at_x
+    for _ in range(3):
+        local = _shift(shifts, frame, at_y, at_x, shape)
+        at_y = turns[frame, 0, 0] * (down - local[0]) + turns[frame, 1, 0] * (across - local[1])
+        at_x = turns[frame, 0, 1] * (down - local[0]) + turns[frame, 1, 1] * (across - local[1])
+    return at_y, at_x
+
+
+@kernel
+def _shift(shifts: FloatArray, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
+    """The local shift at a point of the reference."""
+    rows, columns = shifts.shape[1], shifts.shape[2]
+    if rows < 2:
+        return 0.0, 0.0
+    at_y = min(max(y * (rows - 1) / max(shape[1] - 1, 1), 0.0), rows - 1.0)
+    at_x = min(max(x * (columns - 1) / max(shape[2] - 1, 1), 0.0), columns - 1.0)
+    top, left = min(int(at_y), rows - 2), min(int(at_x), columns - 2)
+    down, across = at_y - top, at_x - left
+    a, b, c, d = (1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across
+    return (
+        a * shifts[frame, top, left, 0] + b * shifts[frame, top, left + 1, 0]
+        + c * shifts[frame, top + 1, left, 0] + d * shifts[frame, top + 1, left + 1, 0],
+        a * shifts[frame, top, left, 1] + b * shifts[frame, top, left + 1, 1]
+        + c * shifts[frame, top + 1, left, 1] + d * shifts[frame, top + 1, left + 1, 1],
+    )  # fmt: skip
+
+
+@kernel
+def bounds(motions: Motions, frame: int, area: Area, shape: tuple[int, int, int]) -> Area:
+    """First and end row, first and end column, of a frame's pixels that may lie in an area of the reference."""
+    low, high = np.array([1e9, 1e9]), np.array([-1e9, -1e9])
+    steps = 8 if motions[2].shape[1] > 1 else 1
+    for i in range(steps + 1):
+        for j in range(steps + 1):
+            if 0 < i < steps and 0 < j < steps:
+                continue
+            y, x = area[0] - 1 + (area[1] - area[0] + 1) * i / steps, area[2] - 1 + (area[3] - area[2] + 1) * j / steps
+            at = there(motions, frame, y, x, shape)
+            for axis in range(2):
+                low[axis], high[axis] = min(low[axis], at[axis]), max(high[axis], at[axis])
+    return (
+        max(int(np.floor(low[0])) - 1, 0), min(int(np.ceil(high[0])) + 2, shape[1]),
+        max(int(np.floor(low[1])) - 1, 0), min(int(np.ceil(high[1])) + 2, shape[2]),
+    )  # fmt: skip
+
+
+@kernel
+def interpolated(plane: FloatArray, y: Scalar, x: Scalar) -> Scalar:
+    """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
+    top, left = int(np.floor(y)), int(np.floor(x))
+    down, along = _taps(np.float32(y - top)), _taps(np.float32(x - left))
+    total = _NONE
+    if 1 <= top < plane.shape[0] - 2 and 1 <= left < plane.shape[1] - 2:
+        for i in range(4):
+            total += down[i] * (
+                along[0] * plane[top + i - 1, left - 1] + along[1] * plane[top + i - 1, left]
+                + along[2] * plane[top + i - 1, left + 1] + along[3] * plane[top + i - 1, left + 2]
+            )  # fmt: skip
+        return total
+    for i in range(4):
+        row = min(max(top + i - 1, 0), plane.shape[0] - 1)
+        for j in range(4):
+            total += down[i] * along[j] * plane[row, min(max(left + j - 1, 0), plane.shape[1] - 1)]
+    return total
+
+
+@kernel
+def _taps(t: Scalar) -> Taps:
+    """Weights of four neighbours for a place 0 <= t < 1 after the second."""
+    half = np.float32(0.5)
+    square, cube = t * t, t * t * t
+    return (
+        half * (square + square - cube - t),
+        half * (np.float32(3) * cube - np.float32(5) * square + np.float32(2)),
+        half * (np.float32(4) * square - np.float32(3) * cube + t),
+        half * (cube - square),
+    )
