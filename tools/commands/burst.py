@@ -42,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the sensor was at each shot, in pixels to the right and down as the picture shows it; nothing is aligned then, "
         "and the reference is the first shot by default",
     )
-    parser.add_argument("--report", action="store_true", help="also write STEM.html: frames, motion, and the picture beside one shot's")
+    parser.add_argument(
+        "--report", action="store_true", help="also write STEM.html: frames, motion, and the picture beside one shot's"
+    )
     add_picture(parser)
     run_ = parser.add_argument_group("the run")
     add_run(run_)
@@ -64,7 +66,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"{names[0]}: is one frame, expected two or more of one scene; panchroma render renders a shot")
     shifts = tuple(arguments.shifts)
     if shifts and len(shifts) != len(names):
-        raise InputError(f"--shifts has {len(shifts)} places for {len(names)} shots, expected one for each, such as 0,0 2,0 0,2 2,2")
+        raise InputError(
+            f"--shifts has {len(shifts)} places for {len(names)} shots, expected one for each, such as 0,0 2,0 0,2 2,2"
+        )
     reference = None
     if arguments.reference is not None:
         reference = next((index for index, name in enumerate(names) if same_file(name, arguments.reference)), None)

@@ -39,10 +39,12 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings",
     frames: of a burst, all like this mosaic.
     """
     from offline import rendering_memory, threads
-    from offline.burst import burst_memory
 
-    rows, columns = mosaic.shape
-    rendering = rendering_memory(mosaic, settings) if frames == 1 else burst_memory(frames, mosaic.shape, mosaic.pattern, settings)
+    (rows, columns), rendering = mosaic.shape, rendering_memory(mosaic, settings)
+    if frames > 1:
+        from offline.burst import burst_memory
+
+        rendering = burst_memory(frames, mosaic.shape, mosaic.pattern, settings)
     pixels = rows * columns
     kept = _COMPRESSED.get(kind.format, 0.0) * pixels
     if kind.format == "dng":

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shared.arrays import ByteArray, FloatArray
-from tools.pictures.html import bullets, cell, css_class, data_address, encode_page, row, row_title, table
+from tools.pictures.html import bullets, cell, data_address, encode_page, row, row_title, table
 
 from ..frames import Frame
 from .plots import shift_plot, turn_plot
@@ -43,8 +43,12 @@ def page(frames: Sequence[Frame], reference: int, shares: FloatArray | None, alo
     facts = []
     if shares is not None and len(used) > 1:
         share = float((shares > _ALONE).mean())
-        facts.append(f"Noise of luminance, in the median of the picture: {float(np.median(shares)) ** 0.5:.2f} times that of one frame.")
-        facts.append(f"{100 * share:.1f} % of the picture comes from the reference alone, because nothing else agrees with it there.")
+        facts.append(
+            f"Noise of luminance, in the median of the picture: {float(np.median(shares)) ** 0.5:.2f} times that of one frame."
+        )
+        facts.append(
+            f"{100 * share:.1f} % of the picture comes from the reference alone, because nothing else agrees with it there."
+        )
         sections["Where frames were merged"] = _map(shares, merged, len(used))
     if sum(frame.judged is not None and frame.judged.motion is not None for frame in frames) > 1:
         sections["Motion"] = (
@@ -78,10 +82,8 @@ def _beside(alone: ByteArray, merged: ByteArray) -> str:
             part = _image(picture[top : top + CELL, left : left + CELL])
             part = part.resize((_ENLARGED * part.width, _ENLARGED * part.height), 0)  # pixels as squares
             parts.append(_figure(part, f"{name}, place {number}: row {top}, column {left}"))
-    return (
-        f'<div class="pair">{whole}</div><p>The {len(places)} places that differ most, {_ENLARGED} times enlarged:</p>'
-        f'<div class="places">{"".join(parts)}</div>'
-    )
+    most = f"<p>Where they differ most, {_ENLARGED} times enlarged:</p>" if parts else "<p>They are the same.</p>"
+    return f'<div class="pair">{whole}</div>{most}<div class="places">{"".join(parts)}</div>'
 
 
 def _marked(picture: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
@@ -106,7 +108,7 @@ def _map(shares: FloatArray, merged: Shown, frames: int) -> str:
     grey = merged.picture.mean(axis=2, dtype=np.float32)[..., None]
     coloured = (1 - _SEEN) * (_ONE + (_ALL - _ONE) * many) + _SEEN * grey
     legend = f'<div class="legend"><span>1 frame</span><i></i><span>{frames} frames</span></div>'
-    caption = "By the noise that is left. Where something moved, was hidden or lies outside the other frames, the reference is alone."
+    caption = "By the noise that is left. Where things moved, were hidden, or lie outside the other frames, the reference is alone."
     return legend + _figure(_reduced(coloured.astype(np.uint8)), caption)
 
 
@@ -121,9 +123,15 @@ def _table(frames: Sequence[Frame], reference: int) -> str:
         if judged is not None and judged.motion is not None:
             down, right = judged.motion.shift
             parallax = "" if judged.motion.local is None else f"{np.hypot(*np.moveaxis(judged.motion.local, -1, 0)).max():.1f}"
-            cells += [cell(f"{right:+.2f}"), cell(f"{down:+.2f}"), cell(f"{degrees(judged.motion.angle):+.3f}"), cell(parallax)]
-            cells += [cell(f"{np.log2(judged.gain):+.2f}"), cell(f"{100 * judged.agreement:.0f} %"), cell(f"{judged.sharpness:.2f}")]
-            cells += [cell(f"{judged.error:.3f}")]
+            figures = [
+                f"{right:+.2f}",
+                f"{down:+.2f}",
+                f"{degrees(judged.motion.angle):+.3f}",
+                parallax,
+                f"{np.log2(judged.gain):+.2f}",
+            ]
+            figures += [f"{100 * judged.agreement:.0f} %", f"{judged.sharpness:.2f}", f"{judged.error:.3f}"]
+            cells += map(cell, figures)
         rows.append(row(cells, "out" if frame.reason else ""))
     head = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees", "sharpness", "error")
     note = "Right, down, parallax (the largest local shift) and error are in pixels. Agrees: the part of the frame that was merged."
@@ -142,7 +150,7 @@ def _image(pixels: ByteArray) -> "Image":
     return Image.fromarray(np.ascontiguousarray(pixels))
 
 
-def _figure(image: "Image", caption: str, kind: str = "") -> str:
-    options = {"quality": 88, "subsampling": 0}
-    picture = f'<img src="{data_address(image, "JPEG", **options)}" alt="{escape(caption)}" width="{image.width}" height="{image.height}">'
-    return f"<figure{css_class(kind)}>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
+def _figure(image: "Image", caption: str) -> str:
+    address, text = data_address(image, "JPEG", quality=88, subsampling=0), escape(caption)
+    picture = f'<img src="{address}" alt="{text}" width="{image.width}" height="{image.height}">'
+    return f"<figure>{picture}<figcaption>{text}</figcaption></figure>"

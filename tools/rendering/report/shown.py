@@ -61,7 +61,7 @@ def _cells(plane: FloatArray) -> FloatArray:
     half = CELL // 2
     starts = [np.arange(0, size, half) for size in plane.shape]
     sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
-    means: FloatArray = sums / half**2
+    means: FloatArray = sums / np.float32(half**2)
     return means
 
 
