@@ -2,8 +2,8 @@
 
 The frames are those of `capture --burst` or `simulate --burst`, a folder with nothing else in it, or any shots of one camera. The
 sharpest is the reference, whose view and capture data the picture has. Frames are aligned, and merged where they agree with the
-reference; what has moved is the reference's alone. A frame that does not fit is left out, and named. The picture is called STEM.EXT for
-frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
+reference; what has moved is the reference's alone. A frame that does not fit is left out, and named. The picture is called STEM.EXT
+for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
 """
 
 import argparse

@@ -1,10 +1,10 @@
 """The files of a burst: what each holds, which do not fit the others, and what became of them."""
 
-import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
@@ -79,6 +79,6 @@ def _difference(mosaic: Mosaic, wanted: Mosaic) -> str:
 def same_file(one: str, other: str) -> bool:
     """Whether two names lead to one file."""
     try:
-        return os.path.samefile(one, other)
+        return Path(one).samefile(other)
     except (OSError, ValueError):
         return one == other

@@ -63,8 +63,9 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
     rows, columns = mosaic.shape
     least = needed_memory(mosaic, PictureKind.of(_LEAST), settings, frames)
     remedy = f"use -f {_LEAST}, which needs {format_bytes(least)}, or " if kind.format != _LEAST and least <= limit else ""
+    what = f"{frames} frames of {columns} x {rows} pixels" if frames > 1 else f"{columns} x {rows} pixels"
     raise InputError(
-        f"{f'{frames} frames of ' if frames > 1 else ''}{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
+        f"{what} as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
         f"{remedy}set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much"
     )
 

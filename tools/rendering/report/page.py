@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from html import escape
-from math import degrees
+from math import degrees, log2
 from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING
@@ -52,9 +52,9 @@ def page(frames: Sequence[Frame], reference: int, shares: FloatArray | None, alo
         sections["Where frames were merged"] = _map(shares, merged, len(used))
     if sum(frame.judged is not None and frame.judged.motion is not None for frame in frames) > 1:
         sections["Motion"] = (
-            f'<div class="pair"><figure>{shift_plot(frames, reference)}<figcaption>Where the scene lies in each frame, compared with '
-            f"the reference (blue); red: left out.</figcaption></figure><figure>{turn_plot(frames)}<figcaption>By how much it is "
-            "rotated; counter-clockwise is positive.</figcaption></figure></div>"
+            f'<div class="pair"><figure>{shift_plot(frames, reference)}<figcaption>Where the scene lies in each frame, compared '
+            f"with the reference (blue); red: left out.</figcaption></figure><figure>{turn_plot(frames)}<figcaption>By how much it "
+            "is rotated; counter-clockwise is positive.</figcaption></figure></div>"
         )
     sections["Frames"] = _table(frames, reference)
     name = Path(frames[reference].name).name
@@ -78,12 +78,14 @@ def _beside(alone: ByteArray, merged: ByteArray) -> str:
     whole = "".join(_figure(image, name) for name, image in zip(names, marked, strict=True))
     parts = []
     for number, (top, left) in enumerate(places, 1):
+        twins = []
         for name, picture in zip(names, (alone, merged), strict=True):
             part = _image(picture[top : top + CELL, left : left + CELL])
             part = part.resize((_ENLARGED * part.width, _ENLARGED * part.height), 0)  # pixels as squares
-            parts.append(_figure(part, f"{name}, place {number}: row {top}, column {left}"))
+            twins.append(_figure(part, f"{name}, place {number}: row {top}, column {left}"))
+        parts.append(f'<div class="twins">{"".join(twins)}</div>')
     most = f"<p>Where they differ most, {_ENLARGED} times enlarged:</p>" if parts else "<p>They are the same.</p>"
-    return f'<div class="pair">{whole}</div>{most}<div class="places">{"".join(parts)}</div>'
+    return f'<div class="pair">{whole}</div>{most}<div class="pair">{"".join(parts)}</div>'
 
 
 def _marked(picture: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
@@ -128,7 +130,7 @@ def _table(frames: Sequence[Frame], reference: int) -> str:
                 f"{down:+.2f}",
                 f"{degrees(judged.motion.angle):+.3f}",
                 parallax,
-                f"{np.log2(judged.gain):+.2f}",
+                f"{round(log2(judged.gain), 2) + 0.0:+.2f}",
             ]
             figures += [f"{100 * judged.agreement:.0f} %", f"{judged.sharpness:.2f}", f"{judged.error:.3f}"]
             cells += map(cell, figures)
