@@ -95,29 +95,35 @@ class Burst(Subject):
 
     def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
         """Align and merge the frames."""
-        from offline.burst import merge_burst
-
+        known = self._order.reference is not None or bool(self._order.shifts)
         if self.count > 1:
-            order, used = self._order, self._used
-            known = order.reference is not None or order.shifts
-            merged = merge_burst(
-                [self._mosaic(index) for index in used],
-                settings,
-                progress,
-                reference=used.index(self._reference) if known else None,
-                motions=self._motions() if order.shifts else None,
-            )
-            self._reference = used[merged.reference]
-            for index, judged in zip(used, merged.frames, strict=True):
-                self.frames[index].judged = judged
-                if not judged.used:
-                    self.frames[index].reason = judged.reason
-                    self._note(f"{self.frames[index].name}: is left out: {judged.reason}")
-            self._merged = merged
+            self._merge(settings, progress, known=known)
+        if not known and self.count > 2 and self._left == 1:  # the sharpest is the odd one, or all are
+            self.frames[self._reference].reason = "none of the others shows what it shows"
+            self._used.remove(self._reference)
+            self._merge(settings, progress, known=False)
+        for frame in self.frames:
+            if frame.reason and frame.mosaic is not None:
+                self._note(f"{frame.name}: is left out: {frame.reason}")
         self.mosaic = self._mosaic(self._reference)
         if self._left == 1:
             self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
         self.words = f"{self._left} of {len(self.frames)} frames, "
+
+    def _merge(self, settings: "RenderSettings", progress: Progress, *, known: bool) -> None:
+        """Merge the frames that are in use, and note what became of them. known: the reference is."""
+        from offline.burst import merge_burst
+
+        merged = merge_burst(
+            [self._mosaic(index) for index in self._used],
+            settings,
+            progress,
+            reference=self._used.index(self._reference) if known else None,
+            motions=self._motions() if self._order.shifts else None,
+        )
+        self._reference, self._merged = self._used[merged.reference], merged
+        for index, judged in zip(self._used, merged.frames, strict=True):
+            self.frames[index].judged, self.frames[index].reason = judged, judged.reason
 
     def bands(self, settings: "RenderSettings", progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""

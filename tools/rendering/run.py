@@ -154,7 +154,7 @@ def render_shots(shots: Sequence[Shot], through: Sequence[Pass], console: Consol
 
 def _report(shot: Shot, outcome: Outcome, console: Console) -> None:
     if outcome.state == "failed":
-        fail(shot.source, shot.outputs, outcome.line, console)
+        fail(shot.source, (*shot.files, *shot.outputs), outcome.line, console)
     elif outcome.state == "foreign":
         console.note(outcome.line)
         console.record(source=shot.source, ok=True, foreign=True)
