@@ -1,6 +1,6 @@
 """Merge a series of one scene, hand-held or from a sensor that moves by known steps, into one picture.
 
-The frames are those of `capture --burst` or `simulate --burst`, a folder with nothing else in it, or any shots of one camera. The
+The frames are a folder with the series of one `capture --burst` or `simulate --burst`, or any shots of one camera that are named. The
 sharpest is the reference, whose view and capture data the picture has. Frames are aligned, and merged where they agree with the
 reference; what has moved is the reference's alone. A frame that does not fit is left out, and named. The picture is called STEM.EXT
 for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
