@@ -1,6 +1,6 @@
 """Merge a series of one scene, hand-held or from a sensor that moves by known steps, into one picture.
 
-The frames are a folder with the series of one `capture --burst` or `simulate --burst`, or any shots of one camera that are named. The
+The frames are those of one `capture --burst` or `simulate --burst`, in a folder, or any shots of one camera that are named. The
 sharpest is the reference, whose view and capture data the picture has. Frames are aligned, and merged where they agree with the
 reference; what has moved is the reference's alone. A frame that does not fit is left out, and named. The picture is called STEM.EXT
 for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="X,Y",
-        help="where the sensor was at each shot, in pixels to the right and down as the picture shows it; nothing is aligned then, "
-        "and the reference is the first shot by default",
+        help="pixel shift: where the sensor was at each shot, in its pixels, columns to the right and rows down; nothing is "
+        "aligned then, and the reference is the first shot by default",
     )
     parser.add_argument(
         "--report", action="store_true", help="also write STEM.html: frames, motion, and the picture beside one shot's"

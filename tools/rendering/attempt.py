@@ -157,9 +157,8 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
                 on_complete=partial(journal, output),
                 bands=subject.bands,
             )
-            if shot.page:
-                data = subject.page(settings, progress)
-                write_durably(shot.page, data, overwrite=existing[1].replace, on_complete=partial(journal, shot.page))
+            for path, each, data in zip(shot.outputs[1:], existing[1:], subject.beside(settings, progress), strict=True):
+                write_durably(path, data, overwrite=each.replace, on_complete=partial(journal, path))
     from offline import network_name
 
     seconds = time.monotonic() - start

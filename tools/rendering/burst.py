@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
 from shared.arrays import FloatArray
+from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
 from shared.progress import Progress
 
@@ -29,7 +30,7 @@ class BurstOrder(Order):
     """Settings of a burst.
 
     reference: index of the file that the picture shows; None = the sharpest, or with `shifts` the first.
-    shifts: (right, down), where the sensor was at each file, pixels; () = hand-held: find the motion.
+    shifts: (right, down), where the sensor was at each file, in columns and rows of its pixels; () = hand-held: find the motion.
     """
 
     reference: int | None = None
@@ -79,7 +80,7 @@ class Burst(Subject):
     order: settings.
     frames: all files, those that are left out too; one or more have a mosaic.
     note: called with each remark for the user.
-    reported: `page` will be called.
+    reported: there is to be a report.
     """
 
     def __init__(self, order: BurstOrder, frames: Sequence[Frame], note: Note, *, reported: bool) -> None:
@@ -92,6 +93,8 @@ class Burst(Subject):
         self.count = len(self._used)
         self.errors = tuple(frame.line for frame in frames if frame.failed)
         super().__init__(self._mosaic(self._reference))
+        if reported:
+            ColourTransform.to_space(self.mosaic.calibration)  # raises InputError where the report could show no picture
 
     def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
         """Align and merge the frames."""
@@ -138,15 +141,15 @@ class Burst(Subject):
             bands = self._shown.taken(bands)
         return bands
 
-    def page(self, settings: "RenderSettings", progress: Progress) -> bytes:
-        """Return the report on the burst, as HTML."""
+    def beside(self, settings: "RenderSettings", progress: Progress) -> list[bytes]:
+        """Return the report on the burst, if there is to be one, once the last band of the picture has been taken."""
         if self._shown is None:
-            raise RuntimeError("the bands of the picture come first")
+            return []
         alone = Shown(self.mosaic, self._order.exposure)
         for _ in alone.taken(super().bands(settings, progress)):
             pass
         shares = None if self._merged is None else self._merged.shares
-        return page(self.frames, self._reference, shares, alone, self._shown)
+        return [page(self.frames, self._reference, shares, alone, self._shown)]
 
     def facts(self) -> dict[str, Any]:
         """What became of each frame, for machines."""

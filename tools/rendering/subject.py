@@ -36,9 +36,9 @@ class Subject:
 
         return render_bands(self.mosaic, settings, progress)
 
-    def page(self, settings: "RenderSettings", progress: Progress) -> bytes:
-        """Return the report on the picture, once its last band has been taken."""
-        raise NotImplementedError("there are reports on bursts alone")
+    def beside(self, settings: "RenderSettings", progress: Progress) -> list[bytes]:
+        """Return the contents of the files beside the picture (`Shot.outputs`), once its last band has been taken."""
+        return []
 
     def facts(self) -> dict[str, Any]:
         """What is special about the picture, for machines."""

@@ -105,8 +105,8 @@ def _marked(picture: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
 
 def _map(shares: FloatArray, merged: Shown, frames: int) -> str:
     """The picture in grey, coloured by how many frames were merged."""
-    number = 1 / merged.upright(np.rint(255 * shares.clip(0, 1)).astype(np.uint8)).clip(1).astype(np.float32) * 255
-    many = ((number - 1) / (frames - 1)).clip(0, 1)[..., None]
+    number = 1 / merged.upright(shares).clip(1 / frames, 1)[..., None]
+    many = (number - 1) / (frames - 1)
     grey = merged.picture.mean(axis=2, dtype=np.float32)[..., None]
     coloured = (1 - _SEEN) * (_ONE + (_ALL - _ONE) * many) + _SEEN * grey
     legend = f'<div class="legend"><span>1 frame</span><i></i><span>{frames} frames</span></div>'

@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
-from tools.pictures.samples import upright
+from tools.pictures.samples import Sample, upright
 from tools.pictures.writer import display_codes
 
 CELL = 96
@@ -40,7 +41,7 @@ class Shown:
         """The picture, uint8 (H, W, 3), upright."""
         return self.upright(self._codes)
 
-    def upright(self, plane: ByteArray) -> ByteArray:
+    def upright(self, plane: NDArray[Sample]) -> NDArray[Sample]:
         """A plane of the sensor (H, W, ...), turned like the picture."""
         return upright(plane, self._orientation)
 
@@ -61,7 +62,7 @@ def _cells(plane: FloatArray) -> FloatArray:
     half = CELL // 2
     starts = [np.arange(0, size, half) for size in plane.shape]
     sums = np.add.reduceat(np.add.reduceat(plane, starts[0], axis=0), starts[1], axis=1)
-    means: FloatArray = sums / np.float32(half**2)
+    means: FloatArray = (sums / half**2).astype(np.float32)
     return means
 
 
