@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 _WIDEST = 1200  # pixels of a picture
-_PLACES, _ENLARGED = 3, 4
+_PLACES, _ENLARGED = 4, 4
 _ALONE = 0.97  # of the variance of one frame: from there on it is one frame
 _ONE, _ALL = np.array((232, 93, 4), np.float32), np.array((10, 77, 104), np.float32)  # colours of the map, as in page.html
 _SEEN = 0.35  # share of the picture in the map
@@ -94,7 +94,7 @@ def _marked(picture: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
 
     image = _reduced(picture)
     scale = image.width / picture.shape[1]
-    draw, font = ImageDraw.Draw(image), ImageFont.load_default(16)
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(max(14, image.width / 40))
     for number, (top, left) in enumerate(places, 1):
         box = [round(scale * side) for side in (left, top, left + CELL, top + CELL)]
         draw.rectangle(box, outline=(0, 0, 0), width=4)
@@ -111,7 +111,7 @@ def _map(shares: FloatArray, merged: Shown, frames: int) -> str:
     coloured = (1 - _SEEN) * (_ONE + (_ALL - _ONE) * many) + _SEEN * grey
     legend = f'<div class="legend"><span>1 frame</span><i></i><span>{frames} frames</span></div>'
     caption = "By the noise that is left. Where things moved, were hidden, or lie outside the other frames, the reference is alone."
-    return legend + _figure(_reduced(coloured.astype(np.uint8)), caption)
+    return f'<div class="map">{legend}{_figure(_reduced(coloured.astype(np.uint8)), caption)}</div>'
 
 
 def _table(frames: Sequence[Frame], reference: int) -> str:
