@@ -10,6 +10,7 @@ import argparse
 import math
 import re
 
+from shared import read_dng
 from shared.errors import InputError
 from tools.host import options
 from tools.host.console import Console
@@ -63,6 +64,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     names = series(found.sources)
     if len(names) < 2:
+        read_dng(names[0], max_pixels=arguments.max_pixels)  # says what is wrong with it
         raise InputError(f"{names[0]}: is one frame, expected two or more of one scene; panchroma render renders a shot")
     shifts = tuple(arguments.shifts)
     if shifts and len(shifts) != len(names):

@@ -51,7 +51,7 @@ _TRUTH, _BAYER, _PAPER, _BEST, _ONE = "truth", "Bayer, bilinear", "Panchroma, pa
 # Parts of the scene at its size above: (row, column) of the first pixel.
 _OVERVIEW = (429, 132)
 _CROPS = {"Siemens star": (604, 484), "fine strokes": (676, 944), "leaves": (150, 640)}
-_BURST_CROPS = {"fine strokes": (491, 693), "equal luminance": (426, 588), "seeds": (152, 340)}
+_BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seeds": (152, 340)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

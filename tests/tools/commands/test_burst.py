@@ -177,6 +177,7 @@ def test_files_of_no_series_give_a_picture_called_as_the_first(frames: Path, out
 def test_one_frame_is_no_burst(taken: Path, out: Path) -> None:
     outcome = run("burst", frame(taken, 1), "-o", out)
     assert_refused(outcome, "is one frame, expected two or more", "panchroma render", name=str(frame(taken, 1)), code=2)
+    assert_refused(run("burst", "missing", "-o", out), "no such file", name="missing", code=2)
 
 
 def test_a_frame_of_another_size_is_left_out_by_name(frames: Path, out: Path) -> None:
