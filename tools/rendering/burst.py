@@ -65,13 +65,13 @@ class BurstOrder(Order):
         try:
             mosaic = self.decode(name)
         except ForeignFileError as error:
-            return Frame(name, reason=str(error), failed=not found)
+            return Frame.refused(name, error, failed=not found)
         except PanchromaError as error:
-            return Frame(name, reason=str(error), failed=True)
+            return Frame.refused(name, error, failed=True)
         try:
             return Frame(name, self.prepared(mosaic))
         except PanchromaError as error:
-            return Frame(name, reason=str(error))
+            return Frame.refused(name, error, failed=False)
 
 
 class Burst(Subject):

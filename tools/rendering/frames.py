@@ -30,6 +30,11 @@ class Frame:
     failed: bool = False
     judged: "Judged | None" = None
 
+    @classmethod
+    def refused(cls, name: str, error: Exception, *, failed: bool) -> "Frame":
+        """A file that an error keeps out."""
+        return cls(name, reason=str(error).removeprefix(f"{name}: "), failed=failed)
+
     def refuse(self, reason: str) -> None:
         """Leave it out."""
         self.mosaic, self.reason = None, reason
@@ -37,7 +42,7 @@ class Frame:
     @property
     def line(self) -> str:
         """Why it is left out, after its name."""
-        return self.reason if self.reason.startswith(f"{self.name}:") else f"{self.name}: {self.reason}"
+        return f"{self.name}: {self.reason}"
 
     def facts(self) -> dict[str, Any]:
         """What is known of it, for machines."""
