@@ -24,6 +24,7 @@ _WIDEST = 1200  # pixels of a picture
 _PLACES, _ENLARGED = 4, 4
 _ALONE = 0.97  # of the variance of one frame: from there on it is one frame
 _ONE, _ALL = np.array((232, 93, 4), np.float32), np.array((10, 77, 104), np.float32)  # colours of the map, as in page.html
+_HEAD = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees", "sharpness", "error")
 _SEEN = 0.35  # share of the picture in the map
 
 
@@ -134,10 +135,10 @@ def _table(frames: Sequence[Frame], reference: int) -> str:
             ]
             figures += [f"{100 * judged.agreement:.0f} %", f"{judged.sharpness:.2f}", f"{judged.error:.3f}"]
             cells += map(cell, figures)
+        cells += [cell("")] * (len(_HEAD) - len(cells))
         rows.append(row(cells, "out" if frame.reason else ""))
-    head = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees", "sharpness", "error")
     note = "Right, down, parallax (the largest local shift) and error are in pixels. Agrees: the part of the frame that was merged."
-    return table(head, rows) + f'<p class="made">{note}</p>'
+    return table(_HEAD, rows) + f'<p class="made">{note}</p>'
 
 
 def _reduced(picture: ByteArray) -> "Image":
