@@ -28,6 +28,7 @@ VERBS = {
     "view": "show a camera's live picture on a web page, with a button that saves a shot",
     "preview": "make the camera's own preview of shots",
     "render": "make the full-quality pictures of shots",
+    "burst": "merge a series of one scene into one picture, with less noise and more colour",
     "evaluate": "compare this camera with Bayer cameras: figures, and a page to look at",
     "bench": "measure the speed of Panchroma and of other programs",
     "export-preview": "write the graph that makes a camera's previews",

@@ -6,22 +6,18 @@ what each picture was made from; with --resume an interrupted run continues, and
 """
 
 import argparse
-import secrets
 
-from shared import read_camera
 from shared.errors import InputError
 from shared.writing import sweep
 from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED, output_folder
+from tools.host.jobs import FAILED
 from tools.host.memory import allowed_memory, reuse_memory
-from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
-from tools.rendering.defect_list import read_defects
+from tools.rendering.options import add_picture, add_run, order_fields
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.shots import Shard, shots_of
-from tools.rendering.white_balance import WhiteBalance
 
 _PRESETS = ("best", "paper")
 
@@ -30,34 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
     parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a folder with DNGs in it or below")
     options.add_output_folder(parser, "STEM.EXT (subfolders are kept)")
-    parser.add_argument(
-        "-f",
-        "--format",
-        type=lambda name: OTHER_NAMES.get(name, name),
-        choices=tuple(POSSIBLE),
-        default="tif",
-        help="tiff and jpeg are other names of tif and jpg; dng: linear, to finish in a raw developer",
-    )
-    parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
-    options.add_quality(parser)
-    spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
-    parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
-    parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="brighten the picture by this many stops")
-    parser.add_argument(
-        "--wb",
-        type=WhiteBalance.parse,
-        default="camera",
-        metavar="BALANCE",
-        help="white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6",
-    )
-    options.add_calibration(parser)
-    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
+    add_picture(parser)
     parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
-    parser.add_argument("--no-learned", action="store_true", help="do without the network that corrects colour (preset best)")
-    options.add_max_pixels(parser)
     run_ = parser.add_argument_group("the run")
-    run_.add_argument("--resume", action="store_true", help="keep results that are up to date, replace outdated ones")
-    run_.add_argument("--overwrite", action="store_true", help="replace results that exist already, whoever wrote them")
+    add_run(run_)
     run_.add_argument("--shard", metavar="I/N", help="render only part I of N, counted from 1: for job arrays")
     run_.add_argument(
         "--workers", type=int, metavar="N", help="number of processes (default: 1, or for many shots what cores and memory allow)"
@@ -65,7 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     run_.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads per process (default: use all cores)")
     options.add_max_memory(run_)
     options.add_scheduler(run_)
-    run_.add_argument("--dry-run", action="store_true", help="write nothing, only say what would be done")
     options.add_json(run_, "shot")
 
 
@@ -106,23 +77,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 
 def _order(arguments: argparse.Namespace) -> Order:
-    kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
-    check_gain(kind, arguments.exposure)
-    arguments.wb.check(kind)
     if arguments.defects and arguments.preset == "paper":
         raise InputError("--defects needs --preset best: the published method does not know defects")
-    return Order(
-        kind=kind,
-        preset=arguments.preset,
-        learned=not arguments.no_learned,
-        exposure=arguments.exposure,
-        white=arguments.wb,
-        camera=read_camera(arguments.camera) if arguments.camera else None,
-        defects=read_defects(arguments.defects) if arguments.defects else (),
-        folder=output_folder(arguments.output, dry_run=arguments.dry_run),
-        max_pixels=arguments.max_pixels,
-        run=secrets.token_hex(8),
-        resume=arguments.resume,
-        overwrite=arguments.overwrite,
-        dry_run=arguments.dry_run,
-    )
+    return Order(preset=arguments.preset, **order_fields(arguments))

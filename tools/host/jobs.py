@@ -130,9 +130,12 @@ def reason(error: BaseException) -> str:
     return str(error) if isinstance(error, PanchromaError) else fault(error)
 
 
-def fail(source: str, outputs: Iterable[Path], message: str, console: Console) -> None:
-    """Report a failed source: a record, and a line that begins with the name of the source, or of an output if `message` does."""
-    if not any(message.startswith(f"{name}:") for name in (source, *outputs)):
+def fail(source: str, others: Iterable[str | Path], message: str, console: Console) -> None:
+    """Report a failed source: a record, and a line that begins with the name of the source, or of another file if `message` does.
+
+    others: files that the message may begin with: results, and further sources.
+    """
+    if not any(message.startswith(f"{name}:") for name in (source, *others)):
         message = f"{source}: {message}"
     console.error(message)
     console.record(source=source, ok=False, error=message)

@@ -7,22 +7,23 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import count
 from pathlib import Path
 
-from shared import Mosaic
 from shared.errors import ForeignFileError, InputError, OutputError
+from shared.writing import write_durably
 from tools.host.compilation import announced_compilation, compile_ahead, load_compiled
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.writer import written_shape
 
-from .journal import Entry, Journal, digest
+from .journal import Entry, Journal, digest, key
 from .lock import output_lock
 from .order import Note, Order, Outcome, Share, State
 from .picture_file import check_memory, needed_memory, render_to
 from .shots import Shot
+from .subject import Subject
 
 _TURN = 5e-5  # seconds that a thread waits for the interpreter while another one computes; Python's default is 100 times as long
 
@@ -48,13 +49,13 @@ def _make(order: Order, share: Share, shot: Shot, note: Note, progress: StagePro
     output = shot.output
     if not (order.dry_run or order.folder.is_dir()):
         raise OutputError(f"{order.folder}: the output folder is not there; every machine at work has to see it under this name")
-    if _state(shot.source) is None:
-        order.read(shot.source)  # says what is wrong with it, before a folder is made for its picture
+    if not any(_states(shot)):
+        order.open(shot, share.memory, note)  # says what is wrong with it, before a folder is made for its picture
     try:
         if order.dry_run:
-            if _existing(order, shot, digest(shot.source)).current is None:
-                order.read(shot.source)
-                return Outcome("planned", f"{shot.source} -> {output}", {"output": str(output), "dry_run": True})
+            if not _current(_existing(order, shot, _digest(shot))):
+                errors = order.open(shot, share.memory, note).errors
+                return Outcome("planned", f"{shot.source} -> {output}", {"output": str(output), "dry_run": True}, errors)
             return Outcome("current", f"{output}: is up to date", {"output": str(output), "current": True, "dry_run": True})
         output.parent.mkdir(parents=True, exist_ok=True)
         with output_lock(output, wait=share.last) as free:
@@ -79,9 +80,17 @@ class _Existing:
     changed: bool = False
 
 
-def _existing(order: Order, shot: Shot, source_digest: str | None) -> _Existing:
-    """What exists under the output's name. Raises OutputError for a file that must stay."""
-    output = shot.output
+def _existing(order: Order, shot: Shot, source_digest: str | None) -> list[_Existing]:
+    """What exists under the name of each output. Raises OutputError for a file that must stay."""
+    return [_existing_output(order, shot.source, output, source_digest) for output in shot.outputs]
+
+
+def _current(existing: list[_Existing]) -> State | None:
+    """The outcome when all outputs are up to date; otherwise None."""
+    return existing[0].current if all(each.current for each in existing) else None
+
+
+def _existing_output(order: Order, source: str, output: Path, source_digest: str | None) -> _Existing:
     if not output.exists():
         return _Existing(replace=order.overwrite)
     made = _journal(order.folder).of(order.name(output))
@@ -94,8 +103,8 @@ def _existing(order: Order, shot: Shot, source_digest: str | None) -> _Existing:
         raise OutputError(f"{output}: exists already, and no render noted that it made it; --overwrite replaces it all the same")
     found = digest(output)
     if made and source_digest and made[-1].digest == found and made[-1].key == order.key(output, source_digest):
-        return _Existing("made" if of_this_run else "current")
-    if made and not order.overwrite and _both_there(made[-1].source, shot.source):
+        return _Existing("made" if of_this_run else "current", True)
+    if made and not order.overwrite and _both_there(made[-1].source, source):
         raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or --overwrite")
     return _Existing(None, True, not order.overwrite and found not in {entry.digest for entry in made})
 
@@ -104,17 +113,18 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     """Make the picture while this process holds the lock on the output."""
     start = time.monotonic()
     output, source = shot.output, shot.source
-    before, source_digest = _state(source), digest(source)
+    before, source_digest = _states(shot), _digest(shot)
     existing = _existing(order, shot, source_digest)
-    if existing.current:
-        return Outcome(existing.current, f"{output}: is up to date", {"output": str(output), "current": True})
-    mosaic, settings = _read(order, source, note, progress), order.settings
+    if state := _current(existing):
+        return Outcome(state, f"{output}: is up to date", {"output": str(output), "current": True})
+    subject, settings = _read(order, share, shot, note, progress), order.settings
+    mosaic = subject.mosaic
     with announced_compilation(note, progress):
-        if source_digest is None or _state(source) != before:
+        if source_digest is None or _states(shot) != before:
             raise InputError(f"{source}: has changed while it was read; render it again when it is complete")
-        if not share.last and needed_memory(mosaic, order.kind, settings) > share.memory:
+        if not share.last and needed_memory(mosaic, order.kind, settings, subject.count) > share.memory:
             return Outcome("postponed")
-        check_memory(mosaic, order.kind, settings, share.memory)
+        check_memory(mosaic, order.kind, settings, share.memory, subject.count)
         compile_ahead([settings], share.processes, note, progress)  # now that only the writing can fail
         if mosaic.calibration.noise is None:
             taken = "estimated from the shot" if settings.noise.estimate else "taken as zero"
@@ -122,16 +132,19 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         calibration = mosaic.calibration
         if calibration.neutral is None and calibration.camera_to_xyz is None and order.kind.has_white_balance:
             note(f"{source}: the white balance is unknown and taken as even; --wb auto estimates it, --wb R,G,B sets it")
-        if existing.changed:
-            note(f"{output}: has changed since it was made; it is kept as {_set_aside(output).name}")
+        subject.prepare(settings, progress)
+        mosaic = subject.mosaic
+        for each, path in zip(existing, shot.outputs, strict=True):
+            if each.changed:
+                note(f"{path}: has changed since it was made; it is kept as {_set_aside(path).name}")
 
-        def note_made(part: Path) -> None:
+        def note_made(made: Path, part: Path) -> None:
             absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
-            key = order.key(output, source_digest)
-            _journal(order.folder).append(Entry(order.name(output), digest(part) or "", key, order.run, absolute))
+            entry = Entry(order.name(made), digest(part) or "", order.key(made, source_digest), order.run, absolute)
+            _journal(order.folder).append(entry)
 
-        def journal(part: Path) -> Callable[[], None]:
-            return writer.submit(note_made, part).result
+        def journal(made: Path, part: Path) -> Callable[[], None]:
+            return writer.submit(note_made, made, part).result
 
         # Journal and picture are fsynced at the same time: for small pictures fsync takes most of the time, and a large one is
         # digested meanwhile. The pool is this picture's own: one that stays would wait for ever for a thread whose start is
@@ -144,34 +157,32 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
                 settings,
                 progress,
                 exposure=order.exposure,
-                overwrite=existing.replace,
-                on_complete=journal,
+                overwrite=existing[0].replace,
+                on_complete=partial(journal, output),
+                bands=subject.bands,
             )
+            for path, each, data in zip(shot.outputs[1:], existing[1:], subject.beside(settings, progress), strict=True):
+                write_durably(path, data, overwrite=each.replace, on_complete=partial(journal, path))
     from offline import network_name
 
     seconds = time.monotonic() - start
     rows, columns = written_shape(order.kind, mosaic.shape, mosaic.metadata)
-    line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {seconds:.1f} s"
+    line = f"{output}: {columns} x {rows}, {order.kind.bits} bits, {order.kind.space}, {subject.words}{seconds:.1f} s"
     solvers = {name: asdict(each) for name, each in solved.items()}
     facts = {"output": str(output), "width": columns, "height": rows, "seconds": round(seconds, 3), "solvers": solvers}
     facts["neutral"], facts["neutral_estimated"] = mosaic.calibration.neutral, mosaic.calibration.neutral_estimated
     facts["learned"] = network_name(mosaic.pattern) if settings.learned.used else None
-    return Outcome("made", line, facts)
+    return Outcome("made", line, facts | subject.facts(), subject.errors)
 
 
-def _read(order: Order, source: str, note: Note, progress: StageProgress) -> Mosaic:
-    """The shot, calibrated. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
+def _read(order: Order, share: Share, shot: Shot, note: Note, progress: StageProgress) -> Subject:
+    """What the picture is rendered from. Decoding leaves a processor idle: meanwhile the renderer is loaded."""
     progress.stage("reading", 1)
-
-    def read() -> Mosaic:
-        mosaic = order.read(source)
-        return mosaic if order.settings.asks_for_codes else mosaic.in_scene_units()
-
     with ThreadPoolExecutor(1, "reading") as reader, _frequent_turns():
-        mosaic = reader.submit(read)
+        subject = reader.submit(order.open, shot, share.memory, note)
         with announced_compilation(note, progress):
             load_compiled(order.settings)
-        return mosaic.result()
+        return subject.result()
 
 
 @contextmanager
@@ -188,6 +199,15 @@ def _frequent_turns() -> Iterator[None]:
 @lru_cache(maxsize=1)  # so that a process reads a long journal once
 def _journal(folder: Path) -> Journal:
     return Journal(folder)
+
+
+def _digest(shot: Shot) -> str | None:
+    """Digest of the files that a picture is made from; None if there is only one, and it cannot be read."""
+    return key(frames=[digest(name) for name in shot.frames]) if shot.frames else digest(shot.source)
+
+
+def _states(shot: Shot) -> list[tuple[int, ...] | None]:
+    return [_state(name) for name in shot.files]
 
 
 def _state(source: str) -> tuple[int, ...] | None:

@@ -12,6 +12,8 @@ from tools.pictures.writer import PictureKind, check_output
 from .defect_list import Places, with_defects
 from .journal import key
 from .picture_file import check_light
+from .shots import Shot
+from .subject import Subject
 from .white_balance import AS_SHOT, WhiteBalance
 
 Note = Callable[[str], None]
@@ -59,6 +61,15 @@ class Order:
             return PAPER
         return BEST if self.learned else replace(BEST, learned=PAPER.learned)
 
+    def open(self, shot: Shot, memory: int, note: Note) -> Subject:
+        """What a picture is rendered from, read from its files. Raises InputError if it cannot become such a picture.
+
+        memory: bytes that may be used.
+        note: called with each remark for the user.
+        """
+        mosaic = self.read(shot.source)
+        return Subject(mosaic if self.settings.asks_for_codes else mosaic.in_scene_units())
+
     def read(self, source: str) -> Mosaic:
         """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
         return self.prepared(self.decode(source))
@@ -82,8 +93,8 @@ class Order:
         """The picture's path below the folder, as it stands in the journal."""
         return output.relative_to(self.folder).as_posix()
 
-    def key(self, output: Path, source_digest: str) -> str:
-        """Digest of everything that the picture depends on."""
+    def key(self, output: Path, source_digest: str, **more: Any) -> str:
+        """Digest of everything that the picture depends on. more: JSON values, what other orders add."""
         from offline.version import ALGORITHM
 
         return key(
@@ -99,6 +110,7 @@ class Order:
             defects=self.defects,
             algorithm=ALGORITHM,
             output=self.name(output),
+            **more,
         )
 
 
@@ -113,11 +125,13 @@ class Outcome:
         postponed (another process makes it, or it needs more memory than its share); failed.
     line: for people.
     facts: for machines.
+    errors: a line for each file that failed, though the picture could be made without it.
     """
 
     state: State
     line: str = ""
     facts: dict[str, Any] = field(default_factory=dict)
+    errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

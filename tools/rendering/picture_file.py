@@ -1,6 +1,6 @@
 """Render a mosaic to a picture file within a limit of memory: band by band, where the format allows it, otherwise as a whole."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shared import Mosaic
-from shared.arrays import CodeArray, strips
+from shared.arrays import CodeArray, FloatArray, strips
 from shared.dng import PART
 from shared.errors import InputError
 from shared.progress import Progress
@@ -21,6 +21,8 @@ from tools.pictures.writer import PictureKind, write_picture
 if TYPE_CHECKING:
     from offline import RenderSettings, Solved
 
+    Bands = Callable[[RenderSettings, Progress], Iterator[FloatArray]]
+
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
@@ -31,11 +33,18 @@ _PART = 30.0  # per pixel of a part of a DNG that waits or is compressed
 # The bands that wait for a TIFF take less than the planes of the frame that are no longer needed then.
 
 
-def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings") -> int:
-    """Bytes that the whole program needs to render a mosaic to such a file; rather more than it will use."""
+def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", frames: int = 1) -> int:
+    """Bytes that the whole program needs to render a mosaic to such a file; rather more than it will use.
+
+    frames: of a burst, all like this mosaic.
+    """
     from offline import rendering_memory, threads
 
     (rows, columns), rendering = mosaic.shape, rendering_memory(mosaic, settings)
+    if frames > 1:
+        from offline.burst import burst_memory
+
+        rendering = burst_memory(frames, mosaic.shape, mosaic.pattern, settings)
     pixels = rows * columns
     kept = _COMPRESSED.get(kind.format, 0.0) * pixels
     if kind.format == "dng":
@@ -43,19 +52,20 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings")
     if kind.format not in FORMATS:
         kept += 4 * len(mosaic.pattern.channels) * pixels
         rendering = max(rendering, round(_ENCODING[kind.format] * pixels))
-    return round(_PROGRAM + _MOSAIC * pixels + kept + rendering)
+    return round(_PROGRAM + _MOSAIC * frames * pixels + kept + rendering)
 
 
-def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int) -> None:
-    """Raise InputError when rendering a mosaic to such a file needs more than `limit` bytes."""
-    need = needed_memory(mosaic, kind, settings)
+def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", limit: int, frames: int = 1) -> None:
+    """Raise InputError when rendering a mosaic, or a burst of such `frames`, to such a file needs more than `limit` bytes."""
+    need = needed_memory(mosaic, kind, settings, frames)
     if need <= limit:
         return
     rows, columns = mosaic.shape
-    least = needed_memory(mosaic, PictureKind.of(_LEAST), settings)
+    least = needed_memory(mosaic, PictureKind.of(_LEAST), settings, frames)
     remedy = f"use -f {_LEAST}, which needs {format_bytes(least)}, or " if kind.format != _LEAST and least <= limit else ""
+    what = f"{frames} frames of {columns} x {rows} pixels" if frames > 1 else f"{columns} x {rows} pixels"
     raise InputError(
-        f"{columns} x {rows} pixels as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
+        f"{what} as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
         f"{remedy}set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much"
     )
 
@@ -70,22 +80,24 @@ def render_to(
     exposure: float,
     overwrite: bool,
     on_complete: OnComplete | None = None,
+    bands: "Bands | None" = None,
 ) -> "Mapping[str, Solved]":
     """Render a mosaic and write the picture, whole or not at all. Returns what the solvers did (`offline.Rendering.solvers`).
 
     exposure: stops by which the picture is brightened.
     overwrite: replace an existing file.
     on_complete: see `shared.writing.durable_file`.
+    bands: makes the bands of the picture; None = `offline.render_bands` of the mosaic, which otherwise only describes it.
     """
     from offline import SolverLog, render_bands, threads
 
     log = SolverLog(progress)
-    bands = render_bands(mosaic, settings, log)
+    rendered = bands(settings, log) if bands else render_bands(mosaic, settings, log)
     if kind.format in FORMATS:
-        write = partial(write_picture_bands, output, bands, mosaic.shape, kind, threads=threads())
+        write = partial(write_picture_bands, output, rendered, mosaic.shape, kind, threads=threads())
     else:
         rgb, top = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0
-        for band in bands:
+        for band in rendered:
             rgb[top : top + len(band)] = band
             top += len(band)
         progress.stage("writing", 1)

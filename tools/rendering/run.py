@@ -102,19 +102,19 @@ def possible_shots(found: Sequence[Shot], shard: Shard, order: Order, console: C
 
     Each other one is reported as failed. Of two shots with the same output the first gets it, whichever shards they belong to.
     """
-    inputs = {identity(shot.source) for shot in found} - {None}
+    inputs = {identity(name) for shot in found for name in shot.files} - {None}
     planned: dict[str, str] = {}
     possible, all_well = [], True
     for shot in found:
         try:
-            refuse_loss(shot.source, (shot.output,), inputs, planned)
+            refuse_loss(shot.source, shot.outputs, inputs, planned)
             if not shard.has(order.name(shot.output)):
                 continue
             if not (order.overwrite or order.resume):
-                refuse_existing((shot.output,))
+                refuse_existing(shot.outputs)
         except PanchromaError as error:
             all_well = False
-            fail(shot.source, (shot.output,), str(error), console)
+            fail(shot.source, shot.outputs, str(error), console)
         else:
             possible.append(shot)
     return possible, all_well
@@ -126,6 +126,7 @@ def render_shots(shots: Sequence[Shot], through: Sequence[Pass], console: Consol
     through: the passes; each gets what the one before it postponed.
     """
     states: Counter[str] = Counter()
+    all_well = True
     countdown = Countdown(len(shots), len(shots))
     waiting = list(shots)
     with ExitStack() as stack:
@@ -143,19 +144,22 @@ def render_shots(shots: Sequence[Shot], through: Sequence[Pass], console: Consol
                 progress.advance()
                 progress.remark(str(countdown))
                 states[outcome.state] += 1
+                all_well = all_well and outcome.state != "failed" and not outcome.errors
                 _report(shot, outcome, console)
             waiting = postponed
     if len(shots) > 1:
         console.note(", ".join(f"{states[state]} {_WORDS[state]}" for state in _WORDS if states[state]))
-    return not states["failed"]
+    return all_well
 
 
 def _report(shot: Shot, outcome: Outcome, console: Console) -> None:
     if outcome.state == "failed":
-        fail(shot.source, (shot.output,), outcome.line, console)
+        fail(shot.source, (*shot.files, *shot.outputs), outcome.line, console)
     elif outcome.state == "foreign":
         console.note(outcome.line)
         console.record(source=shot.source, ok=True, foreign=True)
     else:
+        for line in outcome.errors:
+            console.error(line)
         console.say(outcome.line)
         console.record(source=shot.source, ok=True, **outcome.facts)

@@ -39,3 +39,16 @@ def series(sources: Sequence[Source]) -> list[str]:
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(f"{min(twice)}: is given twice")
     return names
+
+
+def series_stem(names: Sequence[str]) -> str:
+    """What the picture of a burst is called, without suffix: what its frames have in common, or else the first file's stem.
+
+    names: of its shots, see `series`.
+
+    >>> series_stem(["shots/rose-1.dng", "shots/rose-2.dng"]), series_stem(["IMG_0001.dng", "IMG_0002.dng"])
+    ('rose', 'IMG_0001')
+    """
+    stems = [Path(name).stem for name in names]
+    common = {frame[0] if (frame := frame_number(stem)) else "" for stem in stems}
+    return common.pop() or stems[0] if len(common) == 1 else stems[0]

@@ -17,11 +17,25 @@ class Shot:
     source: name of the file.
     output: where its picture goes.
     found: found in a folder, where it may be any DNG; otherwise the user named it, and it has to be a shot.
+    frames: names of the files of a burst, of which `source` is the first; () = the picture is made from `source` alone.
+    page: where the report on a burst goes; None = there is none.
     """
 
     source: str
     output: Path
     found: bool = False
+    frames: tuple[str, ...] = ()
+    page: Path | None = None
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that the picture is made from."""
+        return self.frames or (self.source,)
+
+    @property
+    def outputs(self) -> tuple[Path, ...]:
+        """The files that are made: the picture first."""
+        return (self.output,) if self.page is None else (self.output, self.page)
 
 
 def shots_of(sources: Sequence[Source], folder: Path, suffix: str) -> list[Shot]:

@@ -26,6 +26,8 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(demo, "_HEIGHT", HEIGHT)
     monkeypatch.setattr(demo, "_OVERVIEW", (20, 30))
     monkeypatch.setattr(demo, "_CROPS", {"star": (70, 100), "leaves": (10, 20)})
+    monkeypatch.setattr(demo, "_DRAWN", (300, 240))
+    monkeypatch.setattr(demo, "_BURST_CROPS", {"leaves": (10, 20)})
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -37,7 +39,7 @@ def pixels(path: Path) -> Any:
 
 def table(outcome: Outcome) -> dict[str, list[float]]:
     """Method -> RGB, luminance and chrominance."""
-    lines = [line for line in outcome.out.splitlines() if line.startswith(("Bayer", "Panchroma"))]
+    lines = [line for line in outcome.out.splitlines() if line.startswith(("Bayer", "Panchroma", "One", "Burst", "Gain"))]
     return {line[:18].strip(): [float(word) for word in line[18:].split()] for line in lines}
 
 
@@ -62,6 +64,20 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
     assert np.abs(shown - preview).mean() < 25  # the same picture
     for name in ("overview.png", "comparison.png"):
         assert min(pixels(folder / name).shape[:2]) > 500
+
+
+def test_a_burst_has_more_colour_than_one_frame(small: Path) -> None:
+    outcome = run("demo", "--burst", "4", "-o", "results")
+    assert outcome.code == 0, outcome.err
+    folder = small / "results"
+    frames = {f"frame-{number}.dng" for number in range(1, 5)}
+    assert names(folder) == frames | {"frame.png", "burst.png", "burst.tif", "truth.tif", "comparison.png"}
+    truth, merged = tifffile.imread(folder / "truth.tif"), tifffile.imread(folder / "burst.tif")
+    found = table(outcome)
+    assert found["Burst of 4 frames"] == [round(value, 1) for value in quality(merged, truth).median]
+    assert min(found["Gain"]) > 0
+    assert pixels(folder / "burst.png").shape == pixels(folder / "frame.png").shape == truth.shape
+    assert len({read_dng(folder / name).samples.tobytes() for name in frames}) == 4
 
 
 def test_without_a_folder_each_run_gets_its_own(small: Path) -> None:
@@ -91,6 +107,7 @@ def test_a_file_that_exists_stops_it_before_the_work(small: Path, monkeypatch: p
     [
         (["--sigma", "-1"], "--sigma is -1.0"),
         (["--sigma", "nan"], "--sigma is nan"),
+        (["--burst", "1"], "--burst is 1, expected 2 frames or more"),
     ],
 )
 def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str], words: str) -> None:

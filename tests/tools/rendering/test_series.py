@@ -6,7 +6,7 @@ import pytest
 
 from shared.errors import InputError
 from tools.host.folders import DNGS, Source, search
-from tools.rendering.series import series
+from tools.rendering.series import series, series_stem
 
 
 def found(folder: Path, *names: str) -> list[Source]:
@@ -43,3 +43,18 @@ def test_what_is_not_one_burst_is_named(tmp_path: Path, names: list[str], words:
 def test_a_file_that_is_given_twice() -> None:
     with pytest.raises(InputError, match=r"a\.dng: is given twice"):
         series([Source("a.dng"), Source("b.dng"), Source("a.dng")])
+
+
+@pytest.mark.parametrize(
+    ("names", "stem"),
+    [
+        (["in/a-1.dng", "in/a-2.dng"], "a"),
+        (["b/a-7.dng", "c/a-1.dng"], "a"),
+        (["a-1.dng", "b-1.dng"], "a-1"),
+        (["a-1.dng", "b.dng"], "a-1"),
+        (["b.dng", "a-1.dng"], "b"),
+        (["a-b-01.dng", "a-b-10.dng"], "a-b"),
+    ],
+)
+def test_a_picture_is_called_by_what_its_frames_have_in_common(names: list[str], stem: str) -> None:
+    assert series_stem(names) == stem

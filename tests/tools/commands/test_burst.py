@@ -1,0 +1,350 @@
+"""`panchroma burst`: frames in, one picture out; what does not fit is named, and nothing is lost."""
+
+import json
+import math
+import re
+import shutil
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from offline import BEST, PAPER, render
+from offline.burst import merge_burst, render_burst_bands
+from shared import CaptureMetadata, CfaPattern, SensorCalibration, read_dng, write_dng
+from shared.sensor import simulate_additive
+from tests.browser import Browser
+from tests.tools.command import Outcome, assert_refused, contents, names, results, run
+from tests.tools.rendering.examples import save_shot
+from tools.evaluation.metrics import psnr
+from tools.host.progress import LineProgress
+from tools.pictures.writer import POSSIBLE
+from tools.scenes.drawn.builtin import builtin_scene
+
+MEASURED = ("--bits", "32", "--space", "camera", "--no-learned")
+UNLEARNED = replace(BEST, learned=PAPER.learned)
+STEM = "builtin-280x220"
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A burst of three noisy frames of the built-in scene, with its true motion."""
+    folder = tmp_path_factory.mktemp("burst")
+    options = ("--burst", "3", "--motion", "2", "--rotation", "0.3", "--sigma", "0.01", "--reduce", "2", "--truth")
+    assert run("simulate", STEM.replace("-", ":"), "-o", folder, *options).code == 0
+    return folder
+
+
+@pytest.fixture
+def frames(taken: Path, tmp_path: Path) -> Path:
+    """A copy of these frames alone, which a test may change."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for path in taken.glob("*.dng"):
+        shutil.copy(path, folder)
+    return folder
+
+
+def frame(folder: Path, number: int) -> Path:
+    return folder / f"{STEM}-{number}.dng"
+
+
+def merged(folder: Path, out: Path, *options: str) -> Outcome:
+    outcome = run("burst", folder, "-o", out, "--no-learned", *options)
+    assert outcome.code == 0, outcome.err
+    return outcome
+
+
+# --- what is made ---------------------------------------------------------------------------------------------------------------
+
+
+def test_the_command_gives_what_the_library_gives(taken: Path, out: Path) -> None:
+    outcome = run("burst", taken, "-o", out, *MEASURED, "--reference", frame(taken, 2))
+    assert outcome.code == 0, outcome.err
+    assert results(out) == {f"{STEM}.tif"}
+    burst = merge_burst([read_dng(frame(taken, number)) for number in (1, 2, 3)], UNLEARNED, reference=1)
+    made = tifffile.imread(out / f"{STEM}.tif")
+    assert np.array_equal(made, np.concatenate(list(render_burst_bands(burst, UNLEARNED))))
+    rows, columns = made.shape[:2]
+    assert outcome.out.startswith(f"{out / STEM}.tif: {columns} x {rows}, 32 bits, camera, 3 of 3 frames, ")
+
+
+@pytest.mark.parametrize("name", POSSIBLE)
+def test_every_format(taken: Path, out: Path, name: str) -> None:
+    merged(taken, out, "-f", name)
+    assert results(out) == {f"{STEM}.{name}"}
+
+
+def test_any_number_of_threads_gives_the_same_bytes(taken: Path, tmp_path: Path) -> None:
+    for threads in ("1", "2"):
+        merged(taken, tmp_path / threads, "-j", threads)
+    one, two = (contents(tmp_path / threads)[f"{STEM}.tif"] for threads in ("1", "2"))
+    assert one == two
+
+
+def test_machines_learn_what_became_of_each_frame(taken: Path, out: Path) -> None:
+    (record,) = merged(taken, out, "--json", "--reference", str(frame(taken, 1))).records
+    assert (record["ok"], record["reference"], record["source"]) == (True, str(frame(taken, 1)), str(frame(taken, 1)))
+    assert [(each["source"], each["used"], each["reason"]) for each in record["frames"]] == [
+        (str(frame(taken, number)), True, "") for number in (1, 2, 3)
+    ]
+    truth = json.loads((taken / f"{STEM}.motion.json").read_text())["frames"]
+    for each in record["frames"]:
+        true = truth[Path(each["source"]).name]
+        assert (each["right"], each["down"]) == pytest.approx((true["across"], true["down"]), abs=0.2)
+        assert each["degrees"] == pytest.approx(-true["degrees"], abs=0.1)  # counter-clockwise here
+        assert each["gain"] == pytest.approx(1, abs=0.02)
+
+
+def test_the_picture_has_the_capture_data_of_its_reference(frames: Path, out: Path) -> None:
+    for number in (1, 2, 3):
+        mosaic = read_dng(frame(frames, number))
+        write_dng(
+            frame(frames, number),
+            replace(mosaic, metadata=CaptureMetadata(iso=100 * number)),
+            np.zeros((8, 8, 3), np.uint8),
+            overwrite=True,
+        )
+    merged(frames, out, "--reference", str(frame(frames, 3)))
+    with tifffile.TiffFile(out / f"{STEM}.tif") as file:
+        assert file.pages.first.tags["ExifTag"].value["ISOSpeedRatings"] == 300
+
+
+# --- known shifts ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: Path) -> None:
+    """Nine frames, two pixels apart: luminance and colour are known everywhere, if each frame is put where it was taken."""
+    scene = builtin_scene(180, 130).rgb
+    places = [(x, y) for y in (0, 2, 4) for x in (0, 2, 4)]
+    for number, (x, y) in enumerate(places, 1):
+        light = scene[y : y + 120, x : x + 170]
+        mosaic = simulate_additive(light, CfaPattern.bayer(), SensorCalibration.of_bits(14), 0.0, np.random.default_rng(0))
+        write_dng(tmp_path / f"step-{number}.dng", mosaic, np.zeros((8, 8, 3), np.uint8))
+    found = {}
+    for sign in (1, -1):
+        shifts = [f"{sign * x},{sign * y}" for x, y in places]
+        shots = [tmp_path / f"step-{number}.dng" for number in range(1, 10)]
+        outcome = run("burst", *shots, "-o", out, *MEASURED, "--overwrite", "--json", "--shifts", *shifts)
+        assert outcome.code == 0, outcome.err
+        assert outcome.records[0]["reference"] == str(shots[0])
+        found[sign] = psnr(tifffile.imread(out / "step.tif"), scene[:120, :170])
+    alone = psnr(render(read_dng(tmp_path / "step-1.dng"), UNLEARNED).rgb, scene[:120, :170])
+    assert found[1] > alone + 3
+    assert found[1] > found[-1] + 3
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--shifts", "0,0", "2,0"), "--shifts has 2 places for 3 shots, expected one for each"),
+        (("--shifts", "0,0", "2", "-2,0"), "--shifts has '2', expected pixels to the right and down such as 2,0"),
+        (("--shifts", "0,0", "nan,0", "1,1"), "--shifts has 'nan,0', expected"),
+        (("--shifts", "0,0", "-2,-1e9", "1,1"), "--shifts has '-2,-1e9', expected"),
+        (("--reference", "elsewhere.dng"), "--reference elsewhere.dng: is none of the 3 shots of the burst"),
+        (("--max-memory", "much"), "--max-memory is 'much', expected"),
+    ],
+)
+def test_wrong_options_are_usage_and_make_nothing(taken: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+    outcome = run("burst", taken, "-o", tmp_path / "new", *options)
+    assert outcome.code == 2
+    (line,) = outcome.errors
+    assert line.startswith(f"panchroma: {words}")
+    assert names(tmp_path) == set()
+
+
+# --- which frames ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_with_two_series_is_refused(frames: Path, out: Path) -> None:
+    shutil.copy(frame(frames, 1), frames / "rose-1.dng")
+    outcome = run("burst", frames, "-o", out)
+    assert outcome.code == 2
+    assert "rose-1.dng; name the files of one" in outcome.errors[0]
+    assert names(out) == set()
+
+
+def test_files_of_no_series_give_a_picture_called_as_the_first(frames: Path, out: Path) -> None:
+    frame(frames, 2).rename(frames / "other.dng")
+    outcome = run("burst", frames / "other.dng", frame(frames, 1), "-o", out, "--no-learned")
+    assert outcome.code == 0, outcome.err
+    assert results(out) == {"other.tif"}
+
+
+def test_one_frame_is_no_burst(taken: Path, out: Path) -> None:
+    outcome = run("burst", frame(taken, 1), "-o", out)
+    assert_refused(outcome, "is one frame, expected two or more", "panchroma render", name=str(frame(taken, 1)), code=2)
+    assert_refused(run("burst", "missing", "-o", out), "no such file", name="missing", code=2)
+
+
+def test_a_frame_of_another_size_is_left_out_by_name(frames: Path, out: Path) -> None:
+    odd = save_shot(frames / f"{STEM}-4.dng", shape=(60, 70))
+    outcome = merged(frames, out, "--json")
+    assert f"{odd}: is left out: it has 70 x 60 pixels, the others " in outcome.err
+    (record,) = outcome.records
+    assert [each["used"] for each in record["frames"]] == [True, True, True, False]
+    outcome = run("burst", frames, "-o", out, "--reference", odd, "--overwrite", "--no-learned")  # then the others are odd
+    assert outcome.code == 0
+    assert outcome.err.count("is left out: it has ") == 3
+    assert f"{odd}: is the only frame that is left; the picture is that of one shot" in outcome.err
+
+
+@pytest.mark.parametrize("change", ["pattern", "sensor"])
+def test_a_frame_of_another_camera_is_left_out_by_name(frames: Path, out: Path, change: str) -> None:
+    mosaic = read_dng(frame(frames, 2))
+    if change == "pattern":
+        mosaic = replace(mosaic, pattern=CfaPattern.bayer(6, "GBRG"))
+    else:
+        mosaic = replace(mosaic, calibration=replace(mosaic.calibration, sensor="another"))
+    write_dng(frame(frames, 2), mosaic, np.zeros((8, 8, 3), np.uint8), overwrite=True)
+    said = merged(frames, out).err
+    words = "its filters are arranged otherwise" if change == "pattern" else "it was taken with another camera"
+    assert f"{frame(frames, 2)}: is left out: {words}" in said
+    assert run("burst", frames, "-o", out, "--reference", frame(frames, 2), "--overwrite", "--no-learned").err.count(words) == 2
+
+
+def test_a_frame_of_another_scene_is_left_out_by_name_even_if_it_is_the_sharpest(frames: Path, out: Path) -> None:
+    mosaic = read_dng(frame(frames, 1))
+    noise = np.random.default_rng(0).integers(300, 3800, mosaic.shape, np.uint16)
+    odd = frames / f"{STEM}-4.dng"
+    write_dng(odd, replace(mosaic, samples=noise), np.zeros((8, 8, 3), np.uint8))
+    outcome = merged(frames, out)
+    assert re.findall(r"([^/ ]+): is left out: ", outcome.err) == [odd.name]
+    assert "3 of 4 frames" in outcome.out
+
+
+def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: Path) -> None:
+    frame(frames, 3).write_bytes(frame(frames, 3).read_bytes()[:5000])
+    outcome = run("burst", frames, "-o", out, "--no-learned")
+    assert_refused(outcome, name=str(frame(frames, 3)))
+    assert "2 of 3 frames" in outcome.out
+    assert results(out) == {f"{STEM}.tif"}
+    assert_refused(run("burst", frames, "-o", out, "--dry-run", "--overwrite"), name=str(frame(frames, 3)))
+    outcome = run("burst", frames, "-o", out, "--reference", frame(frames, 3), "--overwrite")
+    assert_refused(outcome, "name another --reference", name=str(frame(frames, 3)))
+
+
+def test_a_dng_of_another_program_in_the_folder_is_left_out(frames: Path, out: Path) -> None:
+    tifffile.imwrite(frames / f"{STEM}-9.dng", np.zeros((20, 20), np.uint16))
+    outcome = merged(frames, out)
+    assert f"{STEM}-9.dng: is left out: " in outcome.err
+    assert "3 of 4 frames" in outcome.out
+    assert run("burst", *sorted(frames.glob("*.dng")), "-o", out, "--overwrite", "--no-learned").code == 1  # the user named it
+
+
+def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: Path) -> None:
+    for number in (2, 3):
+        frame(frames, number).unlink()
+        save_shot(frame(frames, number), shape=(50 + number, 60))
+    outcome = merged(frames, out)
+    assert f"{frame(frames, 1)}: is the only frame that is left; the picture is that of one shot" in outcome.err
+    assert run("render", frame(frames, 1), "-o", tmp_path / "one", "--no-learned").code == 0
+    assert (out / f"{STEM}.tif").read_bytes() == (tmp_path / "one" / f"{STEM}-1.tif").read_bytes()
+
+
+def test_no_frame_is_left(tmp_path: Path, out: Path) -> None:
+    shots = [tmp_path / "a-1.dng", tmp_path / "a-2.dng"]
+    for shot in shots:
+        shot.write_text("no picture")
+    outcome = run("burst", tmp_path, "-o", out)
+    assert outcome.code == 1
+    assert outcome.errors == [f"panchroma: {shots[0]}: none of the 2 frames can be used"]
+    assert names(out) == set()
+    assert all(str(shot) in outcome.err for shot in shots)
+
+
+# --- what is there already ------------------------------------------------------------------------------------------------------
+
+
+def test_what_exists_stays(taken: Path, out: Path) -> None:
+    (out / f"{STEM}.html").write_text("mine")
+    assert_refused(run("burst", taken, "-o", out, "--report"), "exists already; use --overwrite", name=f"{out / STEM}.html")
+    assert_refused(run("burst", taken, "-o", out, "--report", "--resume"), "no render noted", name=f"{out / STEM}.html")
+    assert contents(out) == {f"{STEM}.html": b"mine"}
+
+
+def test_an_input_is_never_replaced(frames: Path) -> None:
+    for number in (1, 2, 3):
+        frame(frames, number).rename(frames / f"{number}.dng")
+    before = contents(frames)
+    outcome = run("burst", *sorted(frames.iterdir()), "-o", frames, "-f", "dng", "--overwrite")
+    assert_refused(outcome, "is an input", name=str(frames / "1.dng"))
+    assert contents(frames) == before
+
+
+def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
+    resume = ("--resume", "--report", "--json", "--dry-run")
+    page = out / f"{STEM}.html"
+    merged(frames, out, "--report")
+    assert merged(frames, out, *resume).records[0].get("current")
+    page.unlink()
+    assert not merged(frames, out, *resume).records[0].get("current")
+    merged(frames, out, "--resume", "--report")
+    assert merged(frames, out, *resume).records[0].get("current")
+    for more in (("--reference", str(frame(frames, 2))), ("--exposure", "1"), ("--shifts", "0,0", "0,1", "1,0")):
+        assert not merged(frames, out, *resume, *more).records[0].get("current")
+    page.write_text("edited")
+    save_shot(frames / f"{STEM}-4.dng", shape=(60, 70))
+    merged(frames, out, "--resume", "--report")
+    assert (out / f"{page.name}.bak").read_text() == "edited"
+    assert "3 of 4 frames" in page.read_text()
+
+
+@pytest.mark.parametrize("stage", ["reading", "aligning", "merging", "colour"])
+def test_an_interrupt_leaves_nothing_half_done(stage: str, taken: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin = LineProgress.stage
+
+    def interrupted(self: LineProgress, name: str, steps: int) -> None:
+        begin(self, name, steps)
+        if name == stage:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(LineProgress, "stage", interrupted)
+    outcome = run("burst", taken, "-o", out, "--report", "--json")
+    assert (outcome.code, outcome.out, names(out)) == (130, "", set())
+
+
+def test_a_dry_run_makes_nothing(taken: Path, tmp_path: Path) -> None:
+    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report")
+    assert outcome.code == 0
+    assert outcome.out == f"{frame(taken, 1)} -> {tmp_path / 'new' / STEM}.tif\n"
+    assert names(tmp_path) == set()
+
+
+def test_a_burst_that_needs_too_much_memory_is_refused(taken: Path, out: Path) -> None:
+    outcome = run("burst", taken, "-o", out, "--max-memory", "100M")
+    assert_refused(outcome, "3 frames of ", "100 MB are allowed; set --max-memory ", name=str(frame(taken, 1)))
+    assert names(out) == set()
+
+
+# --- the report -----------------------------------------------------------------------------------------------------------------
+
+
+def test_the_report_shows_what_was_left_out_and_why(frames: Path, out: Path, tmp_path: Path) -> None:
+    odd = save_shot(frames / f"{STEM}-4.dng", shape=(60, 70))
+    merged(frames, out, "--report", "--exposure", "0.5")
+    path = out / f"{STEM}.html"
+    page = path.read_text()
+    for words in ("3 of 4 frames are in the picture", f"{odd}: it has 70 x 60 pixels", "Where frames were merged", "Motion"):
+        assert words in page
+    assert page.count("<img ") == 2 + 2 * page.count('class="twins"') + 1
+    assert not math.isnan(float(re.search(r"picture: ([\d.]+) times", page)[1]))  # type: ignore[index]
+    for width in (1200, 390):
+        with Browser(tmp_path / f"profile{width}", width) as browser:
+            browser.open(path.as_uri())
+            assert browser.until("document.readyState == 'complete' && document.documentElement.scrollWidth") == width
+            assert browser.errors == []
+            assert browser.requests == [path.as_uri()]
+
+
+def test_the_report_on_one_frame_says_so(frames: Path, out: Path) -> None:
+    frame(frames, 2).unlink()
+    frame(frames, 3).unlink()
+    save_shot(frame(frames, 3), shape=(60, 70))
+    merged(frames, out, "--report")
+    page = (out / f"{STEM}.html").read_text()
+    assert "1 of 2 frames are in the picture" in page
+    assert "They are the same." in page

@@ -1,0 +1,174 @@
+"""The frames of a burst as what one picture is rendered from: which fit, which are left out and why, what is known of each."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shared import Mosaic
+from shared.arrays import FloatArray
+from shared.display import ColourTransform
+from shared.errors import ForeignFileError, InputError, PanchromaError
+from shared.progress import Progress
+
+from .frames import Frame, leave_odd_ones_out
+from .order import Note, Order
+from .picture_file import check_memory
+from .report import Shown, page
+from .shots import Shot
+from .subject import Subject
+
+if TYPE_CHECKING:
+    from offline import RenderSettings
+    from offline.burst import MergedBurst, Motion
+
+Shift = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BurstOrder(Order):
+    """Settings of a burst.
+
+    reference: index of the file that the picture shows; None = the sharpest, or with `shifts` the first.
+    shifts: (right, down), where the sensor was at each file, in columns and rows of its pixels; () = hand-held: find the motion.
+    """
+
+    reference: int | None = None
+    shifts: tuple[Shift, ...] = ()
+
+    def open(self, shot: Shot, memory: int, note: Note) -> Subject:
+        """The frames that can be read. Raises InputError if there is none, or if the one that is to be the reference is not."""
+        frames: list[Frame] = []
+        for name in shot.files:
+            frame = self._frame(name, found=shot.found)
+            if frame.mosaic and not any(each.mosaic for each in frames):  # before memory is full of frames
+                check_memory(frame.mosaic, self.kind, self.settings, memory, len(shot.files))
+            frames.append(frame)
+        leave_odd_ones_out(frames, self.reference)
+        for frame in frames:
+            if frame.reason and not frame.failed:
+                note(f"{frame.name}: is left out: {frame.reason}")
+        if self.reference is not None and frames[self.reference].reason:
+            raise InputError(f"{frames[self.reference].line}; name another --reference")
+        if not any(frame.mosaic for frame in frames):
+            for frame in frames:
+                if frame.failed:
+                    note(frame.line)
+            raise InputError(f"none of the {len(frames)} frames can be used")
+        return Burst(self, frames, note, reported=shot.page is not None)
+
+    def key(self, output: Path, source_digest: str, **more: Any) -> str:
+        """Digest of everything that the picture depends on."""
+        return super().key(output, source_digest, burst=[self.reference, self.shifts], **more)
+
+    def _frame(self, name: str, *, found: bool) -> Frame:
+        try:
+            mosaic = self.decode(name)
+        except ForeignFileError as error:
+            return Frame.refused(name, error, failed=not found)
+        except PanchromaError as error:
+            return Frame.refused(name, error, failed=True)
+        try:
+            return Frame(name, self.prepared(mosaic))
+        except PanchromaError as error:
+            return Frame.refused(name, error, failed=False)
+
+
+class Burst(Subject):
+    """The frames of a burst.
+
+    order: settings.
+    frames: all files, those that are left out too; one or more have a mosaic.
+    note: called with each remark for the user.
+    reported: there is to be a report.
+    """
+
+    def __init__(self, order: BurstOrder, frames: Sequence[Frame], note: Note, *, reported: bool) -> None:
+        self._order, self.frames, self._note = order, frames, note
+        self._used = [index for index, frame in enumerate(frames) if frame.mosaic is not None]
+        self._reference = self._used[0] if order.reference is None else order.reference
+        self._merged: MergedBurst | None = None
+        self._shown: Shown | None = None
+        self._reported = reported
+        self.count = len(self._used)
+        self.errors = tuple(frame.line for frame in frames if frame.failed)
+        super().__init__(self._mosaic(self._reference))
+        if reported:
+            ColourTransform.to_space(self.mosaic.calibration)  # raises InputError where the report could show no picture
+
+    def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
+        """Align and merge the frames."""
+        known = self._order.reference is not None or bool(self._order.shifts)
+        if self.count > 1:
+            self._merge(settings, progress, known=known)
+        if not known and self.count > 2 and self._left == 1:  # the sharpest is the odd one, or all are
+            self.frames[self._reference].reason = "none of the others shows what it shows"
+            self._used.remove(self._reference)
+            self._merge(settings, progress, known=False)
+        for frame in self.frames:
+            if frame.reason and frame.mosaic is not None:
+                self._note(f"{frame.name}: is left out: {frame.reason}")
+        self.mosaic = self._mosaic(self._reference)
+        if self._left == 1:
+            self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
+        self.words = f"{self._left} of {len(self.frames)} frames, "
+
+    def _merge(self, settings: "RenderSettings", progress: Progress, *, known: bool) -> None:
+        """Merge the frames that are in use, and note what became of them. known: the reference is."""
+        from offline.burst import merge_burst
+
+        merged = merge_burst(
+            [self._mosaic(index) for index in self._used],
+            settings,
+            progress,
+            reference=self._used.index(self._reference) if known else None,
+            motions=self._motions() if self._order.shifts else None,
+        )
+        self._reference, self._merged = self._used[merged.reference], merged
+        for index, judged in zip(self._used, merged.frames, strict=True):
+            self.frames[index].judged, self.frames[index].reason = judged, judged.reason
+
+    def bands(self, settings: "RenderSettings", progress: Progress) -> Iterator[FloatArray]:
+        """Yield the picture as `offline.render_bands` does."""
+        from offline.burst import render_burst_bands
+
+        if self._merged is None or self._left == 1:
+            bands = super().bands(settings, progress)
+        else:
+            bands = render_burst_bands(self._merged, settings, progress)
+        if self._reported:
+            self._shown = Shown(self.mosaic, self._order.exposure)
+            bands = self._shown.taken(bands)
+        return bands
+
+    def beside(self, settings: "RenderSettings", progress: Progress) -> list[bytes]:
+        """Return the report on the burst, if there is to be one, once the last band of the picture has been taken."""
+        if self._shown is None:
+            return []
+        alone = Shown(self.mosaic, self._order.exposure)
+        for _ in alone.taken(super().bands(settings, progress)):
+            pass
+        shares = None if self._merged is None else self._merged.shares
+        return [page(self.frames, self._reference, shares, alone, self._shown)]
+
+    def facts(self) -> dict[str, Any]:
+        """What became of each frame, for machines."""
+        return {"reference": self.frames[self._reference].name, "frames": [frame.facts() for frame in self.frames]}
+
+    @property
+    def _left(self) -> int:
+        return sum(not frame.reason for frame in self.frames)
+
+    def _mosaic(self, index: int) -> Mosaic:
+        mosaic = self.frames[index].mosaic
+        if mosaic is None:
+            raise RuntimeError("this frame is left out")
+        return mosaic
+
+    def _motions(self) -> list["Motion"]:
+        """The known motions: a sensor that has moved to the right sees everything further left."""
+        from offline.burst import Motion
+
+        right, down = self._order.shifts[self._reference]
+        moved = (self._order.shifts[index] for index in self._used)
+        return [Motion((down - below, right - beside)) for beside, below in moved]

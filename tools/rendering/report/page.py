@@ -1,0 +1,159 @@
+"""The page: the picture beside one frame's, the places that differ most, what was merged where, and how the frames lie."""
+
+from collections.abc import Sequence
+from html import escape
+from math import degrees, log2
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shared.arrays import ByteArray, FloatArray
+from tools.pictures.html import bullets, cell, data_address, encode_page, row, row_title, table
+
+from ..frames import Frame
+from .plots import shift_plot, turn_plot
+from .shown import CELL, Shown, most_different
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+_TEMPLATE = Path(__file__).with_name("page.html")
+_WIDEST = 1200  # pixels of a picture
+_PLACES, _ENLARGED = 4, 4
+_ALONE = 0.97  # of the variance of one frame: from there on it is one frame
+_ONE, _ALL = np.array((232, 93, 4), np.float32), np.array((10, 77, 104), np.float32)  # colours of the map, as in page.html
+_HEAD = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees", "sharpness", "error")
+_SEEN = 0.35  # share of the picture in the map
+
+
+def page(frames: Sequence[Frame], reference: int, shares: FloatArray | None, alone: Shown, merged: Shown) -> bytes:
+    """Return the page as HTML.
+
+    frames: all files, and what became of them.
+    reference: index of the frame that the picture shows.
+    shares: (H, W), noise variance of the merged luminance relative to the reference's, 1 = the reference alone; None = no burst.
+    alone: the reference, rendered.
+    merged: the burst, rendered.
+    """
+    used = [frame for frame in frames if not frame.reason]
+    refused = [frame.line for frame in frames if frame.reason]
+    tone = "bad" if len(used) < 2 else "care" if refused else "good"
+    sections = {"One frame, and the burst": _beside(alone.picture, merged.picture)}
+    facts = []
+    if shares is not None and len(used) > 1:
+        share = float((shares > _ALONE).mean())
+        facts.append(
+            f"Noise of luminance, in the median of the picture: {float(np.median(shares)) ** 0.5:.2f} times that of one frame."
+        )
+        facts.append(
+            f"{100 * share:.1f} % of the picture comes from the reference alone, because nothing else agrees with it there."
+        )
+        sections["Where frames were merged"] = _map(shares, merged, len(used))
+    if sum(frame.judged is not None and frame.judged.motion is not None for frame in frames) > 1:
+        sections["Motion"] = (
+            f'<div class="pair"><figure>{shift_plot(frames, reference)}<figcaption>Where the scene lies in each frame, compared '
+            f"with the reference (blue); red: left out.</figcaption></figure><figure>{turn_plot(frames)}<figcaption>By how much it "
+            "is rotated; counter-clockwise is positive.</figcaption></figure></div>"
+        )
+    sections["Frames"] = _table(frames, reference)
+    name = Path(frames[reference].name).name
+    return encode_page(
+        Template(_TEMPLATE.read_text("utf-8")).substitute(
+            title=escape(f"Burst of {len(frames)} frames"),
+            made=escape(f"The picture shows what {name} shows."),
+            kind=tone,
+            verdict=escape(f"{len(used)} of {len(frames)} frames are in the picture"),
+            why="".join(f"<p>{escape(fact)}</p>" for fact in facts) + bullets(refused),
+            sections="\n".join(f"<section><h2>{escape(title)}</h2>{body}</section>" for title, body in sections.items()),
+        )
+    )
+
+
+def _beside(alone: ByteArray, merged: ByteArray) -> str:
+    """Both pictures, and the places where they differ most."""
+    places = most_different(alone, merged, _PLACES)
+    marked = [_marked(picture, places) for picture in (alone, merged)]
+    names = "One frame", "The burst"
+    whole = "".join(_figure(image, name) for name, image in zip(names, marked, strict=True))
+    parts = []
+    for number, (top, left) in enumerate(places, 1):
+        twins = []
+        for name, picture in zip(names, (alone, merged), strict=True):
+            part = _image(picture[top : top + CELL, left : left + CELL])
+            part = part.resize((_ENLARGED * part.width, _ENLARGED * part.height), 0)  # pixels as squares
+            twins.append(_figure(part, f"{name}, place {number}: row {top}, column {left}"))
+        parts.append(f'<div class="twins">{"".join(twins)}</div>')
+    most = f"<p>Where they differ most, {_ENLARGED} times enlarged:</p>" if parts else "<p>They are the same.</p>"
+    return f'<div class="pair">{whole}</div>{most}<div class="pair">{"".join(parts)}</div>'
+
+
+def _marked(picture: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
+    """A picture of the page's width with numbered frames around places."""
+    from PIL import ImageDraw, ImageFont
+
+    image = _reduced(picture)
+    scale = image.width / picture.shape[1]
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(max(14, image.width / 40))
+    for number, (top, left) in enumerate(places, 1):
+        box = [round(scale * side) for side in (left, top, left + CELL, top + CELL)]
+        draw.rectangle(box, outline=(0, 0, 0), width=4)
+        draw.rectangle([box[0] + 1, box[1] + 1, box[2] - 1, box[3] - 1], outline=(255, 255, 255), width=2)
+        draw.text((box[0] + 7, box[1] + 4), str(number), (255, 255, 255), font, stroke_width=2, stroke_fill=(0, 0, 0))
+    return image
+
+
+def _map(shares: FloatArray, merged: Shown, frames: int) -> str:
+    """The picture in grey, coloured by how many frames were merged."""
+    number = 1 / merged.upright(shares).clip(1 / frames, 1)[..., None]
+    many = (number - 1) / (frames - 1)
+    grey = merged.picture.mean(axis=2, dtype=np.float32)[..., None]
+    coloured = (1 - _SEEN) * (_ONE + (_ALL - _ONE) * many) + _SEEN * grey
+    legend = f'<div class="legend"><span>1 frame</span><i></i><span>{frames} frames</span></div>'
+    caption = "By the noise that is left. Where things moved, were hidden, or lie outside the other frames, the reference is alone."
+    return f'<div class="map">{legend}{_figure(_reduced(coloured.astype(np.uint8)), caption)}</div>'
+
+
+def _table(frames: Sequence[Frame], reference: int) -> str:
+    """What is known of each frame."""
+    rows = []
+    for index, frame in enumerate(frames):
+        title = f"{index + 1}  {Path(frame.name).name}"
+        what = "reference" if index == reference else "left out" if frame.reason else "merged"
+        cells = [row_title(title), cell(what)]
+        judged = frame.judged
+        if judged is not None and judged.motion is not None:
+            down, right = judged.motion.shift
+            parallax = "" if judged.motion.local is None else f"{np.hypot(*np.moveaxis(judged.motion.local, -1, 0)).max():.1f}"
+            figures = [
+                f"{right:+.2f}",
+                f"{down:+.2f}",
+                f"{degrees(judged.motion.angle):+.3f}",
+                parallax,
+                f"{round(log2(judged.gain), 2) + 0.0:+.2f}",
+            ]
+            figures += [f"{100 * judged.agreement:.0f} %", f"{judged.sharpness:.2f}", f"{judged.error:.3f}"]
+            cells += map(cell, figures)
+        cells += [cell("")] * (len(_HEAD) - len(cells))
+        rows.append(row(cells, "out" if frame.reason else ""))
+    note = "Right, down, parallax (the largest local shift) and error are in pixels. Agrees: the part of the frame that was merged."
+    return table(_HEAD, rows) + f'<p class="made">{note}</p>'
+
+
+def _reduced(picture: ByteArray) -> "Image":
+    image = _image(picture)
+    image.thumbnail((_WIDEST, _WIDEST))
+    return image
+
+
+def _image(pixels: ByteArray) -> "Image":
+    from PIL import Image
+
+    return Image.fromarray(np.ascontiguousarray(pixels))
+
+
+def _figure(image: "Image", caption: str) -> str:
+    address, text = data_address(image, "JPEG", quality=88, subsampling=0), escape(caption)
+    picture = f'<img src="{address}" alt="{text}" width="{image.width}" height="{image.height}">'
+    return f"<figure>{picture}<figcaption>{text}</figcaption></figure>"
