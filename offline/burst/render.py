@@ -153,8 +153,9 @@ def merge_burst(
     sites = site_samples(samples, unclipped, luminance, noise)
     alone = gathered(shares, block_sites(pattern, grid)).min(axis=2) > _ALONE
     sites = replace(sites, doubt=sites.doubt * alone)  # luminance of the others is measured under the sites too
-    luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
-    return MergedBurst(chosen, tuple(judged), shares, mosaic, Measured(luminance, blocks, sites), colours)
+    settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
+    colours = colours.relit(settled - luminance).where_others(shares)
+    return MergedBurst(chosen, tuple(judged), shares, mosaic, Measured(settled, blocks, sites), colours)
 
 
 def render_burst_bands(

@@ -17,6 +17,7 @@ from ..kernels.spreading import TILE, Samples
 _GRADIENT = 0.01  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
 _FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
 _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
+_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full
 _ERROR = 2e-6  # variance of what a picture misses of a sample besides noise, scene units squared
 
 
@@ -45,6 +46,16 @@ class ColourSamples:
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
+
+    def where_others(self, shares: FloatArray) -> "ColourSamples":
+        """The samples without the reference's own where it is alone: there the picture is what one frame makes of it.
+
+        shares: (H, W), variance of merged luminance relative to the reference's.
+        """
+        own = self.places[: self.own].astype(np.intp)
+        weight = self.weight.copy()
+        weight[: self.own] *= np.minimum(_ENOUGH * (1 - shares[own[:, 0], own[:, 1]]), 1)
+        return replace(self, weight=weight)
 
     def block_sums(self, grid: BlockGrid, channels: int) -> DoubleArray:
         """sum l^2 and sum l m of each channel from the samples of other frames around each whole block, (2 C, rows, columns).
