@@ -39,7 +39,7 @@ from .samples import ColourSamples
 
 _LEAST_AGREEMENT = 0.2
 _LEAST_SHARPNESS = 0.5
-_ALONE = 0.97  # relative variance of merged luminance from which on there is one frame only
+_SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is in doubt
 _SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
 
 
@@ -145,17 +145,18 @@ def merge_burst(
     merge(np.stack(planes), np.stack(trusts), figures, tile(mosaic), all_motions, places, merged, shares, light, weight)
     del planes, trusts
     luminance = _denoised(merged, shares, samples, noise, settings)
-    colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged)
+    colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged).where_others(luminance, shares)
     extra = colours.block_sums(grid, len(pattern.channels)) if len(kept) > 1 else None
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, extra=extra)
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, extra=extra)
     blocks = with_trusted_colour(blocks, trust, mosaic)
     sites = site_samples(samples, unclipped, luminance, noise)
-    alone = gathered(shares, block_sites(pattern, grid)).min(axis=2) > _ALONE
-    sites = replace(sites, doubt=sites.doubt * alone)  # luminance of the others is measured under the sites too
+    alone = np.maximum(gathered(shares, block_sites(pattern, grid)).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    sites = replace(sites, doubt=(sites.doubt * alone).astype(np.float32))  # others measure luminance under the sites too
     settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
-    colours = colours.relit(settled - luminance).where_others(shares)
-    return MergedBurst(chosen, tuple(judged), shares, mosaic, Measured(settled, blocks, sites), colours)
+    return MergedBurst(
+        chosen, tuple(judged), shares, mosaic, Measured(settled, blocks, sites), colours.relit(settled - luminance)
+    )
 
 
 def render_burst_bands(
