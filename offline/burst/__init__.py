@@ -2,6 +2,7 @@
 
 from .alignment import Alignment, align
 from .motion import Motion
-from .render import Judged, MergedBurst, merge_burst, render_burst_bands
+from .judging import Judged
+from .render import MergedBurst, merge_burst, render_burst_bands
 
 __all__ = ["Alignment", "Judged", "MergedBurst", "Motion", "align", "merge_burst", "render_burst_bands"]

@@ -1,53 +1,133 @@
-"""How far a frame agrees with the reference at each of its pixels, beyond noise: what moved, was hidden or changed does not."""
+"""How far a frame agrees with the reference at each of its pixels, beyond noise: what moved, was hidden or changed does not.
+
+Only where both measure luminance are they compared. Both sample the light finer than their pixels show it, each at other places, so
+edges and texture differ even where nothing has changed: differences are tolerated in proportion to the contrast that both have.
+Four things tell of a change: another mean; differences as large as the texture; many small differences of one sign over a wide
+neighbourhood (a pale thing in noise); and differences that a shift explains (a branch that sways by a part of a pixel).
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import minimum_filter
 
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel
 
 from ..gaussian import gaussian
-from ..kernels.smoothing import smooth
+from .frames import smoothed, variance
 
-_WIDTH = 1.5  # pixels: standard deviation of the neighbourhood over which differences are judged
-_MEAN, _TEXTURE = 0.3, 0.6  # difference that is tolerated, as a share of the local contrast: of means, and of single pixels
-_LIGHT = 0.01  # and of the light: what a changed exposure or a cloud may do
-_DEVIATIONS = 3.0
-_STEEPNESS = 2
-_CLIPPED = 0.98
+_NEAR, _MOVED, _WIDE = 1.5, 2.0, 5.0  # pixels: standard deviations of the neighbourhoods
+_MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, as a share of the contrast
+_SHIFT = 0.2  # pixels
+_LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
+_DEVIATIONS, _CAP = 3.0, 3.0
+_LOW, _HIGH = 0.3, 0.8  # raw trust that counts as none, and as all: half-trusted ghosts of many frames would add up
+_FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
+_BRIGHT, _CLIPPED = 0.92, 0.98  # of the limit: light that counts less, and not at all
+_GAPS = np.float32(1.2)  # by which pixels that do not measure luminance raise the noise of a mean
+_TINY = np.float32(1e-12)
+_STRIP, _HALO = 256, 24  # rows that are judged at a time, and around them
+
+Limits = tuple[float, float]
+"""Scene units of the reference from which on it, and the frame, are clipped."""
 
 
 def agreement(
-    reference: FloatArray, frame: FloatArray, noise: tuple[NoiseModel | None, NoiseModel | None], limit: float
+    reference: FloatArray,
+    frame: FloatArray,
+    measured: FloatArray,
+    noise: tuple[NoiseModel | None, NoiseModel | None],
+    limits: Limits,
 ) -> ByteArray:
     """0 to 255 at each pixel, uint8 (H, W): how far to trust the frame there.
 
     reference, frame: (H, W), luminance, scene units of the reference; the frame as the reference would see it, NaN where it sees
         nothing.
+    measured: (H, W), 0 to 1, how far both measure luminance there rather than interpolate it.
     noise: of the two, in these units; None: there is none.
-    limit: scene units from which on the frame is clipped.
+    Where the reference is clipped nothing is known against a frame that is not, and is as bright at least.
     """
-    seen = np.isfinite(frame) & (frame < _CLIPPED * limit)
-    difference = np.where(seen, frame - reference, 0)
-    own, other = (_variance(reference, model) for model in noise)
-    light = np.maximum(smoothed(reference, _WIDTH), 0)
-    contrast = np.maximum(smoothed(np.square(reference - light), _WIDTH) - own, 0)
-    mean, power = smoothed(difference, _WIDTH), smoothed(np.square(difference), _WIDTH)
-    kept = float(np.square(gaussian(_WIDTH)).sum()) ** 2  # of the variance of noise, after smoothing
+    trust = np.empty(reference.shape, np.uint8)
+    for top in range(0, len(reference), _STRIP):
+        bottom = min(top + _STRIP, len(reference))
+        first = max(top - _HALO, 0)
+        part = slice(first, min(bottom + _HALO, len(reference)))
+        found = _trust(reference[part], frame[part], measured[part], noise, limits)
+        trust[top:bottom] = found[top - first : bottom - first]
+    return trust
+
+
+def unclipped(light: FloatArray, limit: float) -> FloatArray:
+    """1 for light well below the limit, 0 for clipped light."""
+    if not np.isfinite(limit):
+        return np.ones_like(light)
+    shown: FloatArray = np.clip((_CLIPPED - light / np.float32(limit)) / np.float32(_CLIPPED - _BRIGHT), 0, 1)
+    return shown
+
+
+def sure(doubt: FloatArray) -> FloatArray:
+    """Trust, 0 to 1, given squared differences in units of what is tolerated."""
+    trust: FloatArray = np.clip((1 / (1 + np.square(doubt)) - _LOW) / (_HIGH - _LOW), 0, 1)
+    return trust
+
+
+def _trust(
+    reference: FloatArray,
+    frame: FloatArray,
+    measured: FloatArray,
+    noise: tuple[NoiseModel | None, NoiseModel | None],
+    limits: Limits,
+) -> ByteArray:
+    seen = np.isfinite(frame)
+    frame = np.where(seen, frame, reference)
+    shown, own_shown = unclipped(frame, limits[1]) * seen, unclipped(reference, limits[0])
+    weight = measured * (shown > 0) * (own_shown > 0) + np.float32(1e-4)
+    raw = _compared(reference, frame, weight, noise)
+    trust = sure(raw)
+    trust = np.where((own_shown == 0) & (frame > _BRIGHT * limits[0]), 1, trust)
+    return np.rint(255 * minimum_filter(shown * trust, _FRINGE)).astype(np.uint8)
+
+
+def _compared(
+    reference: FloatArray, frame: FloatArray, weight: FloatArray, noise: tuple[NoiseModel | None, NoiseModel | None]
+) -> FloatArray:
+    """The squared difference in units of what is tolerated."""
+    apart = frame - reference
+    own, other = (variance(plane, model) for plane, model in zip((reference, frame), noise, strict=True))
     both = own + other
-    tolerance = _MEAN**2 * contrast + np.square(_LIGHT * light)
-    apart = np.square(mean) / (tolerance + _DEVIATIONS**2 * kept * both + 1e-12)
-    rest = np.maximum(power - both * (1 + _DEVIATIONS * (2 * kept) ** 0.5), 0)
-    rough = rest / (_TEXTURE**2 * contrast + np.square(2 * _LIGHT * light) + 0.3 * both + 1e-12)
-    trust = seen / (1 + np.maximum(apart, rough) ** _STEEPNESS)
-    return np.rint(255 * trust).astype(np.uint8)
+
+    light, light_of_frame, power, power_of_frame, mean, rest = _means(
+        weight, _NEAR, (reference, frame, reference**2, frame**2, apart, apart**2)
+    )
+    contrast = np.minimum(power - light**2 - own, power_of_frame - light_of_frame**2 - other).clip(0)
+    even = np.square(np.float32(_LIGHT) * light)
+    kept = _kept(_NEAR)
+    tolerated = _MEAN**2 * contrast + even
+    found = np.square(mean) / (tolerated + _DEVIATIONS**2 * kept * both + _TINY)
+    rest = np.maximum(rest - both * (1 + _DEVIATIONS * (2 * kept) ** 0.5), 0)
+    found = np.maximum(found, rest / (_TEXTURE**2 * contrast + 4 * even + np.float32(0.3) * both + _TINY))
+
+    cap = _CAP * np.sqrt(both + tolerated)
+    mean, contrast = _means(weight, _WIDE, (np.clip(apart, -cap, cap), contrast))
+    found = np.maximum(found, np.square(mean) / (_FAR**2 * contrast + even + _DEVIATIONS**2 * _kept(_WIDE) * both + _TINY))
+
+    down, across = np.gradient((reference + frame) / 2)
+    dd, da, aa, d, a = _means(weight, _MOVED, (down**2, down * across, across**2, down * apart, across * apart))
+    least = both / 4 + np.square(np.float32(0.003) * light) + _TINY  # of a squared gradient; the first is what noise makes of it
+    dd, aa = (np.maximum(each - both / 4, 0) + least for each in (dd, aa))
+    explained = (aa * d**2 - 2 * da * d * a + dd * a**2) / np.maximum(dd * aa - da**2, np.float32(1e-3) * dd * aa)
+    tolerated = _SHIFT**2 * (dd + aa) + even + _DEVIATIONS**2 * _kept(_MOVED) * both + _TINY
+    result: FloatArray = np.maximum(found, explained / tolerated)
+    return result
 
 
-def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
-    """A plane convolved with a Gaussian of `sigma` pixels, mirrored at the border; float32 (H, W)."""
-    found = np.empty(plane.shape, np.float32)
-    smooth(np.ascontiguousarray(plane, np.float32), gaussian(sigma), found)
-    return found
+def _means(weight: FloatArray, sigma: float, planes: Sequence[FloatArray]) -> list[FloatArray]:
+    """Weighted means around each pixel."""
+    total = smoothed(weight, sigma)
+    return [smoothed(weight * plane, sigma) / total for plane in planes]
 
 
-def _variance(light: FloatArray, noise: NoiseModel | None) -> FloatArray | float:
-    return noise.shot[-1] * np.maximum(light, 0) + noise.read[-1] ** 2 if noise else 0.0
+def _kept(sigma: float) -> np.float32:
+    """The share of the variance of noise that such a mean keeps."""
+    return _GAPS * np.float32(np.square(gaussian(sigma)).sum()) ** 2

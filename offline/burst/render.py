@@ -18,52 +18,25 @@ from shared.progress import SILENT, Progress
 
 from ..blocks import block_sites
 from ..chromaticity import estimate_chromaticities
-from ..defects import mend_defects
 from ..denoising import denoise_luminance
-from ..highlights import clipping_level, restore_highlights
-from ..kernels.merging import displace, merge
+from ..kernels.merging import merge
 from ..kernels.mixing import colour
 from ..kernels.spreading import HALO, TILE, spread_samples
-from ..luminance import recover_luminance
-from ..noise import noise_of
 from ..pooling import pool_blocks
 from ..render import Measured, finish
 from ..settings import BEST, RenderSettings
-from ..sites import gathered, settle_luminance, site_samples, unclipped_blocks
+from ..sites import gathered, settle_luminance, site_samples
 from ..tiling import Part, windows
-from ..trust import trust_in_blocks, with_trusted_colour
-from .agreement import agreement
-from .alignment import align
+from ..trust import with_trusted_colour
+from .comparing import compared, relit_sites
+from .frames import Frame, scaled
+from .judging import Judged, as_arrays
 from .motion import Motion
 from .samples import ColourSamples
 
-_LEAST_AGREEMENT = 0.2
-_LEAST_SHARPNESS = 0.5
-_ALONE = 0.97  # relative variance of merged luminance from which on there is one frame only
+_SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is in doubt
 _SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 0.01, 0.03
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """What became of one frame.
-
-    used: whether it is part of the picture.
-    reason: why it is not; "" if it is.
-    motion: how it lies against the reference; None = unknown.
-    gain: how many times as bright it is as the reference.
-    error: estimated error of the motion, pixels.
-    agreement: share of the frame that agrees with the reference, 0 to 1.
-    sharpness: of its finest detail, relative to the reference's.
-    """
-
-    used: bool
-    reason: str = ""
-    motion: Motion | None = None
-    gain: float = 1.0
-    error: float = 0.0
-    agreement: float = 1.0
-    sharpness: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +57,6 @@ class MergedBurst:
     samples: ColourSamples
 
 
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """One frame before it is merged: defects mended, in its own scene units."""
-
-    luminance: FloatArray
-    colours: FloatArray  # (block rows, block columns, S)
-    noise: NoiseModel | None
-    limit: float
-    sharpness: float
-
-
 def merge_burst(
     frames: Sequence[Mosaic],
     settings: RenderSettings = BEST,
@@ -106,56 +68,41 @@ def merge_burst(
     """Align and merge the frames of a burst.
 
     frames: of one camera; those that do not fit the reference are left out (`Judged.reason`).
-    reference: index of the frame that the picture shall show; None = the sharpest.
+    reference: index of the frame that the picture shall show; None = the best of those that most others agree with.
     motions: how each frame lies against the reference, where that is known; otherwise it is measured.
     Raises InputError when there is no frame, or when frames and motions differ in number.
     """
     if not frames or (motions is not None and len(motions) != len(frames)):
         raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for each frame")
-    prepared = [_prepared(frame, settings) for frame in frames]
-    chosen = reference if reference is not None else int(np.argmax([frame.sharpness for frame in prepared]))
-    mosaic = frames[chosen]
-    clipping = clipping_level(mosaic)
-    samples = mosaic.in_scene_units()
-    noise = noise_of(samples, settings.noise)
-    samples = mend_defects(samples, clipping, noise, settings.defects)
-    trust, unclipped = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
-    samples = restore_highlights(samples, clipping, settings.highlights)
-    base = replace(prepared[chosen], luminance=recover_luminance(samples, settings.luminance))
-    progress.stage("aligning", len(frames))
-    judged, planes, trusts, kept = [], [base.luminance], [np.full(mosaic.shape, 255, np.uint8)], [(base, Motion(), 1.0)]
-    for index, frame in enumerate(prepared):
-        if index == chosen:
-            judged.append(Judged(True, motion=Motion()))
-            continue
-        found, trusted = _judged(base, frame, None if motions is None else motions[index])
-        judged.append(found)
-        if found.used and found.motion is not None:
-            planes.append(frame.luminance / np.float32(found.gain))
-            trusts.append(trusted)
-            kept.append((frame, found.motion, found.gain))
-        progress.advance()
-    del prepared
+    found = compared(frames, settings, progress, reference, motions)
+    kept, mosaic, samples = found.kept, frames[found.reference], found.samples
+    base, noise = kept[0][0], kept[0][0].noise
+    planes = [frame.luminance / np.float32(gain) for frame, _, gain in kept]
     grid, pattern = mosaic.pattern.grid(mosaic.shape), mosaic.pattern
     merged, shares = np.empty(mosaic.shape, np.float32), np.empty(mosaic.shape, np.float32)
     light, weight = np.zeros((2, len(kept), *base.colours.shape), np.float32)
     progress.stage("merging", 1)
     places = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in pattern.sites], np.intp)
     figures = np.array([_figures(frame.noise, gain) for frame, _, gain in kept])
-    all_motions = _motions([motion for _, motion, _ in kept], mosaic.shape)
-    merge(np.stack(planes), np.stack(trusts), figures, pattern.panchromatic_mask(mosaic.shape), all_motions, places, pattern.period, merged, shares, light, weight)
-    del planes, trusts
+    all_motions = as_arrays([motion for _, motion, _ in kept], mosaic.shape)
+    merge(np.stack(planes), np.stack(found.trusts), figures, pattern.panchromatic_mask(mosaic.shape), all_motions, places, pattern.period, merged, shares, light, weight)
+    del planes
+    found.trusts.clear()
     luminance = _denoised(merged, shares, samples, noise, settings)
-    colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged)
+    colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged).where_others(luminance, shares)
     extra = colours.block_sums(grid, len(pattern.channels)) if len(kept) > 1 else None
+    if extra is not None:
+        samples = relit_sites(samples, found.clear, base.limit, luminance, extra)
     blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, extra=extra)
     blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, extra=extra)
-    blocks = with_trusted_colour(blocks, trust, mosaic)
-    sites = site_samples(samples, unclipped, luminance, noise)
-    alone = gathered(shares, block_sites(pattern, grid)).min(axis=2) > _ALONE
-    sites = replace(sites, doubt=sites.doubt * alone)  # luminance of the others is measured under the sites too
-    luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
-    return MergedBurst(chosen, tuple(judged), shares, mosaic, Measured(luminance, blocks, sites), colours)
+    blocks = with_trusted_colour(blocks, found.trust, mosaic)
+    sites = site_samples(samples, found.clear, luminance, noise)
+    alone = np.maximum(gathered(shares, block_sites(pattern, grid)).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    sites = replace(sites, doubt=(sites.doubt * alone).astype(np.float32))  # others measure luminance under the sites too
+    settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
+    return MergedBurst(
+        found.reference, found.frames, shares, mosaic, Measured(settled, blocks, sites), colours.relit(settled - luminance)
+    )
 
 
 def render_burst_bands(
@@ -178,64 +125,9 @@ def render_burst_bands(
         yield band
 
 
-def _prepared(mosaic: Mosaic, settings: RenderSettings) -> _Frame:
-    clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
-    noise = noise_of(samples, settings.noise)
-    samples = mend_defects(samples, clipping, noise, settings.defects)
-    luminance = recover_luminance(samples, settings.luminance)
-    colours = gathered(samples.signal, block_sites(mosaic.pattern, mosaic.pattern.grid(mosaic.shape)))
-    return _Frame(luminance, colours, noise, clipping, _sharpness(luminance, noise))
-
-
-def _sharpness(luminance: FloatArray, noise: NoiseModel | None) -> float:
-    """Power of the finest detail beyond noise, relative to the light squared."""
-    finest = luminance[1:-1, 1:-1] - (luminance[:-2, 1:-1] + luminance[2:, 1:-1] + luminance[1:-1, :-2] + luminance[1:-1, 2:]) / 4
-    level = float(luminance.mean(dtype=np.float64))
-    variance = 1.25 * noise.sigma(level) ** 2 if noise else 0.0
-    return max(float(np.square(finest).mean(dtype=np.float64)) - variance, 0.0) / max(level, 1e-9) ** 2
-
-
-def _judged(base: _Frame, frame: _Frame, known: Motion | None) -> tuple[Judged, FloatArray]:
-    """What to make of a frame, and how far it agrees with the reference at each pixel."""
-    shape = base.luminance.shape
-    nothing = np.zeros(0, np.uint8)
-    if known is None:
-        try:
-            found = align(base.luminance, frame.luminance, (base.noise, frame.noise), (base.limit, frame.limit))
-        except InputError as error:
-            return Judged(False, str(error)), nothing
-        motion, gain, error_ = found.motion, found.gain, found.error
-    else:
-        motion, gain, error_ = known, 1.0, 0.0
-    shown = np.empty(shape, np.float32)
-    displace(frame.luminance, _motions([motion], shape), 1 / gain, shown)
-    trust = agreement(base.luminance, shown, (base.noise, _scaled(frame.noise, gain)), frame.limit / gain)
-    share = float(trust.mean()) / 255
-    sharpness = (frame.sharpness / base.sharpness) ** 0.5 if base.sharpness > 0 else 1.0
-    judged = Judged(True, "", motion, gain, error_, share, sharpness)
-    if share < _LEAST_AGREEMENT:
-        return replace(judged, used=False, reason=f"only {100 * share:.0f} % of it agrees with the reference"), nothing
-    if sharpness < _LEAST_SHARPNESS:
-        return replace(judged, used=False, reason=f"is out of focus or shaken: {100 * sharpness:.0f} % of the detail"), nothing
-    return judged, trust
-
-
-def _scaled(noise: NoiseModel | None, gain: float) -> NoiseModel | None:
-    """The noise of a frame in units of a reference that is `gain` times darker."""
-    return noise and NoiseModel(tuple(each / gain for each in noise.shot), tuple(each / gain for each in noise.read))
-
-
 def _figures(noise: NoiseModel | None, gain: float) -> tuple[float, float]:
-    scaled = _scaled(noise, gain)
-    return (scaled.shot[-1], scaled.read[-1] ** 2) if scaled else (0.0, 0.0)
-
-
-def _motions(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[DoubleArray, DoubleArray, FloatArray]:
-    """Motions as the kernels take them."""
-    turns, starts = zip(*(motion.affine((shape[0], shape[1])) for motion in motions), strict=True)
-    nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
-    shifts = [motion.local if motion.local is not None else np.zeros(nodes) for motion in motions]
-    return np.array(turns), np.array(starts), np.array(shifts, np.float32)
+    known = scaled(noise, gain)
+    return (known.shot[-1], known.read[-1] ** 2) if known else (0.0, 0.0)
 
 
 def _denoised(
@@ -256,7 +148,7 @@ def _denoised(
 
 
 def _colour_samples(
-    kept: Sequence[tuple[_Frame, Motion, float]], light: FloatArray, weight: FloatArray, mosaic: Mosaic, noise: NoiseModel | None
+    kept: Sequence[tuple[Frame, Motion, float]], light: FloatArray, weight: FloatArray, mosaic: Mosaic, noise: NoiseModel | None
 ) -> ColourSamples:
     """The colour samples of all frames that lie in the reference."""
     grid, pattern = mosaic.pattern.grid(mosaic.shape), mosaic.pattern
@@ -270,8 +162,8 @@ def _colour_samples(
         channels = np.broadcast_to(sites[:, 2].astype(np.uint8), used.shape)[used]
         values = frame.colours[used] / np.float32(gain)
         variance = np.zeros_like(values)
-        if scaled := _scaled(frame.noise, gain):
-            shot, read = (np.array(part, np.float32)[channels] for part in (scaled.shot, scaled.read))
+        if known := scaled(frame.noise, gain):
+            shot, read = (np.array(part, np.float32)[channels] for part in (known.shot, known.read))
             variance = shot * values.clip(0) + read**2
         found.append((np.stack([y, x], axis=1), channels, values, light[number][used], variance, weight[number][used]))
     places, *rest = (np.concatenate(each) for each in zip(*found, strict=True))

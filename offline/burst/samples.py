@@ -12,11 +12,15 @@ from scipy.ndimage import map_coordinates
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.pattern import BlockGrid
 
+from ..gaussian import smoothed
 from ..kernels.spreading import TILE, Samples
 
 _GRADIENT = 0.01  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
 _FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
 _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
+_NEAR = 1.0  # pixels: standard deviation of the neighbourhood in which luminance is looked at
+_DOUBT, _KNOWN = 0.3, 0.3  # error of light as a share of the contrast, where the reference is alone; relative variance without it
+_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full
 _ERROR = 1e-6  # variance of what a picture misses of a sample besides noise, scene units squared
 
 
@@ -45,6 +49,20 @@ class ColourSamples:
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
+
+    def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
+        """The samples where the reference is not alone. Where it is, the picture is what one frame makes of it.
+
+        luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
+        Where few frames see the light, it is not known between the reference's pixels: beside edges a sample then tells little.
+        """
+        edge = np.sqrt(np.maximum(smoothed(np.square(luminance), _NEAR) - np.square(smoothed(luminance, _NEAR)), 0))
+        doubt = _DOUBT * np.maximum(shares - _KNOWN, 0) / (1 - _KNOWN) * edge
+        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (doubt, shares))
+        error = _ERROR + self.variance
+        weight = self.weight * error / (error + np.square(there))
+        weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
+        return replace(self, weight=weight.astype(np.float32))
 
     def block_sums(self, grid: BlockGrid, channels: int) -> DoubleArray:
         """sum l^2 and sum l m of each channel from the samples of other frames around each whole block, (2 C, rows, columns).

@@ -1,0 +1,140 @@
+"""All frames of a burst compared with one of them, and which one that is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
+from shared.mosaic import Mosaic
+from shared.progress import Progress
+
+from ..defects import mend_defects
+from ..highlights import clipping_level, restore_highlights
+from ..luminance import recover_luminance
+from ..settings import RenderSettings
+from ..sites import unclipped_blocks
+from ..trust import trust_in_blocks
+from .agreement import unclipped
+from .frames import Frame, prepared
+from .judging import Judged, judged, misfit
+from .motion import Motion
+
+_CANDIDATES = 3  # frames that are tried as the reference
+_ALIKE = 0.02  # of usable pixels: frames that differ by less are told apart by their sharpness
+_BLURRED = 0.7  # of the greatest sharpness: below it a frame is no reference if another one is
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A reference, and what the other frames are to it.
+
+    reference: its index.
+    samples: its samples, scene units, defects mended and highlights restored.
+    trust, clear: its blocks' trust in their colour, and which have no sample at the limit (`trust_in_blocks`, `unclipped_blocks`).
+    frames: what became of each frame, in the order given.
+    kept: the reference and the frames that are used, each with its motion and gain.
+    trusts: how far each of these agrees with the reference, 0 to 255, uint8 (H, W) each.
+    """
+
+    reference: int
+    samples: Mosaic
+    trust: DoubleArray | None
+    clear: BoolArray
+    frames: tuple[Judged, ...]
+    kept: list[tuple[Frame, Motion, float]]
+    trusts: list[ByteArray]
+
+
+def compared(
+    shots: Sequence[Mosaic],
+    settings: RenderSettings,
+    progress: Progress,
+    reference: int | None,
+    motions: Sequence[Motion] | None,
+) -> Comparison:
+    """Compare all frames with the reference: the one that is named, or the best that most others agree with.
+
+    motions: where the reference's points lie in each frame, if that is known.
+    """
+    frames = [prepared(shot, settings) for shot in shots]
+    found: list[Comparison] = []
+    for candidate in _candidates(frames) if reference is None else [reference]:
+        found.append(_with(candidate, shots, frames, settings, progress, motions))
+        if 2 * len(found[-1].kept) > len(shots):
+            break
+    return max(found, key=lambda each: len(each.kept))
+
+
+def _candidates(frames: Sequence[Frame]) -> list[int]:
+    """The frames that may be the reference, the best first: neither clipped nor dark, and sharp."""
+    sharpness = np.array([0.0 if frame.empty else frame.sharpness for frame in frames])
+    usable = np.array([frame.usable for frame in frames])
+    sharp = sharpness >= _BLURRED * np.median(sharpness)
+    order = np.lexsort((-sharpness, -np.rint(usable / _ALIKE), ~sharp))
+    return [int(number) for number in order[:_CANDIDATES]]
+
+
+def _with(
+    number: int,
+    shots: Sequence[Mosaic],
+    frames: Sequence[Frame],
+    settings: RenderSettings,
+    progress: Progress,
+    motions: Sequence[Motion] | None,
+) -> Comparison:
+    """Compare all frames with one of them."""
+    reference, noise, clipping = shots[number], frames[number].noise, clipping_level(shots[number])
+    samples = mend_defects(reference.in_scene_units(), clipping, noise, settings.defects)
+    trust, clear = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
+    samples = restore_highlights(samples, clipping, settings.highlights)
+    base = replace(frames[number], luminance=recover_luminance(samples, settings.luminance))
+    everything: list[Judged] = []
+    kept, trusts = [(base, Motion(), 1.0)], [np.full(reference.shape, 255, np.uint8)]
+    progress.stage("aligning", len(frames))
+    for index, frame in enumerate(frames):
+        progress.advance()
+        if index == number:
+            everything.append(Judged(True, motion=Motion()))
+            continue
+        if reason := misfit(shots[index], reference):
+            everything.append(Judged(False, reason))
+            continue
+        result, agrees = judged(base, frame, reference, None if motions is None else motions[index])
+        everything.append(result)
+        if result.used and result.motion is not None:
+            kept.append((frame, result.motion, result.gain))
+            trusts.append(agrees)
+    trusts[0] = _own_trust(base, trusts)
+    return Comparison(number, samples, trust, clear, tuple(everything), kept, trusts)
+
+
+def _own_trust(base: Frame, trusts: list[ByteArray]) -> ByteArray:
+    """The trust in the reference: all, but where it is clipped and another frame is not."""
+    if len(trusts) == 1 or not np.isfinite(base.limit):
+        return trusts[0]
+    gone, others = 1 - unclipped(base.luminance, base.limit), trusts[1]
+    for each in trusts[2:]:
+        others = np.maximum(others, each)
+    own: ByteArray = (255 - np.rint(gone * others)).astype(np.uint8)
+    return own
+
+
+def relit_sites(samples: Mosaic, clear: BoolArray, limit: float, luminance: FloatArray, sums: DoubleArray) -> Mosaic:
+    """The reference with colour samples beyond its limit replaced by what other frames saw around their blocks.
+
+    limit: scene units. luminance: merged, (H, W). sums: of the other frames (`ColourSamples.block_sums`).
+    """
+    if clear.all():
+        return samples
+    pattern, signal = samples.pattern, samples.signal.copy()
+    grid, channels = pattern.grid(samples.shape), len(pattern.channels)
+    for row, column, channel in pattern.sites:
+        rows, columns = np.ix_(grid.whole_rows + row, grid.whole_columns + column)
+        power, product = sums[channel], sums[channels + channel]
+        known = (power > _TINY) & (signal[rows, columns] >= limit)
+        share = product / np.where(known, power, 1)
+        signal[rows, columns] = np.where(known, share * luminance[rows, columns], signal[rows, columns])
+    signal.flags.writeable = False
+    return replace(samples, samples=signal)

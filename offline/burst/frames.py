@@ -1,0 +1,110 @@
+"""One frame of a burst before it is merged."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.calibration import NoiseModel
+from shared.mosaic import Mosaic
+
+from ..blocks import block_sites
+from ..defects import mend_defects
+from ..gaussian import gaussian
+from ..highlights import clipping_level
+from ..kernels.smoothing import smooth
+from ..luminance import recover_luminance
+from ..noise import noise_of
+from ..settings import RenderSettings
+from ..sites import gathered
+
+_FINE, _COARSE = 0.8, 1.6  # pixels: Gaussians whose difference shows detail that a soft frame has lost
+_KEPT = 0.0568  # of the variance of white noise, after that difference
+_TILE = 32  # pixels
+_CLIPPED = 0.98  # of the limit
+_GONE, _DARK = 0.9, 0.5  # share of clipped pixels; light in units of the noise
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame with its defects mended, in its own scene units.
+
+    luminance: (H, W).
+    colours: (block rows, block columns, S), the samples of its whole blocks.
+    noise: None = there is none, or it is unknown.
+    limit: from which on a sample is clipped.
+    """
+
+    luminance: FloatArray
+    colours: FloatArray
+    noise: NoiseModel | None
+    limit: float
+
+    @property
+    def empty(self) -> str:
+        """Why nothing is seen in it; "" if something is."""
+        if (share := float((self.luminance >= _CLIPPED * self.limit).mean())) > _GONE:
+            return f"is overexposed: {100 * share:.0f} % of it is clipped"
+        level = float(self.luminance.mean(dtype=np.float64))
+        if level <= (_DARK * self.noise.sigma(0.0) if self.noise else 0.0):
+            return "is black: there is no light beyond noise"
+        return ""
+
+    @property
+    def usable(self) -> float:
+        """Share of its pixels that are neither clipped nor lost in noise, 0 to 1."""
+        floor = self.noise.sigma(0.0) if self.noise else 0.0
+        return float(((self.luminance < _CLIPPED * self.limit) & (self.luminance > floor)).mean())
+
+    @property
+    def sharpness(self) -> float:
+        """Amplitude of its fine detail beyond noise, relative to its light."""
+        power, variance = detail(self.luminance, self.noise, np.ones(self.luminance.shape, bool))
+        beyond = float(np.maximum(power - variance, 0).mean())
+        return beyond**0.5 / max(float(self.luminance.mean(dtype=np.float64)), _TINY)
+
+
+def prepared(mosaic: Mosaic, settings: RenderSettings) -> Frame:
+    """A frame as it is merged."""
+    clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
+    noise = noise_of(samples, settings.noise)
+    samples = mend_defects(samples, clipping, noise, settings.defects)
+    colours = gathered(samples.signal, block_sites(mosaic.pattern, mosaic.pattern.grid(mosaic.shape)))
+    return Frame(recover_luminance(samples, settings.luminance), colours, noise, clipping)
+
+
+def scaled(noise: NoiseModel | None, gain: float) -> NoiseModel | None:
+    """The noise of a frame in units of a reference that is `gain` times darker."""
+    return noise and NoiseModel(tuple(each / gain for each in noise.shot), tuple(each / gain for each in noise.read))
+
+
+def variance(light: FloatArray, noise: NoiseModel | None) -> FloatArray | np.float32:
+    """Variance of panchromatic samples that see some light."""
+    if noise is None:
+        return np.float32(0)
+    return np.float32(noise.shot[-1]) * np.maximum(light, np.float32(0)) + np.float32(noise.read[-1] ** 2)
+
+
+def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
+    """A plane convolved with a Gaussian of `sigma` pixels, mirrored at the border; float32 (H, W)."""
+    found = np.empty(plane.shape, np.float32)
+    smooth(np.ascontiguousarray(plane, np.float32), gaussian(sigma), found)
+    return found
+
+
+def detail(light: FloatArray, noise: NoiseModel | None, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Power of the fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0 where not all is seen."""
+    fine = smoothed(light, _FINE)
+    fine -= smoothed(light, _COARSE)
+    whole = tiles(seen) == 1
+    return tiles(np.square(fine)) * whole, _KEPT * tiles(variance(light, noise) + np.zeros_like(light)) * whole
+
+
+def tiles(plane: FloatArray) -> FloatArray:
+    """Means of whole tiles; of all of a plane that is smaller."""
+    size = min(_TILE, *plane.shape)
+    rows, columns = (count // size * size for count in plane.shape)
+    cut = plane[:rows, :columns].reshape(rows // size, size, columns // size, size)
+    means: FloatArray = cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
+    return means
