@@ -5,7 +5,8 @@ import numpy as np
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel
 
-from ..gaussian import gaussian, smoothed
+from ..gaussian import gaussian
+from ..kernels.smoothing import smooth
 
 _WIDTH = 1.5  # pixels: standard deviation of the neighbourhood over which differences are judged
 _MEAN, _TEXTURE = 0.3, 0.6  # difference that is tolerated, as a share of the local contrast: of means, and of single pixels
@@ -39,6 +40,13 @@ def agreement(
     rough = rest / (_TEXTURE**2 * contrast + np.square(2 * _LIGHT * light) + 0.3 * both + 1e-12)
     trust = seen / (1 + np.maximum(apart, rough) ** _STEEPNESS)
     return np.rint(255 * trust).astype(np.uint8)
+
+
+def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
+    """A plane convolved with a Gaussian of `sigma` pixels, mirrored at the border; float32 (H, W)."""
+    found = np.empty(plane.shape, np.float32)
+    smooth(np.ascontiguousarray(plane, np.float32), gaussian(sigma), found)
+    return found
 
 
 def _variance(light: FloatArray, noise: NoiseModel | None) -> FloatArray | float:

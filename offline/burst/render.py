@@ -16,7 +16,7 @@ from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..blocks import block_sites, tile
+from ..blocks import block_sites
 from ..chromaticity import estimate_chromaticities
 from ..defects import mend_defects
 from ..denoising import denoise_luminance
@@ -40,6 +40,7 @@ from .samples import ColourSamples
 _LEAST_AGREEMENT = 0.2
 _LEAST_SHARPNESS = 0.5
 _ALONE = 0.97  # relative variance of merged luminance from which on there is one frame only
+_SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
 _SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
 
 
@@ -142,7 +143,7 @@ def merge_burst(
     places = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in pattern.sites], np.intp)
     figures = np.array([_figures(frame.noise, gain) for frame, _, gain in kept])
     all_motions = _motions([motion for _, motion, _ in kept], mosaic.shape)
-    merge(np.stack(planes), np.stack(trusts), figures, tile(mosaic), all_motions, places, merged, shares, light, weight)
+    merge(np.stack(planes), np.stack(trusts), figures, pattern.panchromatic_mask(mosaic.shape), all_motions, places, pattern.period, merged, shares, light, weight)
     del planes, trusts
     luminance = _denoised(merged, shares, samples, noise, settings)
     colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged)
@@ -240,17 +241,17 @@ def _motions(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[DoubleA
 def _denoised(
     merged: FloatArray, shares: FloatArray, samples: Mosaic, noise: NoiseModel | None, settings: RenderSettings
 ) -> FloatArray:
-    """Luminance denoised by what noise is left where. It is done for halves, quarters ... of the variance, and interpolated."""
+    """Luminance denoised by what noise is left: by what most pixels have left, and by all of it where one frame is alone."""
     if noise is None or not (noise.shot[-1] or noise.read[-1]) or settings.denoising.strength == 0:
         return merged
     level = -np.log2(shares)
-    result = np.zeros_like(merged)
-    for halvings in range(int(level.min()), int(np.ceil(level.max())) + 1):
-        weight = np.maximum(1 - np.abs(level - halvings), 0)
-        if weight.any():
-            part = 0.5**halvings
-            less = NoiseModel(tuple(each * part for each in noise.shot), tuple(each * part**0.5 for each in noise.read))
-            result += weight * denoise_luminance(merged, samples, less, settings.denoising)
+    most = max(float(np.median(level)), 1e-3)
+    part = 0.5**most
+    less = NoiseModel(tuple(each * part for each in noise.shot), tuple(each * part**0.5 for each in noise.read))
+    result, alone = denoise_luminance(merged, samples, less, settings.denoising), 1 - level / most
+    if alone.max() > _SOME_ALONE:
+        weight = alone.clip(0, 1)
+        result += weight * (denoise_luminance(merged, samples, noise, settings.denoising) - result)
     return result
 
 

@@ -1,0 +1,50 @@
+"""Smoothing of whole planes by a separable filter."""
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from .compile import kernel, parallel_kernel, prange
+from .functions import mirrored, zeros
+from .lanes import WIDTH, load, store
+
+_STRIP = 64  # rows that one piece of work smooths
+_NONE = np.float32(0)
+
+
+@parallel_kernel("f4[:, ::1], f4[::1], f4[:, ::1]")
+def smooth(plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
+    """Smooth a plane along rows and columns; it is mirrored at its border.
+
+    plane: (H, W). taps: of a symmetric filter, an odd number. out: (H, W), written; not `plane` itself.
+    """
+    (height, width), reach = plane.shape, len(taps) // 2
+    for strip in prange((height + _STRIP - 1) // _STRIP):
+        lines, total = zeros(len(taps), width + 2 * WIDTH), zeros(width + 2 * reach + 3 * WIDTH)
+        first, last = strip * _STRIP, min((strip + 1) * _STRIP, height)
+        for row in range(first - reach, last + reach):
+            source = mirrored(row, height)
+            for column in range(width):
+                lines[row % len(taps), column] = plane[source, column]
+            if row >= first + reach:
+                _sum_down(lines, row - 2 * reach, taps, width, reach, total)
+                for column in range(0, width, WIDTH):
+                    light = taps[0] * load(total, column)
+                    for step in range(1, len(taps)):
+                        light += taps[step] * load(total, column + step)
+                    store(lines, ((row + 1) % len(taps), column), light)  # the oldest line is not needed any more
+                for column in range(width):
+                    out[row - reach, column] = lines[(row + 1) % len(taps), column]
+
+
+@kernel
+def _sum_down(lines: FloatArray, first: int, taps: FloatArray, width: int, reach: int, total: FloatArray) -> None:
+    """Sum up rows from `first` on, weighted, to `total`, which gets mirrored columns on both sides."""
+    for column in range(0, width, WIDTH):
+        light = taps[0] * load(lines, (first % len(taps), column))
+        for step in range(1, len(taps)):
+            light += taps[step] * load(lines, ((first + step) % len(taps), column))
+        store(total, column + reach, light)
+    for step in range(1, reach + 1):
+        total[reach - step] = total[reach + mirrored(-step, width)]
+        total[reach + width - 1 + step] = total[reach + mirrored(width - 1 + step, width)]
