@@ -13,8 +13,8 @@ bayer burst      the same frames through a Bayer sensor, merged by the same alig
 
 Also how far the motion that was found is from the true one (median of all pixels of all frames), how many frames were used, and the
 time of a burst, compared with that of one render on the same machine. The scenes are those test photographs (PANCHROMA_TEST_DATA)
-that have at least 300 pixels a side when reduced. The rivals need the packages `bm3d` and `colour-demosaicing`, and minutes: --rivals
-DIR keeps their figures, --without-rivals leaves them out.
+that have at least 300 pixels a side when reduced. The rivals need the package `bm3d`, and minutes: --rivals DIR keeps their
+figures, --without-rivals leaves them out.
 """
 
 import argparse
@@ -186,8 +186,8 @@ def report(found: Found, sigma: float, names: list[str], count: int) -> None:
             margins = np.subtract(found.figures[ours], found.figures[theirs])
             line(f"{ours} - {theirs}", margins.mean(axis=0), "+")
             line("  worst scene", margins.min(axis=0), "+")
-    for name, ours in zip(names, range(len(names)), strict=True):
-        line(f"  {name}: burst - best", found.figures["burst"][ours] - found.figures["best"][ours], "+")
+    for name, burst, best in zip(names, found.figures["burst"], found.figures["best"], strict=True):
+        line(f"  {name}: burst - best", burst - best, "+")
     errors, ratios = np.array(found.errors), np.array(found.ratios)
     print(f"alignment error: median {np.median(errors):.3f} pixels, worst scene {errors.max():.3f}")
     print(f"time: {np.median(ratios):.1f} x one render (scenes: {', '.join(f'{ratio:.1f}' for ratio in ratios)})")
@@ -218,7 +218,7 @@ def main() -> None:
         found = Found()
         for series in scenes:
             measure(series, sigma, found)
-            if not arguments.without_rivals and package_version("bm3d") and package_version("colour-demosaicing"):
+            if not arguments.without_rivals and package_version("bm3d"):
                 measure_rivals(series, sigma, found, arguments.rivals)
         report(found, sigma, [series.name for series in scenes], arguments.frames)
 

@@ -1,12 +1,15 @@
 """A burst through a Bayer sensor: aligned as ours is, merged to three full planes, and denoised by the noise that is left.
 
-Each frame is demosaicked and seen from the reference; their mean is the start. Then, some times over, what the samples of all frames
-miss, each at its own place, is spread to the pixels around them (iterated back-projection: Irani and Peleg 1991), so that the
-picture gets what hand-held super-resolution gets from a Bayer sensor (Wronski et al. 2019). BM3D on the merged picture follows; the
-licence of the package `bm3d` allows non-commercial use only, and it is imported only where there is noise.
+Each frame is demosaicked and seen from the reference; their mean is the start. Then, some times over, what the samples of all
+frames miss, each at its own place, is spread to the pixels around them (iterated back-projection: Irani and Peleg 1991). So the
+picture gets what hand-held super-resolution gets from a Bayer sensor (Wronski et al. 2019), and more than its user: every frame is
+trusted everywhere, which suits a scene in which nothing moves. BM3D on the merged picture follows, with the noise that is left.
+(To denoise each frame before was up to 0.4 dB better on smooth scenes at sigma 0.03, and 2.4 dB worse on detailed ones.) The
+licence of the package `bm3d` allows non-commercial use only; it is imported only where there is noise.
 """
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -17,11 +20,11 @@ from shared.calibration import NoiseModel
 from .bayer import channel_map
 from .dlmmse import demosaic_dlmmse
 
-_ROUNDS = 4  # of back-projection without noise
-_NOISY_ROUNDS = 1  # more would bring back noise that the mean of the frames has lost
+_ROUNDS = 4  # of back-projection
 _BLUR = 0.5  # pixels: standard deviation of what is spread
+_NOT_WHITE = 1.2  # BM3D takes noise for white: how much more it must expect, for what is left has more power at low frequencies
 _SPARSE = 0.05  # samples per pixel, below which a correction is reduced
-_MIRROR = "mirror"  # SciPy's name of shared.arrays.BORDER
+_MIRROR: Literal["mirror"] = "mirror"  # SciPy's name of shared.arrays.BORDER
 
 
 def render_bayer_burst(
@@ -47,10 +50,9 @@ def render_bayer_burst(
     pictures = [demosaic_dlmmse(mosaic, order) for mosaic in balanced]
     if motions is None:
         motions = [Motion(), *(_motion(pictures[0], each, sigma / white) for each in pictures[1:])]
-    rounds = _NOISY_ROUNDS if sigma else _ROUNDS
-    merged = _merged(balanced, pictures, motions, order, rounds)
+    merged = _merged(balanced, pictures, motions, order)
     if sigma:
-        merged = _denoised(merged, _noise_left(mosaics[0].shape, motions, sigma / filters, order, rounds))
+        merged = _denoised(merged, _noise_left(motions, sigma / filters, order))
     return (merged * white).astype(np.float32)
 
 
@@ -60,23 +62,22 @@ def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Moti
     return align(reference.sum(axis=2), frame.sum(axis=2), (noise, noise)).motion
 
 
-def _merged(
-    mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion], order: str, rounds: int
-) -> DoubleArray:
+def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion], order: str) -> DoubleArray:
     """The mean of the pictures as the reference would see them, corrected by the samples of all mosaics, (H, W, 3)."""
     from scipy.ndimage import gaussian_filter, map_coordinates
 
     shape = mosaics[0].shape
-    merged = np.mean([_seen(picture, motion) for picture, motion in zip(pictures, motions, strict=True)], axis=0, dtype=np.float64)
-    rows, columns = np.indices(shape, np.float32)
-    places = [np.stack(motion.back(rows, columns, shape)) for motion in motions]
+    seen = [_seen(picture, motion) for picture, motion in zip(pictures, motions, strict=True)]
+    merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
+    pixels = np.indices(shape, np.float32)
+    places = [np.stack(motion.back(pixels[0], pixels[1], shape)) for motion in motions]
     colour = channel_map(shape, order)
     for channel in range(3):
         at = np.concatenate([place[:, colour == channel] for place in places], axis=1)
         values = np.concatenate([mosaic[colour == channel] for mosaic in mosaics])
         plane = merged[..., channel]
         count = gaussian_filter(_spread(at, np.ones_like(values), shape), _BLUR) + _SPARSE
-        for _ in range(rounds):
+        for _ in range(_ROUNDS):
             missed = values - map_coordinates(plane, at, order=3, mode=_MIRROR)
             plane += gaussian_filter(_spread(at, missed, shape), _BLUR) / count
     return merged
@@ -90,7 +91,7 @@ def _seen(picture: FloatArray, motion: Motion) -> FloatArray:
     return np.stack([map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)], axis=-1)
 
 
-def _spread(at: FloatArray, values: FloatArray, shape: tuple[int, int]) -> DoubleArray:
+def _spread(at: FloatArray, values: FloatArray | DoubleArray, shape: tuple[int, int]) -> DoubleArray:
     """Add values (M,) to the four pixels around their places (2, M); what lies outside is left out."""
     total = np.zeros(shape[0] * shape[1])
     first = np.floor(at).astype(np.intp)
@@ -104,21 +105,19 @@ def _spread(at: FloatArray, values: FloatArray, shape: tuple[int, int]) -> Doubl
     return total.reshape(shape)
 
 
-def _noise_left(
-    shape: tuple[int, int], motions: Sequence[Motion], noise: FloatArray, order: str, rounds: int
-) -> list[float]:
-    """Standard deviation of the noise of each channel of the merged picture: what becomes of frames that are nothing else.
+def _noise_left(motions: Sequence[Motion], noise: FloatArray, order: str) -> DoubleArray:
+    """Standard deviation of the noise of each channel of the merged picture: what becomes of frames that are nothing but noise.
 
     noise: standard deviation on each sample, (H, W).
     """
     rng = np.random.default_rng(0)
-    mosaics = [(noise * rng.standard_normal(shape)).astype(np.float32) for _ in motions]
-    merged = _merged(mosaics, [demosaic_dlmmse(mosaic, order) for mosaic in mosaics], motions, order, rounds)
-    found: list[float] = merged.std(axis=(0, 1)).tolist()
-    return found
+    mosaics = [(noise * rng.standard_normal(noise.shape)).astype(np.float32) for _ in motions]
+    merged = _merged(mosaics, [demosaic_dlmmse(mosaic, order) for mosaic in mosaics], motions, order)
+    left: DoubleArray = merged.std(axis=(0, 1))
+    return left
 
 
-def _denoised(picture: DoubleArray, noise: list[float]) -> DoubleArray:
+def _denoised(picture: DoubleArray, noise: DoubleArray) -> DoubleArray:
     import bm3d
 
-    return np.asarray(bm3d.bm3d_rgb(picture, noise), np.float64)
+    return np.asarray(bm3d.bm3d_rgb(picture, (_NOT_WHITE * noise).tolist()), np.float64)
