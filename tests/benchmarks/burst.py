@@ -1,0 +1,227 @@
+"""Measure bursts: python -m tests.benchmarks.burst [--sigma 0 0.01 0.03] [--frames 8] [--scenes SCENE...] [--rivals DIR]
+
+Scenes reduced 2 x 2 are photographed by hand: frames up to 3 pixels and 0.3 degrees away from the first, which is the reference and
+the truth. For each noise: PSNR (dB) of RGB, luminance and chrominance, each as median and 10 % quantile of all 10 x 10 patches and
+of the whole picture; mean over the scenes, and the worst scene of the differences. The rows:
+
+best             `best` of the reference alone
+unlearned        the same without its network
+burst            all frames, aligned and merged
+pixel shift      nine frames 2 pixels apart, whose motion is known
+bayer            the best Bayer rival of one frame: DLMMSE, with noise BM3D before it
+bayer burst      the same frames through a Bayer sensor, merged by the same alignment (tools/evaluation/rivals/burst.py)
+
+Also how far the motion that was found is from the true one (median of all pixels of all frames), how many frames were used, and the
+time of a burst, compared with that of one render on the same machine. The scenes are those test photographs (PANCHROMA_TEST_DATA)
+that have at least 300 pixels a side when reduced. The rivals need the package `bm3d`, and minutes: --rivals DIR keeps their
+figures, --without-rivals leaves them out.
+"""
+
+import argparse
+import json
+import time
+import zlib
+from dataclasses import dataclass, field
+from math import radians
+from pathlib import Path
+
+import numpy as np
+
+from offline import BEST, RenderSettings, render
+from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray
+from shared.sensor import simulate_additive
+from tests.data import DATA
+from tools.evaluation.cameras import CameraPair
+from tools.evaluation.methods import methods
+from tools.evaluation.metrics import BORDER, quality, whole_psnr
+from tools.evaluation.presets import UNLEARNED
+from tools.evaluation.protocol import ORDER, Protocol
+from tools.evaluation.rivals.bayer import bayer_mosaic
+from tools.evaluation.rivals.burst import render_bayer_burst
+from tools.host.versions import package_version
+from tools.scenes.burst import Burst, burst_frames
+from tools.scenes.load import load_scene
+
+PERIOD, REDUCED, LEAST = 6, 2, 300
+PIXELS, DEGREES = 3.0, 0.3
+STEPS = (0, -2, 2)  # of pixel shift, pixels, the reference first
+MEASURES = "median", "10 %", "whole"
+PLANES = "RGB", "luminance", "chrominance"
+DIFFERENCES = ("burst", "best"), ("burst", "unlearned"), ("pixel shift", "unlearned"), ("burst", "bayer burst")
+
+
+@dataclass(frozen=True)
+class Series:
+    """A scene and how it was photographed.
+
+    light: float32 (H, W, 3) of each frame, scene units; the first is the reference.
+    motions: the true ones.
+    shifted: frames of an exact pixel shift with the same reference; steps: their motions.
+    neutral: what white reads.
+    """
+
+    name: str
+    light: list[FloatArray]
+    motions: list[Motion]
+    shifted: list[FloatArray]
+    steps: list[Motion]
+    neutral: tuple[float, ...] | None
+
+    @classmethod
+    def of(cls, source: Path, count: int) -> "Series | None":
+        """Frames of a scene; None if it is too small."""
+        scene = load_scene(str(source))
+        if min(scene.rgb.shape[:2]) // REDUCED < LEAST:
+            return None
+        rng = np.random.default_rng(zlib.crc32(source.name.encode()))  # the same for a scene whichever others there are
+        frames = list(burst_frames(scene.rgb, Burst(count, PIXELS, DEGREES), rng, REDUCED))
+        sensor = next(burst_frames(scene.rgb, Burst(1), rng, REDUCED)).rgb
+        rows, columns = frames[0].rgb.shape[:2]
+        top, left = (sensor.shape[0] - rows) // 2, (sensor.shape[1] - columns) // 2
+        steps = [(down, across) for down in STEPS for across in STEPS]
+        return cls(
+            source.stem,
+            [frame.rgb for frame in frames],
+            [Motion((frame.motion.down, frame.motion.across), -radians(frame.motion.degrees)) for frame in frames],
+            [sensor[top - down : top - down + rows, left - across : left - across + columns] for down, across in steps],
+            [Motion((float(down), float(across))) for down, across in steps],
+            scene.neutral,
+        )
+
+
+@dataclass
+class Found:
+    """What was measured at one noise; a list has one entry per scene.
+
+    figures: of each row, (plane, measure).
+    """
+
+    figures: dict[str, list[DoubleArray]] = field(default_factory=dict)
+    ratios: list[float] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+    def add(self, row: str, picture: FloatArray, truth: FloatArray) -> None:
+        self.figures.setdefault(row, []).append(measured(picture, truth))
+
+
+def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
+    """The MEASURES (axis 1) of the PLANES (axis 0) of a picture, dB."""
+    patches, whole = quality(picture, truth), whole_psnr(picture, truth, BORDER)
+    return np.array([(plane[2], plane[0], all_) for plane, all_ in zip(patches, whole, strict=True)])
+
+
+def shots(light: list[FloatArray], sigma: float) -> list[Mosaic]:
+    """The frames through the sparse-colour sensor."""
+    camera, pattern = SensorCalibration(), CfaPattern.bayer(PERIOD, ORDER)
+    return [simulate_additive(each, pattern, camera, sigma, np.random.default_rng([0, n])) for n, each in enumerate(light)]
+
+
+def merged_picture(frames: list[Mosaic], motions: list[Motion] | None = None) -> tuple[FloatArray, MergedBurst]:
+    """The picture of a burst, and how it was merged."""
+    merged = merge_burst(frames, BEST, reference=0, motions=motions)
+    return np.concatenate(list(render_burst_bands(merged, BEST))), merged
+
+
+def measure(series: Series, sigma: float, found: Found) -> None:
+    """Add the figures of our rows."""
+    truth, frames = series.light[0], shots(series.light, sigma)
+
+    def alone(settings: RenderSettings) -> FloatArray:
+        return render(frames[0], settings).rgb
+
+    found.add("unlearned", alone(UNLEARNED), truth)
+    started = time.perf_counter()
+    found.add("best", alone(BEST), truth)
+    rendered = time.perf_counter()
+    picture, merged = merged_picture(frames)
+    found.ratios.append((time.perf_counter() - rendered) / (rendered - started))
+    found.add("burst", picture, truth)
+    found.add("pixel shift", merged_picture(shots(series.shifted, sigma), series.steps)[0], truth)
+    found.left_out += [f"{series.name}, frame {n + 1}: {frame.reason}" for n, frame in enumerate(merged.frames) if not frame.used]
+    found.errors.append(alignment_error([frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape))
+
+
+def alignment_error(motions: list[Motion | None], true: list[Motion], shape: tuple[int, int]) -> float:
+    """Median distance of the places where motions see the pixels of the reference from the true places, pixels."""
+    distances = [
+        np.hypot(*(a - b for a, b in zip(motion.places(slice(None), shape), truth.places(slice(None), shape), strict=True)))
+        for motion, truth in zip(motions, true, strict=True)
+        if motion is not None
+    ]
+    return float(np.median(distances)) if distances else np.nan
+
+
+def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | None) -> None:
+    """Add the figures of the rivals, from the folder if it has them."""
+    place = folder / f"{series.name}-{len(series.light)}-{sigma:g}.json" if folder else None
+    if place and place.exists():
+        figures = json.loads(place.read_text())
+    else:
+        mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n]), ORDER) for n, light in enumerate(series.light)]
+        single = methods()["bm3d+dlmmse-wb" if sigma else "dlmmse-wb"].render(
+            CameraPair(Protocol(), sigma, series.light[0], PERIOD, series.neutral)
+        )
+        pictures = {"bayer": single, "bayer burst": render_bayer_burst(mosaics, sigma, series.neutral, ORDER)}
+        figures = {row: measured(picture, series.light[0]).tolist() for row, picture in pictures.items()}
+        if place:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_text(json.dumps(figures))
+    for row, values in figures.items():
+        found.figures.setdefault(row, []).append(np.array(values))
+
+
+def report(found: Found, sigma: float, names: list[str], count: int) -> None:
+    """Print the table of one noise."""
+    print(f"\nsigma {sigma:g}, {count} frames, {len(names)} scenes, dB")
+    print(" " * 40 + "".join(f"{plane:>27}" for plane in PLANES))
+    print(" " * 40 + "".join(f"   {''.join(f'{name:>8}' for name in MEASURES)}" for _ in PLANES))
+    for row in ("best", "unlearned", "burst", "pixel shift", "bayer", "bayer burst"):
+        if row in found.figures:
+            line(row, np.mean(found.figures[row], axis=0))
+    for ours, theirs in DIFFERENCES:
+        if theirs in found.figures:
+            margins = np.subtract(found.figures[ours], found.figures[theirs])
+            line(f"{ours} - {theirs}", margins.mean(axis=0), "+")
+            line("  worst scene", margins.min(axis=0), "+")
+    for name, burst, best in zip(names, found.figures["burst"], found.figures["best"], strict=True):
+        line(f"  {name}: burst - best", burst - best, "+")
+    errors, ratios = np.array(found.errors), np.array(found.ratios)
+    print(f"alignment error: median {np.median(errors):.3f} pixels, worst scene {errors.max():.3f}")
+    print(f"time: {np.median(ratios):.1f} x one render (scenes: {', '.join(f'{ratio:.1f}' for ratio in ratios)})")
+    for each in found.left_out:
+        print(f"left out: {each}")
+
+
+def line(title: str, values: DoubleArray, sign: str = "") -> None:
+    """Print the PLANES and MEASURES of a row."""
+    print(f"{title:40}" + "".join("   " + "".join(f"{value:{sign}8.2f}" for value in plane) for plane in values), flush=True)
+
+
+def main() -> None:
+    """Print a table for each noise."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sigma", nargs="+", type=float, default=[0, 0.01, 0.03])
+    parser.add_argument("--frames", type=int, default=8)
+    parser.add_argument("--scenes", nargs="+", type=Path, metavar="SCENE", help="default: the test photographs")
+    parser.add_argument("--rivals", type=Path, metavar="DIR", help="folder that keeps the figures of the rivals")
+    parser.add_argument("--without-rivals", action="store_true")
+    arguments = parser.parse_args()
+    sources = arguments.scenes or sorted([*(DATA / "raw").glob("*"), *(DATA / "linear").glob("*")])
+    scenes = [series for source in sources if (series := Series.of(source, arguments.frames))]
+    if not scenes:
+        raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some: --scenes")
+    merged_picture(shots(scenes[0].light[:2], 0.01))  # what is compiled now is not timed
+    for sigma in arguments.sigma:
+        found = Found()
+        for series in scenes:
+            measure(series, sigma, found)
+            if not arguments.without_rivals and package_version("bm3d"):
+                measure_rivals(series, sigma, found, arguments.rivals)
+        report(found, sigma, [series.name for series in scenes], arguments.frames)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""The Bayer burst: exact where exact is possible, better with every frame, and as well aligned as ours."""
+
+import numpy as np
+import pytest
+
+from offline.burst import Motion
+from shared.arrays import FloatArray
+from tools.evaluation.metrics import psnr
+from tools.evaluation.rivals.bayer import bayer_mosaic, sample_bayer
+from tools.evaluation.rivals.burst import render_bayer_burst
+from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
+from tools.host.versions import package_version
+from tools.scenes.burst import Burst, burst_frames
+from tools.scenes.drawn.builtin import builtin_scene
+
+NEUTRAL = 0.6, 1.0, 0.5
+EDGE = 8  # pixels: from beyond the frame's edge there are no samples
+QUAD = [Motion((float(down), float(across))) for down in (0, 1) for across in (0, 1)]
+CONVERGED = 1e-3  # what a few rounds of back-projection leave
+
+
+def light(count: int, pixels: float) -> list[FloatArray]:
+    """Frames of fine leaves and print."""
+    scene = builtin_scene(660, 440).rgb[60:220, 60:240]
+    return [frame.rgb for frame in burst_frames(scene, Burst(count, pixels), np.random.default_rng(1))]
+
+
+def shifted(scene: FloatArray, motion: Motion) -> FloatArray:
+    return np.roll(scene, [int(step) for step in motion.shift], axis=(0, 1))
+
+
+def test_four_shifts_by_a_pixel_measure_every_channel_everywhere() -> None:
+    scene = light(1, 0)[0]
+    mosaics = [sample_bayer(shifted(scene, motion)) for motion in QUAD]
+    picture = render_bayer_burst(mosaics, 0, NEUTRAL, motions=QUAD)
+    inner = np.s_[EDGE:-EDGE, EDGE:-EDGE]
+    assert picture.dtype == np.float32
+    assert np.abs(picture - scene)[inner].mean() < CONVERGED
+    assert np.abs(demosaic_dlmmse(mosaics[0]) - scene)[inner].mean() > 10 * CONVERGED
+
+
+def test_frames_are_aligned_and_each_adds_detail() -> None:
+    frames = light(6, 3)
+    mosaics = [sample_bayer(frame) for frame in frames]
+    found = [psnr(render_bayer_burst(mosaics[:count], 0, NEUTRAL), frames[0], EDGE) for count in (1, 3, 6)]
+    assert np.diff(found).min() > 1
+
+
+def test_an_even_colour_comes_back() -> None:
+    colour = np.array([0.25, 0.5, 0.75], np.float32)
+    picture = render_bayer_burst([sample_bayer(np.broadcast_to(colour, (40, 44, 3)))] * 4, 0, None, motions=QUAD)
+    np.testing.assert_allclose(picture, np.broadcast_to(colour, picture.shape), atol=1e-5)  # sums in float32
+
+
+@pytest.mark.skipif(package_version("bm3d") is None, reason="bm3d is missing: pip install 'panchroma[rivals]'")
+def test_noise_is_averaged_and_removed() -> None:
+    even, sigma = np.full((64, 66, 3), 0.4, np.float32), 0.03
+    mosaics = [bayer_mosaic(even, sigma, np.random.default_rng(n)) for n in range(4)]
+    found = [psnr(render_bayer_burst(mosaics[:count], sigma, NEUTRAL, motions=QUAD[:count]), even, EDGE) for count in (1, 4)]
+    assert found[0] > psnr(demosaic_dlmmse(mosaics[0]), even, EDGE) + 6
+    assert found[1] > found[0] + 3

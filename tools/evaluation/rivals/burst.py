@@ -1,0 +1,123 @@
+"""A burst through a Bayer sensor: aligned as ours is, merged to three full planes, and denoised by the noise that is left.
+
+Each frame is demosaicked and seen from the reference; their mean is the start. Then, some times over, what the samples of all
+frames miss, each at its own place, is spread to the pixels around them (iterated back-projection: Irani and Peleg 1991). So the
+picture gets what hand-held super-resolution gets from a Bayer sensor (Wronski et al. 2019), and more than its user: every frame is
+trusted everywhere, which suits a scene in which nothing moves. BM3D on the merged picture follows, with the noise that is left.
+(To denoise each frame before was up to 0.4 dB better on smooth scenes at sigma 0.03, and 2.4 dB worse on detailed ones.) The
+licence of the package `bm3d` allows non-commercial use only; it is imported only where there is noise.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from offline.burst import Motion, align
+from shared.arrays import DoubleArray, FloatArray
+from shared.calibration import NoiseModel
+
+from .bayer import channel_map
+from .dlmmse import demosaic_dlmmse
+
+_ROUNDS = 4  # of back-projection
+_BLUR = 0.5  # pixels: standard deviation of what is spread
+_NOT_WHITE = 1.2  # BM3D takes noise for white: how much more it must expect, for what is left has more power at low frequencies
+_SPARSE = 0.05  # samples per pixel, below which a correction is reduced
+_MIRROR: Literal["mirror"] = "mirror"  # SciPy's name of shared.arrays.BORDER
+
+
+def render_bayer_burst(
+    mosaics: Sequence[FloatArray],
+    sigma: float,
+    neutral: tuple[float, ...] | None,
+    order: str = "RGGB",
+    motions: Sequence[Motion] | None = None,
+) -> FloatArray:
+    """The picture of the first frame from all frames of a burst, float32 (H, W, 3), scene units.
+
+    mosaics: of a Bayer sensor, (H, W), scene units; the first is the reference.
+    sigma: standard deviation of the noise on every sample, scene units; 0: there is none.
+    neutral: what white reads; samples are balanced by it, as in a raw developer. None = unknown.
+    order: filters of the first two rows, one of BAYER_ORDERS.
+    motions: how each frame lies against the reference; None = it is measured.
+    Raises InputError where a frame cannot be aligned.
+    """
+    white = np.array(neutral or (1.0, 1.0, 1.0), np.float32)
+    white /= white.max()
+    filters = white[channel_map(mosaics[0].shape, order)]
+    balanced = [mosaic / filters for mosaic in mosaics]
+    pictures = [demosaic_dlmmse(mosaic, order) for mosaic in balanced]
+    if motions is None:
+        motions = [Motion(), *(_motion(pictures[0], each, sigma / white) for each in pictures[1:])]
+    merged = _merged(balanced, pictures, motions, order)
+    if sigma:
+        merged = _denoised(merged, _noise_left(motions, sigma / filters, order))
+    return (merged * white).astype(np.float32)
+
+
+def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Motion:
+    """How a frame lies against the reference, by the sum of the channels of their demosaicked pictures."""
+    noise = NoiseModel((0.0,), (float(np.sqrt(np.square(sigma).sum())),)) if sigma.any() else None
+    return align(reference.sum(axis=2), frame.sum(axis=2), (noise, noise)).motion
+
+
+def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion], order: str) -> DoubleArray:
+    """The mean of the pictures as the reference would see them, corrected by the samples of all mosaics, (H, W, 3)."""
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
+    shape = mosaics[0].shape
+    seen = [_seen(picture, motion) for picture, motion in zip(pictures, motions, strict=True)]
+    merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
+    pixels = np.indices(shape, np.float32)
+    places = [np.stack(motion.back(pixels[0], pixels[1], shape)) for motion in motions]
+    colour = channel_map(shape, order)
+    for channel in range(3):
+        at = np.concatenate([place[:, colour == channel] for place in places], axis=1)
+        values = np.concatenate([mosaic[colour == channel] for mosaic in mosaics])
+        plane = merged[..., channel]
+        count = gaussian_filter(_spread(at, np.ones_like(values), shape), _BLUR) + _SPARSE
+        for _ in range(_ROUNDS):
+            missed = values - map_coordinates(plane, at, order=3, mode=_MIRROR)
+            plane += gaussian_filter(_spread(at, missed, shape), _BLUR) / count
+    return merged
+
+
+def _seen(picture: FloatArray, motion: Motion) -> FloatArray:
+    """A frame's picture as the reference would see it."""
+    from scipy.ndimage import map_coordinates
+
+    at = motion.places(slice(None), (picture.shape[0], picture.shape[1]))
+    return np.stack([map_coordinates(picture[..., channel], at, order=3, mode=_MIRROR) for channel in range(3)], axis=-1)
+
+
+def _spread(at: FloatArray, values: FloatArray | DoubleArray, shape: tuple[int, int]) -> DoubleArray:
+    """Add values (M,) to the four pixels around their places (2, M); what lies outside is left out."""
+    total = np.zeros(shape[0] * shape[1])
+    first = np.floor(at).astype(np.intp)
+    after = at - first
+    for down in (0, 1):
+        for right in (0, 1):
+            row, column = first[0] + down, first[1] + right
+            inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+            share = (after[0] if down else 1 - after[0]) * (after[1] if right else 1 - after[1])
+            total += np.bincount((row * shape[1] + column)[inside], (share * values)[inside], minlength=total.size)
+    return total.reshape(shape)
+
+
+def _noise_left(motions: Sequence[Motion], noise: FloatArray, order: str) -> DoubleArray:
+    """Standard deviation of the noise of each channel of the merged picture: what becomes of frames that are nothing but noise.
+
+    noise: standard deviation on each sample, (H, W).
+    """
+    rng = np.random.default_rng(0)
+    mosaics = [(noise * rng.standard_normal(noise.shape)).astype(np.float32) for _ in motions]
+    merged = _merged(mosaics, [demosaic_dlmmse(mosaic, order) for mosaic in mosaics], motions, order)
+    left: DoubleArray = merged.std(axis=(0, 1))
+    return left
+
+
+def _denoised(picture: DoubleArray, noise: DoubleArray) -> DoubleArray:
+    import bm3d
+
+    return np.asarray(bm3d.bm3d_rgb(picture, (_NOT_WHITE * noise).tolist()), np.float64)
