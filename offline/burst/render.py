@@ -7,10 +7,11 @@ frames in the sums of its blocks. At the end the samples of all frames correct t
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray, FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
@@ -28,12 +29,13 @@ from ..settings import BEST, RenderSettings
 from ..sites import gathered, settle_luminance, site_samples
 from ..tiling import Part, windows
 from ..trust import with_trusted_colour
-from .comparing import compared, relit_sites
+from .comparing import Comparison, compared, relit_sites
 from .frames import Frame, scaled
 from .judging import Judged, as_arrays
 from .motion import Motion
 from .samples import ColourSamples
 
+_NOTHING = np.empty((0, 0), np.float32)
 _SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is in doubt
 _SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 0.01, 0.03
@@ -77,17 +79,17 @@ def merge_burst(
     found = compared(frames, settings, progress, reference, motions)
     kept, mosaic, samples = found.kept, frames[found.reference], found.samples
     base, noise = kept[0][0], kept[0][0].noise
-    planes = [frame.luminance / np.float32(gain) for frame, _, gain in kept]
+    light, weight = np.zeros((2, len(kept), *base.colours.shape), np.float32)
     grid, pattern = mosaic.pattern.grid(mosaic.shape), mosaic.pattern
     merged, shares = np.empty(mosaic.shape, np.float32), np.empty(mosaic.shape, np.float32)
-    light, weight = np.zeros((2, len(kept), *base.colours.shape), np.float32)
     progress.stage("merging", 1)
     places = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in pattern.sites], np.intp)
     figures = np.array([_figures(frame.noise, gain) for frame, _, gain in kept])
-    all_motions = as_arrays([motion for _, motion, _ in kept], mosaic.shape)
-    merge(np.stack(planes), np.stack(found.trusts), figures, pattern.panchromatic_mask(mosaic.shape), all_motions, places, pattern.period, merged, shares, light, weight)
-    del planes
-    found.trusts.clear()
+    all_motions, panchromatic = as_arrays([motion for _, motion, _ in kept], mosaic.shape), pattern.panchromatic_mask(mosaic.shape)
+    planes, trusts = _stacked(found)
+    merge(planes, trusts, figures, panchromatic, all_motions, places, pattern.period, merged, shares, light, weight)
+    del planes, trusts
+    progress.advance()
     luminance = _denoised(merged, shares, samples, noise, settings)
     colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged).where_others(luminance, shares)
     extra = colours.block_sums(grid, len(pattern.channels)) if len(kept) > 1 else None
@@ -105,9 +107,7 @@ def merge_burst(
     )
 
 
-def render_burst_bands(
-    merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT
-) -> Iterator[FloatArray]:
+def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does."""
     gamma = np.array(merged.mosaic.calibration.gamma, np.float32)
     samples, precision = merged.samples.by_tile(merged.mosaic.shape, gamma)
@@ -117,12 +117,22 @@ def render_burst_bands(
     for part, rows in windows(parts, height, HALO, TILE, 0):
         shown: Part = part.rows(*rows)
         corrected = np.empty_like(shown.chromaticity)
-        spread_samples(
-            part.luminance, part.chromaticity, part.first, rows, height, samples, gamma, basis, prior, corrected
-        )
+        spread_samples(part.luminance, part.chromaticity, part.first, rows, height, samples, gamma, basis, prior, corrected)
         band = np.empty_like(corrected)
         colour(corrected, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
         yield band
+
+
+def _stacked(found: Comparison) -> tuple[FloatArray, ByteArray]:
+    """Luminance of the kept frames in units of the reference, and the trust in them, (F, H, W) each; taken out of `found`."""
+    planes = np.empty((len(found.kept), *found.trusts[0].shape), np.float32)
+    trusts = np.empty(planes.shape, np.uint8)
+    for number, (frame, motion, gain) in enumerate(found.kept):
+        np.divide(frame.luminance, np.float32(gain), out=planes[number])
+        trusts[number] = found.trusts[number]
+        found.kept[number] = replace(frame, luminance=_NOTHING), motion, gain  # one copy of each plane is enough
+    found.trusts.clear()
+    return planes, trusts
 
 
 def _figures(noise: NoiseModel | None, gain: float) -> tuple[float, float]:
@@ -155,7 +165,7 @@ def _colour_samples(
     sites = np.array(pattern.sites)
     rows = grid.whole_rows[:, None, None] + sites[:, 0] + np.zeros((1, len(grid.whole_columns), 1))
     columns = grid.whole_columns[None, :, None] + sites[:, 1] + np.zeros((len(grid.whole_rows), 1, 1))
-    found: list[tuple[FloatArray, ...]] = []
+    found: list[tuple[Any, ...]] = []
     for number, (frame, motion, gain) in enumerate(kept):
         used = weight[number] > 0
         y, x = motion.back(rows[used], columns[used], mosaic.shape)
@@ -166,8 +176,8 @@ def _colour_samples(
             shot, read = (np.array(part, np.float32)[channels] for part in (known.shot, known.read))
             variance = shot * values.clip(0) + read**2
         found.append((np.stack([y, x], axis=1), channels, values, light[number][used], variance, weight[number][used]))
-    places, *rest = (np.concatenate(each) for each in zip(*found, strict=True))
-    return ColourSamples(places, *rest, own=len(found[0][0]))
+    places, channel, values, lights, variances, weights = (np.concatenate(each) for each in zip(*found, strict=True))
+    return ColourSamples(places, channel, values, lights, variances, weights, own=len(found[0][0]))
 
 
 def _basis(channels: int) -> FloatArray:

@@ -95,6 +95,8 @@ class ColourSamples:
         starts = np.searchsorted(tile[order], np.arange(-(-shape[0] // TILE) * across + 1))
         per_channel = gamma[self.channels]
         precision = _ERROR / (_ERROR + self.variance * per_channel**2)
-        figures = np.column_stack([self.places, self.values * per_channel, self.light, self.weight * precision])
+        figures = np.empty((len(self.values), 5), np.float32)
+        figures[:, :2] = self.places
+        figures[:, 2], figures[:, 3], figures[:, 4] = self.values * per_channel, self.light, self.weight * precision
         typical = float(np.median(precision)) if len(precision) else 1.0
-        return (figures[order].astype(np.float32), self.channels[order], starts), typical
+        return (figures[order], self.channels[order], starts), typical

@@ -140,7 +140,8 @@ def _measured(panchromatic: BoolArray, y: float, x: float) -> float:
     down, across = y - top, x - left
     upper = (1 - across) * panchromatic[top, left] + across * panchromatic[top, left + 1]
     lower = (1 - across) * panchromatic[top + 1, left] + across * panchromatic[top + 1, left + 1]
-    return (1 - down) * upper + down * lower
+    light: float = (1 - down) * upper + down * lower
+    return light
 
 
 @kernel

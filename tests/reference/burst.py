@@ -30,14 +30,12 @@ def corners(y: float, x: float, shape: tuple[int, ...]) -> list[tuple[int, int, 
     """The four places around (y, x) and their shares."""
     top, left = min(int(y), shape[0] - 2), min(int(x), shape[1] - 2)
     down, across = y - top, x - left
-    return [
-        (top + i, left + j, (down if i else 1 - down) * (across if j else 1 - across)) for i in range(2) for j in range(2)
-    ]
+    return [(top + i, left + j, (down if i else 1 - down) * (across if j else 1 - across)) for i in range(2) for j in range(2)]
 
 
 def blurred(plane: DoubleArray, taps: DoubleArray) -> DoubleArray:
     """Along both axes; there is nothing beyond the edges."""
-    return correlate(correlate(plane, taps[:, None], mode="constant"), taps[None], mode="constant")  # type: ignore[no-any-return]
+    return correlate(correlate(plane, taps[:, None], mode="constant"), taps[None], mode="constant")
 
 
 def merge(
@@ -48,9 +46,16 @@ def merge(
     planes: (F, H, W). trust: the same, 0 to 1, at the pixels of the reference. noise: (F, 2), shot and squared read noise.
     """
     _, height, width = planes.shape
-    inside = (lambda y, x: -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5)
-    variance = [lambda light, model=model: model[0] * max(light, 0) + model[1] for model in noise]
-    precision = (lambda frame, light: variance[0](light) / variance[frame](light) if noise[0].any() else 1.0)
+
+    def inside(y: float, x: float) -> bool:
+        return -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5
+
+    def variance(frame: int, light: float) -> float:
+        return float(noise[frame, 0] * max(light, 0) + noise[frame, 1])
+
+    def precision(frame: int, light: float) -> float:
+        return variance(0, light) / variance(frame, light) if noise[0].any() else 1.0
+
     start, spread = np.empty((height, width)), np.empty((height, width))
     for y, x in np.ndindex(height, width):
         shares, values, precisions = [], [], []
@@ -69,11 +74,11 @@ def merge(
     samples = []
     for frame, motion in enumerate(motions):
         for row, column in np.argwhere(panchromatic):
-            y, x = (float(each) for each in motion.back(np.float32(row), np.float32(column), (height, width)))
+            y, x = (float(each) for each in motion.back(np.array(row, np.float32), np.array(column, np.float32), (height, width)))
             near = int(y + 0.5), int(x + 0.5)
             if 0 <= y <= height - 1 and 0 <= x <= width - 1 and trust[frame, *near] > 0:
                 value = planes[frame, row, column]
-                samples.append((2 * y, 2 * x, value, trust[frame, *near] * precision(frame, value), variance[frame](value)))
+                samples.append((2 * y, 2 * x, value, trust[frame, *near] * precision(frame, value), variance(frame, value)))
 
     def shared_out(values: list[float]) -> DoubleArray:
         plane = np.zeros(fine.shape)

@@ -44,7 +44,7 @@ def needed_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings",
     if frames > 1:
         from offline.burst import burst_memory
 
-        rendering = burst_memory(frames, mosaic.shape, mosaic.pattern, settings)
+        rendering = burst_memory(frames, mosaic, settings)
     pixels = rows * columns
     kept = _COMPRESSED.get(kind.format, 0.0) * pixels
     if kind.format == "dng":

@@ -18,7 +18,7 @@ MOTIONS = [Motion(), Motion((0.6, -1.3), 0.01), Motion((-2.2, 0.4), -0.02, SHIFT
 
 def light(y: DoubleArray, x: DoubleArray) -> DoubleArray:
     """A scene of waves, of which the shortest are 5 pixels long."""
-    return 1 + 0.4 * np.sin(y / 2.5) * np.cos(x / 3) + 0.2 * np.sin((x + y) / 1.2)  # type: ignore[no-any-return]
+    return 1 + 0.4 * np.sin(y / 2.5) * np.cos(x / 3) + 0.2 * np.sin((x + y) / 1.2)
 
 
 def burst(sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = MOTIONS) -> FloatArray:
@@ -63,7 +63,7 @@ def test_equals_the_reference(noise: list[list[float]]) -> None:
     assert channel == 1
     grid = PATTERN.grid(SHAPE)
     at = grid.whole_rows[1] + row, grid.whole_columns[2] + column
-    y, x = (float(each) for each in MOTIONS[2].back(np.float32(at[0]), np.float32(at[1]), SHAPE))
+    y, x = (float(each) for each in MOTIONS[2].back(np.array(at[0], np.float32), np.array(at[1], np.float32), SHAPE))
     assert weight[2, 1, 2, 1] == trust[2, round(y), round(x)] / np.float32(255)
     if weight[2, 1, 2, 1]:
         assert light_at[2, 1, 2, 1] == pytest.approx(reference.keys(fine, 2 * y, 2 * x), abs=1e-4)
@@ -100,4 +100,6 @@ def test_displaces_a_frame() -> None:
     down, across = MOTIONS[2].places(slice(None), SHAPE)
     outside = (down < -0.5) | (down >= SHAPE[0] - 0.5) | (across < -0.5) | (across >= SHAPE[1] - 0.5)
     assert np.array_equal(np.isnan(shown), outside)
-    assert shown[13, 17] == pytest.approx(0.5 * reference.keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5)
+    assert shown[13, 17] == pytest.approx(
+        0.5 * reference.keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5
+    )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from offline.kernels.spreading import HALO, TILE, spread_samples
-from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 from tests.reference import burst as reference
 
 TOLERANCE = 1e-2  # of the largest correction: conjugate gradients stop before
@@ -26,11 +26,13 @@ def picture(shape: tuple[int, int], channels: int) -> tuple[DoubleArray, DoubleA
 def samples(shape: tuple[int, int], channels: int, count: int) -> tuple[DoubleArray, IndexArray]:
     random = np.random.default_rng(0)
     places = random.uniform(0, 1, (count, 2)) * (np.array(shape) - 1)
-    figures = np.column_stack([places, random.uniform(0.1, 0.8, count), random.uniform(0.9, 2.1, count), random.uniform(0.1, 1, count)])
+    figures = np.column_stack(
+        [places, random.uniform(0.1, 0.8, count), random.uniform(0.9, 2.1, count), random.uniform(0.1, 1, count)]
+    )
     return figures, random.integers(0, channels, count)
 
 
-def by_tile(figures: DoubleArray, channels: IndexArray, shape: tuple[int, int]) -> tuple[FloatArray, object, IndexArray]:
+def by_tile(figures: DoubleArray, channels: IndexArray, shape: tuple[int, int]) -> tuple[FloatArray, ByteArray, IndexArray]:
     across = -(-shape[1] // TILE)
     tile = (figures[:, :2] // TILE).astype(int) @ (across, 1)
     order = np.argsort(tile, kind="stable")
@@ -46,10 +48,10 @@ def spread(shape: tuple[int, int], channels: int, count: int, cut: int = 0) -> t
     found = np.full(chromaticity.shape, np.nan, np.float32)
     for rows in ((0, cut), (cut, shape[0])) if cut else ((0, shape[0]),):
         first, last = max(rows[0] - HALO, 0), min(rows[1] + HALO, shape[0])
-        part = [np.ascontiguousarray(plane[first:last]) for plane in planes]
+        light, colour = (np.ascontiguousarray(plane[first:last]) for plane in planes)
         out = np.empty((rows[1] - rows[0], shape[1], channels), np.float32)
         weights = gamma.astype(np.float32), np.ascontiguousarray(basis(channels), np.float32)
-        spread_samples(*part, first, rows, shape[0], sorted_samples, *weights, PRIOR, out)
+        spread_samples(light, colour, first, rows, shape[0], sorted_samples, *weights, PRIOR, out)
         found[slice(*rows)] = out
     return found, chromaticity
 
