@@ -82,7 +82,8 @@ def _blocks(
     frame: Frame, mosaic: Mosaic, gain: float, gamma: DoubleArray
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray, DoubleArray]:
     """Of each block: its channels times gamma (C, rows, columns), luminance, squared contrast, variance of the channels' noise
-    (C, rows, columns), that of luminance included."""
+    (C, rows, columns), that of luminance included.
+    """
     pattern = mosaic.pattern
     channels = np.array(pattern.sites)[:, 2]
     places = block_sites(pattern, pattern.grid(mosaic.shape))

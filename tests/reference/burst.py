@@ -1,7 +1,7 @@
 """The merging of a burst, written down as literally as possible: float64, no tiles, one sample after the other."""
 
 import numpy as np
-import scipy.sparse as sparse
+from scipy import sparse
 from scipy.ndimage import correlate
 from scipy.sparse.linalg import spsolve
 
@@ -48,7 +48,7 @@ def merge(
     _, height, width = planes.shape
 
     def inside(y: float, x: float) -> bool:
-        return -0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5
+        return bool(-0.5 <= y < height - 0.5 and -0.5 <= x < width - 0.5)
 
     def variance(frame: int, light: float) -> float:
         return float(noise[frame, 0] * max(light, 0) + noise[frame, 1])

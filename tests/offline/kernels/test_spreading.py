@@ -12,7 +12,7 @@ PRIOR = 0.15, 0.01, 0.03
 
 
 def basis(channels: int) -> DoubleArray:
-    return np.linalg.qr(np.column_stack([np.ones(channels), np.eye(channels)[:, 1:]]))[0][:, 1:]  # type: ignore[no-any-return]
+    return np.linalg.qr(np.column_stack([np.ones(channels), np.eye(channels)[:, 1:]]))[0][:, 1:]
 
 
 def picture(shape: tuple[int, int], channels: int) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
