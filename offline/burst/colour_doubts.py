@@ -20,11 +20,12 @@ from .motion import Motion
 
 _BLOCK, _AROUND = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood
 _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood
-_FILLED = 0.45  # error of filled luminance relative to the local contrast
+_FILLED = 0.3  # error of filled luminance relative to the local contrast
 _DEVIATIONS = 2.5
 _LIT = 3.0  # standard deviations
 _RANGE = 1.5  # standard deviations by which noise alone makes the range of nine figures exceed their middle
 _SHARED = 0.15  # variance of the middle of that range, relative to one figure's; neighbours share it
+_FRINGE = 3  # blocks: a doubt counts for those beside it: nobody knows where between them the thing ends
 _NEAR = 1.5  # pixels: standard deviation of the neighbourhood in which contrast is measured
 _TINY = 1e-12
 
@@ -59,7 +60,8 @@ def colour_doubts(base: Frame, frame: Frame, motion: Motion, gain: float, mosaic
     left = float(np.square(gaussian(_WIDTH)).sum()) ** 2
     spread = _DEVIATIONS**2 * (left * own + _SHARED * expected)
     around = np.square(mean) / (np.square(_AROUND * light) + smoothed(filled, _WIDTH) + spread + _TINY)
-    doubts: FloatArray = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0)).astype(np.float32)
+    found = np.maximum(grey_opening(alone.sum(axis=0), (2, 2)), around.sum(axis=0))
+    doubts: FloatArray = maximum_filter(found, _FRINGE).astype(np.float32)
     return doubts
 
 

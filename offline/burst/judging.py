@@ -17,7 +17,7 @@ from .frames import Frame, detail, scaled, tiles
 from .motion import Motion
 
 _LEAST_AGREEMENT = 0.2
-_LEAST_SHARPNESS = 0.5
+_LEAST_SHARPNESS = 0.85
 _DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond that say nothing of sharpness
 _UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
 _LIT = 5.0  # standard deviations of the noise, above which the light of a pixel says something of that
