@@ -41,7 +41,7 @@ _LEAST_AGREEMENT = 0.2
 _LEAST_SHARPNESS = 0.5
 _ALONE = 0.97  # relative variance of merged luminance from which on there is one frame only
 _SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
-_SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
+_SMOOTHNESS, _FADING, _EDGE = 0.1, 0.01, 0.03
 
 
 @dataclass(frozen=True, eq=False)

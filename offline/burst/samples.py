@@ -17,7 +17,7 @@ from ..kernels.spreading import TILE, Samples
 _GRADIENT = 0.01  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
 _FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
 _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
-_ERROR = 2e-6  # variance of what a picture misses of a sample besides noise, scene units squared
+_ERROR = 1e-6  # variance of what a picture misses of a sample besides noise, scene units squared
 
 
 @dataclass(frozen=True, eq=False)
