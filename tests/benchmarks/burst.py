@@ -186,8 +186,9 @@ def report(found: Found, sigma: float, names: list[str], count: int) -> None:
             margins = np.subtract(found.figures[ours], found.figures[theirs])
             line(f"{ours} - {theirs}", margins.mean(axis=0), "+")
             line("  worst scene", margins.min(axis=0), "+")
-    for name, burst, best in zip(names, found.figures["burst"], found.figures["best"], strict=True):
-        line(f"  {name}: burst - best", burst - best, "+")
+    for theirs in ("best", "bayer burst"):
+        for name, burst, other in zip(names, found.figures["burst"], found.figures.get(theirs, []), strict=False):
+            line(f"  {name}: burst - {theirs}", burst - other, "+")
     errors, ratios = np.array(found.errors), np.array(found.ratios)
     print(f"alignment error: median {np.median(errors):.3f} pixels, worst scene {errors.max():.3f}")
     print(f"time: {np.median(ratios):.1f} x one render (scenes: {', '.join(f'{ratio:.1f}' for ratio in ratios)})")
