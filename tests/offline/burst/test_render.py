@@ -1,0 +1,105 @@
+"""The picture of a burst as a whole: what it gains, and what it must leave as it is."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from offline import BEST, PAPER, render
+from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from shared.sensor import simulate_additive
+
+from .scenes import SHAPE, light
+
+SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -1.7)]
+MOTIONS = [Motion(shift) for shift in SHIFTS]
+
+
+def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> FloatArray:
+    """What a frame sees: fine waves of light, and coloured lines that are thinner than the distance of two blocks."""
+    y, x = (plane.astype(np.float32) for plane in np.indices(shape))
+    y, x = (plane.astype(np.float64) for plane in motion.back(y, x, shape))
+    brightness = light(y, x) / 3
+    lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
+    share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
+    share[..., 0] += 1.5 * lines
+    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(np.float32)
+
+
+def shots(sigma: float, motions: list[Motion] = MOTIONS, pattern: CfaPattern | None = None) -> list[Mosaic]:
+    pattern = pattern or CfaPattern.bayer(6)
+    calibration = SensorCalibration(pattern.channels)
+    return [
+        simulate_additive(scene(motion, len(pattern.channels)), pattern, calibration, sigma, np.random.default_rng(number))
+        for number, motion in enumerate(motions)
+    ]
+
+
+def picture(merged: MergedBurst) -> FloatArray:
+    return np.concatenate(list(render_burst_bands(merged)))
+
+
+def psnr(found: FloatArray, truth: FloatArray) -> float:
+    inside = np.s_[15:-15, 15:-15]
+    return float(-10 * np.log10(np.square(found[inside] - truth[inside]).mean()))
+
+
+@pytest.mark.parametrize(("sigma", "gain"), [(0.0, 4.0), (0.03, 1.0)])
+def test_more_frames_show_more(sigma: float, gain: float) -> None:
+    frames, truth = shots(sigma), scene(MOTIONS[0])
+    single = psnr(render(frames[0]).rgb, truth)
+    merged = merge_burst(frames, reference=0)
+    assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
+    assert psnr(picture(merged), truth) > single + gain
+    assert np.median(merged.shares) < 0.3
+
+
+def test_other_filters() -> None:
+    pattern = CfaPattern.with_block(("ABC", "CDE"), 8)
+    motions = [Motion(shift) for shift in SHIFTS[:4]]
+    frames, truth = shots(0.0, motions, pattern), scene(motions[0], 5)
+    assert psnr(picture(merge_burst(frames, reference=0, motions=motions)), truth) > psnr(render(frames[0]).rgb, truth) + 1
+
+
+def test_known_steps_of_the_sensor() -> None:
+    steps = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]
+    frames, truth = shots(0.0, steps), scene(steps[0])
+    found = picture(merge_burst(frames, reference=0, motions=steps))
+    assert psnr(found, truth) > psnr(render(frames[0]).rgb, truth) + 6
+
+
+def test_one_frame_alone_is_a_single_render() -> None:
+    (frame,) = shots(0.01, MOTIONS[:1])
+    merged = merge_burst([frame])
+    assert merged.shares.min() > 0.999
+    assert np.abs(picture(merged) - render(frame).rgb).max() < 1e-5
+
+
+def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
+    frames = shots(0.01, MOTIONS[:3])
+    results = [picture(merge_burst(frames)) for _ in each_thread_count]
+    assert all(np.array_equal(found, results[0]) for found in results)
+
+
+def test_the_published_settings_work_too() -> None:
+    frames = shots(0.0, MOTIONS[:3])
+    merged = merge_burst(frames, PAPER, reference=0)
+    found = np.concatenate(list(render_burst_bands(merged, PAPER)))
+    assert psnr(found, scene(MOTIONS[0])) > psnr(render(frames[0], PAPER).rgb, scene(MOTIONS[0]))
+
+
+def test_what_makes_no_burst_is_refused() -> None:
+    frames = shots(0.0, MOTIONS[:2])
+    with pytest.raises(InputError, match="0 frames"):
+        merge_burst([])
+    with pytest.raises(InputError, match="2 frames and 1 motions"):
+        merge_burst(frames, motions=MOTIONS[:1])
+
+
+def test_memory_grows_with_the_frames() -> None:
+    (frame,) = shots(0.0, MOTIONS[:1])
+    assert burst_memory(2, frame) < burst_memory(9, frame)
+    assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
