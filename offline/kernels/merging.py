@@ -22,6 +22,7 @@ _NOISE = np.float32(1.0)  # of the power of what samples miss: what noise accoun
 _NARROW = np.array([0.7866, 0.1067], np.float32)  # Gaussian of half a place of the grid, at distances 0, 1
 _WIDE = np.array([0.2005, 0.1769, 0.1216, 0.0651, 0.0271, 0.0088], np.float32)  # of 2 places
 _NONE, _ONE = np.float32(0), np.float32(1)
+_ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
 
 Motions = tuple[DoubleArray, DoubleArray, FloatArray]
 """(turns, starts, shifts) of F frames, (F, 2, 2), (F, 2), (F, node rows, node columns, 2), as `burst.Motion` has them."""
@@ -117,7 +118,8 @@ def _start(
             y, x, total = area[0] + row, area[2] + column, totals[row, column]
             mean[row, column] /= total
             if core[0] <= y < core[1] and core[2] <= x < core[3]:
-                variance[y, x] = min(spreads[row, column] / (total * total), _ONE)
+                share = spreads[row, column] / (total * total)
+                variance[y, x] = share if share < _ALONE else _ONE
     fine = zeros(2 * rows - 1, 2 * columns - 1)
     for row in range(2 * rows - 1):
         for column in range(2 * columns - 1):
