@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import BORDER, DoubleArray, FloatArray
+from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
@@ -85,7 +85,19 @@ def merge_burst(
     places = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in pattern.sites], np.intp)
     figures = np.array([_figures(frame.noise, gain) for frame, _, gain in kept])
     all_motions = as_arrays([motion for _, motion, _ in kept], mosaic.shape)
-    merge(np.stack(planes), np.stack(found.trusts), figures, pattern.panchromatic_mask(mosaic.shape), all_motions, places, pattern.period, merged, shares, light, weight)
+    merge(
+        np.stack(planes),
+        np.stack(found.trusts),
+        figures,
+        pattern.panchromatic_mask(mosaic.shape),
+        all_motions,
+        places,
+        pattern.period,
+        merged,
+        shares,
+        light,
+        weight,
+    )
     del planes
     found.trusts.clear()
     luminance = _denoised(merged, shares, samples, noise, settings)
@@ -105,9 +117,7 @@ def merge_burst(
     )
 
 
-def render_burst_bands(
-    merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT
-) -> Iterator[FloatArray]:
+def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does."""
     gamma = np.array(merged.mosaic.calibration.gamma, np.float32)
     samples, precision = merged.samples.by_tile(merged.mosaic.shape, gamma)
@@ -117,9 +127,7 @@ def render_burst_bands(
     for part, rows in windows(parts, height, HALO, TILE, 0):
         shown: Part = part.rows(*rows)
         corrected = np.empty_like(shown.chromaticity)
-        spread_samples(
-            part.luminance, part.chromaticity, part.first, rows, height, samples, gamma, basis, prior, corrected
-        )
+        spread_samples(part.luminance, part.chromaticity, part.first, rows, height, samples, gamma, basis, prior, corrected)
         band = np.empty_like(corrected)
         colour(corrected, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
         yield band

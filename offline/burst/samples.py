@@ -65,7 +65,7 @@ class ColourSamples:
         return replace(self, weight=weight.astype(np.float32))
 
     def block_sums(self, grid: BlockGrid, channels: int) -> DoubleArray:
-        """sum l^2 and sum l m of each channel from the samples of other frames around each whole block, (2 C, rows, columns).
+        """Sum l^2 and sum l m of each channel from the samples of other frames around each whole block, (2 C, rows, columns).
 
         Each term counts relative to a sample in the middle of the block.
         """
