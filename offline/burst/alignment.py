@@ -23,14 +23,13 @@ from .tiles import Tiles, measure
 _CORRELATED = 128  # pixels: the longer side of the planes that are correlated, or less
 _PEAKS, _APART = 3, 3  # how many shifts are tried, and pixels by which they differ
 _FARTHEST = 0.2  # fraction of a side: the largest shift that is looked for
-_TILE, _COARSE_TILE = (
-    32,
-    16,
-)  # pixels of a level, about: of the finest level, and of the others while only the frame's motion is sought
+_TILE, _COARSE_TILE = 32, 16  # pixels of a level, about: on the last level of a search, and on those before
 _ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller than this, pixels of the level
-_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2
+_LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on each, from which local shifts come
 _LEAST_AGREEMENT = 0.3
 _MOST_ERROR = 0.5  # pixels
+_MOST_UNEVEN = 0.1
+_REMEDY = "leave this frame out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +40,14 @@ class Alignment:
     gain: how many times as bright the frame is as the reference.
     error: estimated error of the frame's shift and rotation, pixels, root mean square over the frame.
     agreement: 0 to 1, the share of the reference's texture that the frame shows where the motion says.
+    unevenness: the fraction by which half of the frame's light, or more, differs from the reference's times the gain.
     """
 
     motion: Motion
     gain: float
     error: float
     agreement: float
+    unevenness: float
 
 
 def align(
@@ -61,27 +62,35 @@ def align(
     noise: of the two; None: unknown, taken for none. It decides only how much they may differ.
     limits: of the two, scene units: pixels from there on are clipped, and do not count.
 
-    Raises InputError that says why, where the frame cannot be aligned: another size, another scene, or too little texture.
+    Raises InputError that says why, where the frame cannot be aligned: another size, another scene, another light, or too little
+    texture.
     """
     if reference.shape != frame.shape:
         sizes = ["{1} x {0}".format(*plane.shape) for plane in (frame, reference)]
         raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference; take frames of one camera and size")
-    planes = [np.where(plane < limit, plane, np.float32(np.nan)) for plane, limit in zip((reference, frame), limits, strict=True)]
-    pyramid = levels(*planes)
+    pyramid = levels(_unclipped(reference, limits[0]), _unclipped(frame, limits[1]))
     first = next((number for number, level in enumerate(pyramid) if max(level.frame.shape) <= _CORRELATED), len(pyramid) - 1)
-    coarse, fine = pyramid[first:][::-1], pyramid[:first][::-1]
+    coarse, fine = pyramid[first:][::-1], pyramid[: max(first, 1)][::-1]
     tried = [_refined(coarse, Motion(shift), _brightness(coarse[-1])) for shift in _shifts(coarse[-1])]
     motion, tiles, _ = max(tried, key=lambda each: _agreement(coarse[-1], each[1], noise))
-    motion, tiles, error = _refined([*fine, pyramid[0]], motion, tiles.gain)
+    motion, tiles, error = _refined(fine, motion, tiles.gain)
     agreement = _agreement(pyramid[0], tiles, noise)
     if not error <= _MOST_ERROR:
-        raise InputError(f"too little texture to align it (error {error:.1f} pixels, at most {_MOST_ERROR}); leave the frame out")
+        raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene; {_REMEDY}")
     motion, tiles = _with_local_shifts(pyramid[:_LOCAL_LEVELS], motion, tiles)
     agreement = max(agreement, _agreement(pyramid[0], tiles, noise))
     if agreement < _LEAST_AGREEMENT:
-        share = f"{100 * agreement:.0f} % of the texture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        raise InputError(f"shows another scene: {share}; leave the frame out")
-    return Alignment(motion, tiles.gain, error, agreement)
+        share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
+        raise InputError(f"another scene, or too little texture: {share}; {_REMEDY}")
+    if tiles.unevenness > _MOST_UNEVEN:
+        share = f"half of it differs by {100 * tiles.unevenness:.0f} % from an even change, at most {100 * _MOST_UNEVEN:.0f} % may"
+        raise InputError(f"its light comes from elsewhere, as from a flash: {share}; {_REMEDY}")
+    return Alignment(motion, tiles.gain, error, agreement, tiles.unevenness)
+
+
+def _unclipped(plane: FloatArray, limit: float) -> FloatArray:
+    """The plane with NaN at its clipped pixels."""
+    return np.where(plane < limit, plane, np.float32(np.nan)) if limit < np.inf else plane
 
 
 def _shifts(level: Level) -> Iterator[tuple[float, float]]:
@@ -97,6 +106,7 @@ def _shifts(level: Level) -> Iterator[tuple[float, float]]:
     rows, columns = (np.rint(np.fft.fftfreq(size) * size) for size in shape)
     surface[np.abs(rows) > _FARTHEST * shape[0]] = -np.inf
     surface[:, np.abs(columns) > _FARTHEST * shape[1]] = -np.inf
+    yield 0.0, 0.0  # a large thing that moves may have the highest peaks
     for _ in range(_PEAKS):
         row, column = np.unravel_index(np.argmax(surface), shape)
         yield float(rows[row] * level.scale), float(columns[column] * level.scale)
@@ -145,7 +155,7 @@ def _with_local_shifts(pyramid: list[Level], motion: Motion, tiles: Tiles) -> tu
 
 
 def _agreement(level: Level, tiles: Tiles, noise: tuple[NoiseModel | None, NoiseModel | None]) -> float:
-    """The share of the reference's texture, beyond noise, that the frame shows too; tiles count by its amplitude."""
+    """The share of the reference's texture, beyond noise, that the frame shows too. Where there is little, it counts less."""
     variance = [
         (max(known.shot[-1], 0.0) * np.maximum(tiles.light * gain, 0) + known.read[-1] ** 2) / gain**2 if known else 0.0
         for known, gain in zip(noise, (1.0, tiles.gain), strict=True)
@@ -153,6 +163,7 @@ def _agreement(level: Level, tiles: Tiles, noise: tuple[NoiseModel | None, Noise
     smooth = tiles.pixels / (SPREAD * level.scale**2)
     texture = np.maximum(tiles.texture - smooth * variance[0], 0)
     differs = np.maximum(tiles.rest - smooth * (variance[0] + variance[1]), 0)
-    share = np.clip(1 - differs / np.maximum(texture, np.finfo(np.float64).tiny), 0, 1)
-    weights = np.sqrt(texture * tiles.pixels)
-    return float((weights * share).sum() / max(weights.sum(), np.finfo(np.float64).tiny))
+    share = np.clip(1 - differs / np.maximum(texture, np.finfo(np.float32).tiny), 0, 1)
+    contrast = np.sqrt(texture / np.maximum(tiles.pixels, 1))
+    weights = tiles.pixels * contrast / (contrast + max(float(contrast.mean()), np.finfo(np.float32).tiny))
+    return float((weights * share).sum() / max(weights.sum(), np.finfo(np.float32).tiny))

@@ -10,28 +10,26 @@ from .tiles import Tiles
 
 _FLOOR = 0.03  # pixels: what a tile says may be wrong by this even without noise: aliasing, filled pixels
 _FAR = 9.0  # squared deviations in units of their variance, from which on a tile counts clearly less: something moved there
-_ROUNDS = 12
+_ROUNDS = 12  # of weights from deviations and deviations from weights
 _STEP = 0.3  # pixels: how much local shifts differ from a node to the next
-_ITERATIONS = 40
-_LOCAL_ROUNDS = 3
+_LOCAL_ROUNDS, _ITERATIONS = 3, 40  # rounds as above for local shifts, and steps of conjugate gradients in each
 _VAGUE = 0.25  # pixels: a tile that is as uncertain has half a say
-_OVERALL = 0.02
-_TINY = np.finfo(np.float64).tiny
 _NEAR = 2  # nodes: radius of the window in which tiles are asked whether they agree on local shifts
-_LOST, _WON = 0.25, 0.6  # share of the squared deviations that local shifts must explain to be taken at all, and in full
+_OVERALL = 0.02  # weight of all other tiles there
+_LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
+_LEAST = 0.2  # that share of all
+_TINY = 1e-30
 
 
 class Step(NamedTuple):
     """A correction to a motion.
 
     shift: (2,), pixels of the level; angle: radians.
-    weights: (R, C), 0 to 1, what each tile counted.
     error: standard deviation of the places in the frame, pixels of the level, root mean square.
     """
 
     shift: DoubleArray
     angle: float
-    weights: DoubleArray
     error: float
 
 
@@ -53,7 +51,7 @@ def rigid(tiles: Tiles, turn: DoubleArray) -> Step:
         weights = _counts(far)
     covariance = np.linalg.inv(known) * max(1.0, float((weights * far).sum() / max(2 * weights.sum(), 1)))
     error = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] * np.square(arm).sum(axis=-1).mean()
-    return Step(step[:2], float(step[2]), weights, float(error**0.5))
+    return Step(step[:2], float(step[2]), float(error**0.5))
 
 
 def local(tiles: Tiles, before: DoubleArray) -> DoubleArray:
@@ -69,13 +67,15 @@ def local(tiles: Tiles, before: DoubleArray) -> DoubleArray:
         field = _smooth(shifts, certain * weights[..., None, None], field)
         weights = _counts(_squared(shifts - field, certain))
     odd = np.indices(weights.shape).sum(axis=0) % 2
-    halves = [_smooth(shifts, certain * (weights * half)[..., None, None], field) for half in (1 - odd, odd)]
+    halves = [_smooth(shifts, certain * (weights * half)[..., None, None], np.zeros_like(field)) for half in (1 - odd, odd)]
     predicted = np.where(odd[..., None], *halves)
-    freedom = np.trace(
-        np.linalg.solve(certain + np.eye(2) / _VAGUE**2, certain), axis1=2, axis2=3
-    )  # 2, less where there is no texture
-    without, left = (_window(weights * _squared(rest, certain)) for rest in (shifts, shifts - predicted))
-    won = (without - left) / (without + _window(weights * freedom))
+    vague = np.eye(2) / _VAGUE**2
+    freedom = np.trace(np.linalg.solve(certain + vague, certain), axis1=2, axis2=3)  # 2, less where there is little texture
+    without, left = (weights * _squared(rest, certain) for rest in (shifts, shifts - predicted))
+    won, most = without - left, without + weights * freedom
+    if won.sum() <= _LEAST * most.sum():
+        return np.zeros_like(field)  # some windows out of many would agree by chance
+    won = _window(won) / np.maximum(_window(most), _TINY)
     taken: DoubleArray = field * np.clip((won - _LOST) / (_WON - _LOST), 0, 1)[..., None]
     return taken
 

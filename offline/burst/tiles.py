@@ -11,6 +11,7 @@ from .levels import BLUR, SPREAD, Level, tile_edges
 from .motion import Motion
 
 _STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
+_DEVIATIONS = 3.0  # by which gradients must exceed those of noise alone
 _LEAST = 1e-6  # fraction of the squares of luminance: differences below it are rounding
 
 
@@ -26,6 +27,7 @@ class Tiles(NamedTuple):
     pixels: (R, C), how many counted.
     light: (R, C), mean luminance of the reference, scene units.
     gain: how many times as bright the frame is as the reference.
+    unevenness: the fraction by which the light of tiles differs from that; half of all light is in tiles that differ more.
     """
 
     rows: DoubleArray
@@ -37,6 +39,7 @@ class Tiles(NamedTuple):
     pixels: DoubleArray
     light: DoubleArray
     gain: float
+    unevenness: float
 
 
 def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, local: DoubleArray | None = None) -> Tiles:
@@ -61,10 +64,30 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
     rest = np.maximum(ee - e * e / number + (right * shifts).sum(axis=-1), 0)
     noise = rest / np.maximum(pixels - 3, 1) + least
     seen = (pixels > 0) & (r > 0)
-    brighter = float(np.median(f[seen] / r[seen])) if seen.any() else 1.0
+    ratios, light = (f[seen] / r[seen], r[seen]) if seen.any() else (np.ones(1), np.ones(1))
+    brighter = float(np.median(ratios))
+    unevenness = _weighted_median(np.abs(ratios / brighter - 1), light) if brighter > 0 else 0.0
     middles = [level.offsets((each[1:] + each[:-1] - 1) / 2, axis) for axis, each in enumerate((rows, columns))]
-    # Half of the differences' noise is the reference's, and so are the squares of its gradients.
-    values, axes = np.linalg.eigh(squares - (_STEEPNESS / 2 * noise * pixels)[..., None, None] * np.eye(2))
+    # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
+    chance = _STEEPNESS / 2 * noise * (pixels + _DEVIATIONS * np.sqrt(SPREAD * pixels))
+    values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
     information = (axes * (np.maximum(values, 0) / (noise * SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
     texture = rr - r * r / number
-    return Tiles(middles[0], middles[1], shifts, information, texture, rest, pixels, r / number, gain * brighter)
+    return Tiles(
+        middles[0],
+        middles[1],
+        shifts,
+        information,
+        texture,
+        rest,
+        pixels,
+        r / number,
+        gain * brighter if brighter > 0 else gain,
+        unevenness,
+    )
+
+
+def _weighted_median(values: DoubleArray, weights: DoubleArray) -> float:
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])

@@ -1,0 +1,38 @@
+"""A drawn scene that is known between pixels too, and the frames of a camera that moved."""
+
+import numpy as np
+
+from offline.burst import Motion
+from shared.arrays import DoubleArray, FloatArray
+
+SHAPE = (150, 210)
+
+
+def light(y: DoubleArray, x: DoubleArray, seed: int = 0) -> DoubleArray:
+    """Luminance, about 0.5 to 2.5, at points: waves of 6 to 80 pixels in all directions."""
+    random = np.random.default_rng(seed)
+    scene = np.full(y.shape, 1.5)
+    for _ in range(40):
+        length, direction, phase = 6 * (80 / 6) ** random.random(), random.uniform(0, np.pi), random.uniform(0, 2 * np.pi)
+        scene += 0.12 * np.sin(2 * np.pi / length * (np.cos(direction) * y + np.sin(direction) * x) + phase)
+    return scene
+
+
+def pixels(shape: tuple[int, int] = SHAPE) -> tuple[DoubleArray, DoubleArray]:
+    """Rows and columns of all pixels."""
+    y, x = np.indices(shape).astype(np.float64)
+    return y, x
+
+
+def seen(motion: Motion, shape: tuple[int, int] = SHAPE, seed: int = 0) -> FloatArray:
+    """What a frame sees of the scene after a motion."""
+    y, x = (plane.astype(np.float32) for plane in pixels(shape))
+    back = motion.back(y, x, shape)
+    return light(back[0].astype(np.float64), back[1].astype(np.float64), seed).astype(np.float32)
+
+
+def error(found: Motion, true: Motion, shape: tuple[int, int] = SHAPE) -> DoubleArray:
+    """Distance, pixels, between the places that two motions give, (H, W)."""
+    first, second = (motion.places(slice(None), shape) for motion in (found, true))
+    distance: DoubleArray = np.hypot(first[0] - second[0], first[1] - second[1]).astype(np.float64)
+    return distance
