@@ -86,7 +86,8 @@ def _trust(
     raw = _compared(reference, frame, weight, noise)
     trust = sure(raw)
     trust = np.where((own_shown == 0) & (frame > _BRIGHT * limits[0]), 1, trust)
-    return np.rint(255 * minimum_filter(shown * trust, _FRINGE)).astype(np.uint8)
+    result: ByteArray = np.rint(255 * minimum_filter(shown * trust, _FRINGE)).astype(np.uint8)
+    return result
 
 
 def _compared(
@@ -112,7 +113,7 @@ def _compared(
     mean, contrast = _means(weight, _WIDE, (np.clip(apart, -cap, cap), contrast))
     found = np.maximum(found, np.square(mean) / (_FAR**2 * contrast + even + _DEVIATIONS**2 * _kept(_WIDE) * both + _TINY))
 
-    down, across = np.gradient((reference + frame) / 2)
+    down, across = (np.asarray(each, np.float32) for each in np.gradient((reference + frame) / 2))
     dd, da, aa, d, a = _means(weight, _MOVED, (down**2, down * across, across**2, down * apart, across * apart))
     least = both / 4 + np.square(np.float32(0.003) * light) + _TINY  # of a squared gradient; the first is what noise makes of it
     dd, aa = (np.maximum(each - both / 4, 0) + least for each in (dd, aa))

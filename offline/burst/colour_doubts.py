@@ -1,8 +1,8 @@
 """Which blocks of a frame contradict the colour that the reference has around them, whatever their light is.
 
-Something may move in front of something else of the same luminance. Its blocks then read shares of the channels that no block of the
-reference nearby has. A thin coloured line, too, meets a block here and misses those there: so a doubt counts where four blocks
-together have it, or most of a neighbourhood.
+Something may move in front of something else of the same luminance. Its blocks then read shares of the channels that no block
+of the reference nearby has. A thin coloured line, too, meets a block here and misses those there: so a doubt counts where four
+blocks together have it, or most of a neighbourhood.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ from .motion import Motion
 _BLOCK, _AROUND = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood
 _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood
 _FILLED = 0.3  # error of filled luminance relative to the local contrast
-_DEVIATIONS = 2.5
+_DEVIATIONS = 3.0
 _LIT = 3.0  # standard deviations
 _RANGE = 1.5  # standard deviations by which noise alone makes the range of nine figures exceed their middle
 _SHARED = 0.15  # variance of the middle of that range, relative to one figure's; neighbours share it
@@ -38,7 +38,8 @@ def colour_doubts(base: Frame, frame: Frame, motion: Motion, gain: float, mosaic
     grid, gamma = mosaic.pattern.grid(mosaic.shape), np.array(mosaic.calibration.gamma)
     middle = (np.array(grid.block_shape) - 1) / 2
     rows, columns = grid.whole_rows + middle[0], grid.whole_columns + middle[1]
-    places = motion.back(*(np.broadcast_arrays(rows[:, None], columns)), mosaic.shape)
+    down, across = np.broadcast_arrays(rows[:, None], columns)
+    places = motion.back(down, across, mosaic.shape)
     at = [(place - first) / grid.period for place, first in zip(places, (rows[0], columns[0]), strict=True)]
 
     def there(planes: DoubleArray) -> DoubleArray:

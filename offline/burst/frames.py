@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import BoolArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
@@ -62,7 +62,7 @@ class Frame:
         """Amplitude of its fine detail beyond noise, relative to its light."""
         power, variance = detail(self.luminance, self.noise, np.ones(self.luminance.shape, bool))
         beyond = float(np.maximum(power - variance, 0).mean())
-        return beyond**0.5 / max(float(self.luminance.mean(dtype=np.float64)), _TINY)
+        return float(beyond**0.5) / max(float(self.luminance.mean(dtype=np.float64)), _TINY)
 
 
 def prepared(mosaic: Mosaic, settings: RenderSettings) -> Frame:
@@ -93,7 +93,7 @@ def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
     return found
 
 
-def detail(light: FloatArray, noise: NoiseModel | None, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+def detail(light: FloatArray, noise: NoiseModel | None, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Power of the fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0 where not all is seen."""
     fine = smoothed(light, _FINE)
     fine -= smoothed(light, _COARSE)
@@ -101,7 +101,7 @@ def detail(light: FloatArray, noise: NoiseModel | None, seen: FloatArray) -> tup
     return tiles(np.square(fine)) * whole, _KEPT * tiles(variance(light, noise) + np.zeros_like(light)) * whole
 
 
-def tiles(plane: FloatArray) -> FloatArray:
+def tiles(plane: FloatArray | BoolArray) -> FloatArray:
     """Means of whole tiles; of all of a plane that is smaller."""
     size = min(_TILE, *plane.shape)
     rows, columns = (count // size * size for count in plane.shape)

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray
+from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
+from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 
@@ -110,7 +111,7 @@ def as_arrays(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[Double
     return np.array(turns), np.array(starts), np.array(shifts, np.float32)
 
 
-def _sharpness(planes, noise, seen) -> float:
+def _sharpness(planes: tuple[FloatArray, FloatArray], noise: tuple[NoiseModel | None, NoiseModel | None], seen: BoolArray) -> float:
     """Amplitude of the frame's fine detail relative to the reference's: the median over tiles, which count by it."""
     (own, own_noise), (other, other_noise) = (detail(plane, model, seen) for plane, model in zip(planes, noise, strict=True))
     clear = own - own_noise > _DETAIL * np.maximum(own_noise, other_noise) + _TINY
@@ -120,7 +121,7 @@ def _sharpness(planes, noise, seen) -> float:
     return _median(ratio, np.sqrt((own - own_noise)[clear]))
 
 
-def _unevenness(base: Frame, frame: FloatArray, seen) -> float:
+def _unevenness(base: Frame, frame: FloatArray, seen: BoolArray) -> float:
     """How far the light of a quarter of the tiles differs from what the exposure explains, a share of it."""
     floor = _LIT * base.noise.sigma(0.0) if base.noise else 0.0
     share, own, other = tiles(seen), tiles(base.luminance * seen), tiles(frame * seen)

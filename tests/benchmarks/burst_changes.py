@@ -1,0 +1,49 @@
+"""A thing that moves through a burst: how good is the picture where it was, beside a single render? Usage: SCENE..."""
+
+import sys
+
+import numpy as np
+
+from offline import render
+from offline.burst import merge_burst, render_burst_bands
+from shared import CfaPattern, SensorCalibration
+from shared.arrays import BoolArray, FloatArray
+from shared.sensor import simulate_additive
+from tools.scenes.burst import Burst, burst_frames
+from tools.scenes.load import load_scene
+
+_SIGMAS = (0.0, 0.01, 0.03)
+_SIDE, _BORDER = 640, 15  # pixels: of the part of the scene, at full size; at the frame's edges, left out
+
+
+def decibels(picture: FloatArray, truth: FloatArray, where: BoolArray) -> float:
+    """PSNR of some pixels."""
+    return float(-10 * np.log10(np.square(picture[where] - truth[where]).mean()))
+
+
+def main() -> None:
+    print("scene, sigma: PSNR single, burst where the thing was in any frame; and elsewhere")
+    for path in sys.argv[1:]:
+        frames = list(burst_frames(_middle(load_scene(path).rgb), Burst(8, 3, 0.3, moving=True), np.random.default_rng(1), 2))
+        truth = frames[0].rgb
+        row, column = np.indices(truth.shape[:2])
+        things = [frame.thing for frame in frames if frame.thing]
+        changed = np.any([np.hypot(row - y, column - x) < radius + 2 for y, x, radius in things], axis=0)
+        inside = np.zeros_like(changed)
+        inside[_BORDER:-_BORDER, _BORDER:-_BORDER] = True
+        for sigma in _SIGMAS:
+            rng = np.random.default_rng(2)
+            shots = [simulate_additive(each.rgb, CfaPattern.bayer(6), SensorCalibration(), sigma, rng) for each in frames]
+            single = render(shots[0]).rgb
+            burst = np.concatenate(list(render_burst_bands(merge_burst(shots, reference=0))))
+            figures = [decibels(each, truth, where & inside) for where in (changed, ~changed) for each in (single, burst)]
+            print(path, sigma, *(f"{figure:.2f}" for figure in figures), flush=True)
+
+
+def _middle(rgb: FloatArray) -> FloatArray:
+    top, left = (max(size - _SIDE, 0) // 2 for size in rgb.shape[:2])
+    return rgb[top : top + _SIDE, left : left + _SIDE]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""Bursts in which something moves, and frames that do not fit: what changed is taken from the reference alone."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from offline import BEST, render
+from offline.burst import MergedBurst, judging, merge_burst, render_burst_bands
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import BoolArray, FloatArray
+from shared.sensor import simulate_additive
+
+_SHAPE = (132, 150)
+_SHIFTS = ((0.0, 0.0), (1.3, -0.7), (-2.2, 1.6), (0.6, 2.4))
+_PATTERN = CfaPattern.bayer(6)
+_THING = (45, 75)  # rows that it covers
+_AS_GOOD = {"other": 0.3, "equal": 0.8}  # decibels; a thing that only its colour shows is found to within a block
+_SETTINGS = replace(BEST, learned=replace(BEST.learned, used=False))
+
+
+def light(shift: tuple[float, float]) -> FloatArray:
+    """A smooth scene with texture, seen after a shift."""
+    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]].astype(np.float64)
+    y, x = y - shift[0], x - shift[1]
+    rng = np.random.default_rng(4)
+    grey = np.full(_SHAPE, 0.5)
+    for _ in range(25):
+        wave = rng.normal(0, 0.45, 2)
+        grey += 0.035 * np.sin(wave[0] * y + wave[1] * x + rng.uniform(0, 6))
+    tint = 0.06 * np.sin(0.05 * y + 0.08 * x)
+    return np.stack([grey * (1 + tint), grey, grey * (1 - tint)], axis=2).clip(0.02).astype(np.float32)
+
+
+def covered(number: int) -> BoolArray:
+    """Where the thing is in a frame; the camera's shift of it is less than its own way."""
+    left = 20 + 14 * number
+    mask = np.zeros(_SHAPE, bool)
+    mask[slice(*_THING), left : left + 36] = True
+    return mask
+
+
+def with_thing(kind: str) -> list[FloatArray]:
+    """The frames; "equal": the thing has the luminance of what it hides."""
+    frames = [light(shift) for shift in _SHIFTS]
+    for number, frame in enumerate(frames):
+        hidden = frame[covered(number)]
+        if kind == "equal":
+            frame[covered(number)] = hidden.sum(axis=1, keepdims=True) * np.array([0.55, 0.25, 0.2], np.float32)
+        elif kind == "other":
+            frame[covered(number)] = np.array([0.2, 0.3, 0.7], np.float32)
+    return frames
+
+
+def taken(frames: list[FloatArray], sigma: float = 0.0) -> list[Mosaic]:
+    rngs = (np.random.default_rng(number) for number in range(len(frames)))
+    return [simulate_additive(frame, _PATTERN, SensorCalibration(), sigma, rng) for frame, rng in zip(frames, rngs, strict=True)]
+
+
+def picture(merged: MergedBurst) -> FloatArray:
+    return np.concatenate(list(render_burst_bands(merged, _SETTINGS)))
+
+
+def error(result: FloatArray, truth: FloatArray, where: BoolArray) -> float:
+    """Mean squared error, decibels."""
+    return float(10 * np.log10(np.square(result[where] - truth[where]).mean() + 1e-7))
+
+
+@pytest.mark.parametrize(("kind", "sigma"), [("other", 0.0), ("other", 0.03), ("equal", 0.0), ("equal", 0.01)])
+def test_what_moves_is_as_in_a_single_render(kind: str, sigma: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = with_thing(kind)
+    shots = taken(frames, sigma)
+    changed = np.any([covered(number) for number in range(len(frames))], axis=0)
+    alone = error(render(shots[0], _SETTINGS).rgb, frames[0], changed)
+    assert error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed) < alone + _AS_GOOD[kind]
+
+    def every(*_: object) -> FloatArray:
+        return np.full(_SHAPE, 255, np.uint8)
+
+    monkeypatch.setattr(judging, "agreement", every)
+    monkeypatch.setattr(judging, "colour_doubts", lambda base, *_: np.zeros(base.colours.shape[:2], np.float32))
+    ghost = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
+    assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.03])
+def test_a_still_scene_is_trusted(sigma: float) -> None:
+    merged = merge_burst(taken([light(shift) for shift in _SHIFTS], sigma), _SETTINGS, reference=0)
+    assert all(frame.used for frame in merged.frames)
+    assert np.mean([frame.agreement for frame in merged.frames]) > 0.85
+
+
+def _flash(frame: FloatArray) -> FloatArray:
+    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
+    return np.asarray(frame * (0.8 + np.exp(-((y - 60) ** 2 + (x - 70) ** 2) / 2500))[..., None], np.float32)
+
+
+def _soft(frame: FloatArray) -> FloatArray:
+    soft: FloatArray = gaussian_filter(frame, (2, 2, 0))
+    return soft
+
+
+ODD: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "out of focus": _soft,
+    "lit differently": _flash,
+    "black": np.zeros_like,
+    "pixels, the reference": lambda frame: frame[:120],
+    "leave the frame out": lambda frame: np.ascontiguousarray(np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]),
+}
+
+
+@pytest.mark.parametrize("reason", list(ODD))
+@pytest.mark.parametrize("sigma", [0.0, 0.03])
+def test_an_odd_frame_is_refused_by_name_and_is_no_reference(reason: str, sigma: float) -> None:
+    frames = [light(shift) for shift in _SHIFTS]
+    frames[1] = ODD[reason](frames[1])
+    merged = merge_burst(taken(frames, sigma), _SETTINGS)
+    assert [frame.used for frame in merged.frames] == [True, False, True, True]
+    assert reason in merged.frames[1].reason
+    assert merged.reference != 1
+
+
+def test_other_sensors_are_refused_and_other_codes_are_not() -> None:
+    shots = taken([light(shift) for shift in _SHIFTS])
+    grbg = taken([light(_SHIFTS[1])])[0]
+    other = CfaPattern.bayer(6, "GRBG")
+    shots[1] = replace(grbg, pattern=other)
+    shots[2] = replace(shots[2], calibration=SensorCalibration(gamma=(0.8, 1, 1)))
+    shots[3] = replace(shots[3], calibration=SensorCalibration.of_bits(12))
+    frames = merge_burst(shots, _SETTINGS, reference=0).frames
+    assert ["filter pattern" in frames[1].reason, "another camera" in frames[2].reason, frames[3].used] == [True, True, True]
+
+
+def test_a_bracket_shows_what_one_exposure_clips() -> None:
+    """And its steps are measured, so nobody has to state them."""
+    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
+    noise = NoiseModel((2e-4,) * 4, (2e-3,) * 4)
+    calibration, exposures, shots, truth = replace(SensorCalibration.of_bits(12), noise=noise), (1, 0.25, 2), [], []
+    for number, exposure in enumerate(exposures):
+        down, across = _SHIFTS[number]
+        sun = 0.6 + 2.0 * np.exp(-((y - down - 60) ** 2 + (x - across - 70) ** 2) / 150)
+        truth.append((light(_SHIFTS[number]) * sun[..., None]).astype(np.float32))
+        seen = simulate_additive(truth[-1] * np.float32(exposure), _PATTERN, calibration, 0.002, np.random.default_rng(number))
+        shots.append(Mosaic(seen.codes, _PATTERN, calibration))
+    merged = merge_burst(shots, _SETTINGS, reference=0)
+    assert [frame.reason for frame in merged.frames] == [""] * 3
+    assert [frame.gain for frame in merged.frames] == pytest.approx(exposures, rel=0.01)
+    clipped = truth[0].sum(axis=2) > 3
+    assert clipped.any()
+    single, both = render(shots[0], _SETTINGS).rgb, picture(merged)
+    assert error(both, truth[0], clipped) < error(single, truth[0], clipped) - 3
+    assert error(both, truth[0], ~clipped) < error(single, truth[0], ~clipped)
+    assert merge_burst(shots[::-1], _SETTINGS).reference != 0, "the longest exposure is clipped"
