@@ -38,7 +38,7 @@ from .samples import ColourSamples
 _NOTHING = np.empty((0, 0), np.float32)
 _SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is in doubt
 _SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
-_SMOOTHNESS, _FADING, _EDGE = 0.1, 0.01, 0.03
+_SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
 
 
 @dataclass(frozen=True, eq=False)

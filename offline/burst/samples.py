@@ -21,7 +21,7 @@ _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own
 _NEAR = 1.0  # pixels: standard deviation of the neighbourhood in which luminance is looked at
 _DOUBT, _KNOWN = 0.3, 0.3  # error of light as a share of the contrast, where the reference is alone; relative variance without it
 _ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full
-_ERROR = 1e-6  # variance of what a picture misses of a sample besides noise, scene units squared
+_ERROR = 5e-7  # variance of what a picture misses of a sample besides noise, scene units squared
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,13 +20,14 @@ MOTIONS = [Motion(shift) for shift in SHIFTS]
 
 def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> FloatArray:
     """What a frame sees: fine waves of light, and coloured lines that are thinner than the distance of two blocks."""
-    y, x = (plane.astype(np.float32) for plane in np.indices(shape))
-    y, x = (plane.astype(np.float64) for plane in motion.back(y, x, shape))
+    row, column = (plane.astype(np.float32) for plane in np.indices(shape))
+    y, x = (plane.astype(np.float64) for plane in motion.back(row, column, shape))
     brightness = light(y, x) / 3
     lines = np.exp(-np.square((x + 0.3 * y) % 17 - 8) / 3)
     share = np.ones((*shape, channels)) + 0.5 * np.sin(np.arange(channels) + y[..., None] / 40)
     share[..., 0] += 1.5 * lines
-    return (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(np.float32)
+    rgb: FloatArray = (share / share.sum(axis=2, keepdims=True) * channels * brightness[..., None]).astype(np.float32)
+    return rgb
 
 
 def shots(sigma: float, motions: list[Motion] = MOTIONS, pattern: CfaPattern | None = None) -> list[Mosaic]:
