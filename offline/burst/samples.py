@@ -15,7 +15,7 @@ from shared.pattern import BlockGrid
 from ..gaussian import smoothed
 from ..kernels.spreading import TILE, Samples
 
-_GRADIENT = 0.01  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
+_GRADIENT = 0.04  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
 _FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
 _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
 _NEAR = 1.0  # pixels: standard deviation of the neighbourhood in which luminance is looked at
