@@ -50,6 +50,8 @@ class SiteSamples:
     variance: variance of their noise, scene units squared; None = there is no noise, or it is unknown.
     trusted: bool (rows, columns), blocks without a sample at the sensor's limit in them or next to them.
     doubt: standard deviation of the error of filled luminance, float32 (rows, columns), scene units.
+    kept: share of what the samples miss that `correct_sites` corrects, float32 (rows, columns), 0 to 1; None = all of it. A burst
+        corrects the rest itself, with the samples of all frames.
     """
 
     pattern: CfaPattern
@@ -59,6 +61,7 @@ class SiteSamples:
     variance: FloatArray | None
     trusted: BoolArray
     doubt: FloatArray
+    kept: FloatArray | None = None
 
     @property
     def channels(self) -> IndexArray:
@@ -231,6 +234,9 @@ def correct_sites(part: Part, sites: SiteSamples, gamma: tuple[float, ...], sett
     shares = np.stack([part.chromaticity[*place] * weights for _, *place in places], axis=2)  # (rows, columns, S, C)
     colour = np.stack([shares[:, :, site, channel] for site, channel in enumerate(sites.channels)], axis=2)
     light, tints = most_probable(sites.error(part, weights, rows), colour, sites, rows, weights, settings)
+    if sites.kept is not None:
+        light *= sites.kept[rows, :, None]
+        tints *= sites.kept[rows, :, None, None]
     luminance, chromaticity = part.luminance.copy(), part.chromaticity.copy()
     for site, (_, *place) in enumerate(places):
         before = luminance[*place]

@@ -100,7 +100,8 @@ def merge_burst(
     blocks = with_trusted_colour(blocks, found.trust, mosaic)
     sites = site_samples(samples, found.clear, luminance, noise)
     alone = np.maximum(gathered(shares, block_sites(pattern, grid)).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
-    sites = replace(sites, doubt=(sites.doubt * alone).astype(np.float32))  # others measure luminance under the sites too
+    alone = alone.astype(np.float32)
+    sites = replace(sites, doubt=sites.doubt * alone, kept=alone)  # others measure luminance under the sites too
     settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return MergedBurst(
         found.reference, found.frames, shares, mosaic, Measured(settled, blocks, sites), colours.relit(settled - luminance)
