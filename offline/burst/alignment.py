@@ -29,7 +29,7 @@ _LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on ea
 _LEAST_AGREEMENT = 0.3
 _MOST_ERROR = 0.5  # pixels
 _MOST_UNEVEN = 0.1
-_REMEDY = "leave this frame out"
+REMEDY = "leave this frame out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +76,15 @@ def align(
     motion, tiles, error = _refined(fine, motion, tiles.gain)
     agreement = _agreement(pyramid[0], tiles, noise)
     if not error <= _MOST_ERROR:
-        raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene; {_REMEDY}")
+        raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene; {REMEDY}")
     motion, tiles = _with_local_shifts(pyramid[:_LOCAL_LEVELS], motion, tiles)
     agreement = max(agreement, _agreement(pyramid[0], tiles, noise))
     if agreement < _LEAST_AGREEMENT:
         share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        raise InputError(f"another scene, or too little texture: {share}; {_REMEDY}")
+        raise InputError(f"another scene, or too little texture: {share}; {REMEDY}")
     if tiles.unevenness > _MOST_UNEVEN:
         share = f"half of it differs by {100 * tiles.unevenness:.0f} % from an even change, at most {100 * _MOST_UNEVEN:.0f} % may"
-        raise InputError(f"its light comes from elsewhere, as from a flash: {share}; {_REMEDY}")
+        raise InputError(f"its light comes from elsewhere, as from a flash: {share}; {REMEDY}")
     return Alignment(motion, tiles.gain, error, agreement, tiles.unevenness)
 
 

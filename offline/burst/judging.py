@@ -12,7 +12,7 @@ from shared.mosaic import Mosaic
 
 from ..kernels.merging import displace
 from .agreement import agreement, sure
-from .alignment import align
+from .alignment import REMEDY, align
 from .colour_doubts import colour_doubts, on_pixels
 from .frames import Frame, detail, scaled, tiles
 from .motion import Motion
@@ -73,7 +73,7 @@ def judged(base: Frame, frame: Frame, mosaic: Mosaic, known: Motion | None) -> t
         try:
             found = align(base.luminance, frame.luminance, (base.noise, frame.noise), (base.limit, frame.limit))
         except InputError as error:
-            return Judged(False, str(error)), nothing
+            return Judged(False, str(error).removesuffix(f"; {REMEDY}")), nothing  # that is what becomes of it
         result = Judged(True, "", found.motion, found.gain, found.error)
     else:
         result = Judged(True, "", known)

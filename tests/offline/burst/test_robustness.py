@@ -104,10 +104,10 @@ def _soft(frame: FloatArray) -> FloatArray:
 
 ODD: dict[str, Callable[[FloatArray], FloatArray]] = {
     "out of focus": _soft,
-    "lit differently": _flash,
+    "its light comes from elsewhere": _flash,
     "black": np.zeros_like,
     "pixels, the reference": lambda frame: frame[:120],
-    "leave the frame out": lambda frame: np.ascontiguousarray(np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]),
+    "cannot be aligned": lambda frame: np.ascontiguousarray(np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]),
 }
 
 
