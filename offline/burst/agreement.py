@@ -6,8 +6,6 @@ Four things tell of a change: another mean; differences as large as the texture;
 neighbourhood (a pale thing in noise); and differences that a shift explains (a branch that sways by a part of a pixel).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.ndimage import minimum_filter
 
@@ -15,7 +13,8 @@ from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel
 
 from ..gaussian import gaussian
-from .frames import smoothed, variance
+from ..kernels.agreeing import MOVED, NEAR, compare_far, compare_near, products
+from .frames import smoothed
 
 _NEAR, _MOVED, _WIDE = 1.5, 2.0, 5.0  # pixels: standard deviations of the neighbourhoods
 _MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, as a share of the contrast
@@ -26,7 +25,6 @@ _LOW, _HIGH = 0.3, 0.8  # raw trust that counts as none, and as all: half-truste
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
 _BRIGHT, _CLIPPED = 0.92, 0.98  # of the limit: light that counts less, and not at all
 _GAPS = np.float32(1.2)  # by which pixels that do not measure luminance raise the noise of a mean
-_TINY = np.float32(1e-12)
 _STRIP, _HALO = 256, 24  # rows that are judged at a time, and around them
 
 Limits = tuple[float, float]
@@ -83,7 +81,7 @@ def _trust(
     frame = np.where(seen, frame, reference)
     shown, own_shown = unclipped(frame, limits[1]) * seen, unclipped(reference, limits[0])
     weight = measured * (shown > 0) * (own_shown > 0) + np.float32(1e-4)
-    raw = _compared(reference, frame, weight, noise)
+    raw = _compared(np.ascontiguousarray(reference), frame, weight.astype(np.float32), noise)
     trust = sure(raw)
     trust = np.where((own_shown == 0) & (frame > _BRIGHT * limits[0]), 1, trust)
     result: ByteArray = np.rint(255 * minimum_filter(shown * trust, _FRINGE)).astype(np.uint8)
@@ -94,41 +92,26 @@ def _compared(
     reference: FloatArray, frame: FloatArray, weight: FloatArray, noise: tuple[NoiseModel | None, NoiseModel | None]
 ) -> FloatArray:
     """The squared difference in units of what is tolerated."""
-    apart = frame - reference
-    own, other = (variance(plane, model) for plane, model in zip((reference, frame), noise, strict=True))
-    both = own + other
-
-    light, light_of_frame, power, power_of_frame, mean, rest = _means(
-        weight, _NEAR, (reference, frame, reference**2, frame**2, apart, apart**2)
-    )
-    contrast = np.minimum(power - light**2 - own, power_of_frame - light_of_frame**2 - other).clip(0)
-    even = np.square(np.float32(_LIGHT) * light)
+    shape = reference.shape
+    own, other = ((each.shot[-1], each.read[-1] ** 2) if each else (0.0, 0.0) for each in noise)
+    model = *own, *other
+    near, moved = np.empty((NEAR, *shape), np.float32), np.empty((MOVED, *shape), np.float32)
+    products(reference, frame, weight, near, moved)
+    near, moved = _means(near, _NEAR), _means(moved, _MOVED)
     kept = _kept(_NEAR)
-    tolerated = _MEAN**2 * contrast + even
-    found = np.square(mean) / (tolerated + _DEVIATIONS**2 * kept * both + _TINY)
-    rest = np.maximum(rest - both * (1 + _DEVIATIONS * (2 * kept) ** 0.5), 0)
-    found = np.maximum(found, rest / (_TEXTURE**2 * contrast + 4 * even + np.float32(0.3) * both + _TINY))
-
-    cap = _CAP * np.sqrt(both + tolerated)
-    mean, contrast = _means(weight, _WIDE, (np.clip(apart, -cap, cap), contrast))
-    found = np.maximum(found, np.square(mean) / (_FAR**2 * contrast + even + _DEVIATIONS**2 * _kept(_WIDE) * both + _TINY))
-
-    down, across = (np.asarray(each, np.float32) for each in np.gradient((reference + frame) / 2))
-    dd, da, aa, d, a = _means(weight, _MOVED, (down**2, down * across, across**2, down * apart, across * apart))
-    least = both / 4 + np.square(np.float32(0.003) * light) + _TINY  # of a squared gradient; the first is what noise makes of it
-    dd, aa = (np.maximum(each - both / 4, 0) + least for each in (dd, aa))
-    explained = (aa * d**2 - 2 * da * d * a + dd * a**2) / np.maximum(dd * aa - da**2, np.float32(1e-3) * dd * aa)
-    tolerated = _SHIFT**2 * (dd + aa) + even + _DEVIATIONS**2 * _kept(_MOVED) * both + _TINY
-    result: FloatArray = np.maximum(found, explained / tolerated)
-    return result
+    limits = _MEAN**2, _TEXTURE**2, _LIGHT, _DEVIATIONS**2 * kept, 1 + _DEVIATIONS * (2 * kept) ** 0.5, 0.3, _CAP
+    wide, found = np.empty((3, *shape), np.float32), np.empty(shape, np.float32)
+    compare_near(reference, frame, weight, near, model, limits, wide, found)
+    far = _FAR**2, _LIGHT, _DEVIATIONS**2 * _kept(_WIDE), _SHIFT**2, _DEVIATIONS**2 * _kept(_MOVED)
+    compare_far(reference, frame, near, _means(wide, _WIDE), moved, model, far, found)
+    return found
 
 
-def _means(weight: FloatArray, sigma: float, planes: Sequence[FloatArray]) -> list[FloatArray]:
-    """Weighted means around each pixel."""
-    total = smoothed(weight, sigma)
-    return [smoothed(weight * plane, sigma) / total for plane in planes]
+def _means(planes: FloatArray, sigma: float) -> FloatArray:
+    """Sums around each pixel, of a weight and of what is weighted by it."""
+    return np.stack([smoothed(plane, sigma) for plane in planes])
 
 
-def _kept(sigma: float) -> np.float32:
-    """The share of the variance of noise that such a mean keeps."""
-    return _GAPS * np.float32(np.square(gaussian(sigma)).sum()) ** 2
+def _kept(sigma: float) -> float:
+    """The share of the variance of noise that a mean keeps."""
+    return float(_GAPS * np.float32(np.square(gaussian(sigma)).sum()) ** 2)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import mirrored, zeros
@@ -21,29 +21,33 @@ def smooth(plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
     (height, width), reach = plane.shape, len(taps) // 2
     for strip in prange((height + _STRIP - 1) // _STRIP):
         lines, total = zeros(len(taps), width + 2 * WIDTH), zeros(width + 2 * reach + 3 * WIDTH)
+        slots = np.empty(len(taps), np.intp)
         first, last = strip * _STRIP, min((strip + 1) * _STRIP, height)
         for row in range(first - reach, last + reach):
             source = mirrored(row, height)
             for column in range(width):
                 lines[row % len(taps), column] = plane[source, column]
             if row >= first + reach:
-                _sum_down(lines, row - 2 * reach, taps, width, reach, total)
+                for step in range(len(taps)):
+                    slots[step] = (row - 2 * reach + step) % len(taps)
+                _sum_down(lines, slots, taps, width, reach, total)
+                oldest = slots[0]  # its line is not needed any more
                 for column in range(0, width, WIDTH):
                     light = taps[0] * load(total, column)
                     for step in range(1, len(taps)):
                         light += taps[step] * load(total, column + step)
-                    store(lines, ((row + 1) % len(taps), column), light)  # the oldest line is not needed any more
+                    store(lines, (oldest, column), light)
                 for column in range(width):
-                    out[row - reach, column] = lines[(row + 1) % len(taps), column]
+                    out[row - reach, column] = lines[oldest, column]
 
 
 @kernel
-def _sum_down(lines: FloatArray, first: int, taps: FloatArray, width: int, reach: int, total: FloatArray) -> None:
-    """Sum up rows from `first` on, weighted, to `total`, which gets mirrored columns on both sides."""
+def _sum_down(lines: FloatArray, slots: IndexArray, taps: FloatArray, width: int, reach: int, total: FloatArray) -> None:
+    """Sum up the rows in `slots`, weighted, to `total`, which gets mirrored columns on both sides."""
     for column in range(0, width, WIDTH):
-        light = taps[0] * load(lines, (first % len(taps), column))
+        light = taps[0] * load(lines, (slots[0], column))
         for step in range(1, len(taps)):
-            light += taps[step] * load(lines, ((first + step) % len(taps), column))
+            light += taps[step] * load(lines, (slots[step], column))
         store(total, column + reach, light)
     for step in range(1, reach + 1):
         total[reach - step] = total[reach + mirrored(-step, width)]

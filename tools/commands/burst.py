@@ -16,7 +16,7 @@ from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED
-from tools.host.memory import allowed_memory
+from tools.host.memory import allowed_memory, reuse_memory
 from tools.rendering.burst import BurstOrder, Shift
 from tools.rendering.frames import same_file
 from tools.rendering.options import add_picture, add_run, order_fields
@@ -56,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Make the picture; returns the exit code."""
+    reuse_memory()
     allowed_memory(arguments.max_memory)
     fields = order_fields(arguments)
     folder, suffix = fields["folder"], fields["kind"].suffix
