@@ -48,8 +48,8 @@ def compared(reference: DoubleArray, frame: DoubleArray, weight: DoubleArray, no
     mean, contrast = means(weight, settings._WIDE, (np.clip(apart, -cap, cap), contrast))
     spread = deviations**2 * kept(settings._WIDE) * both
     of_neighbourhood = mean**2 / (settings._FAR**2 * contrast + even + spread + 1e-12)
-    down, across = np.gradient((reference + frame) / 2)
-    gradients: list[DoubleArray] = [down**2, down * across, across**2, down * apart, across * apart]
+    down, across = (np.asarray(slope, np.float64) for slope in np.gradient((reference + frame) / 2))
+    gradients = [down**2, down * across, across**2, down * apart, across * apart]
     dd, da, aa, d, a = means(weight, settings._MOVED, gradients)
     least = both / 4 + (0.003 * light) ** 2 + 1e-12
     dd, aa = (np.maximum(each - both / 4, 0) + least for each in (dd, aa))
