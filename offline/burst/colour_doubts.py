@@ -5,6 +5,8 @@ of the reference nearby has. A thin coloured line, too, meets a block here and m
 blocks together have it, or most of a neighbourhood.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum_filter
 
@@ -30,12 +32,27 @@ _NEAR = 1.5  # pixels: standard deviation of the neighbourhood in which contrast
 _TINY = 1e-12
 
 
-def colour_doubts(base: Frame, frame: Frame, motion: Motion, gain: float, mosaic: Mosaic) -> FloatArray:
+class BlockColours(NamedTuple):
+    """What the whole blocks of a frame saw, float64, units of the reference.
+
+    channels: times gamma, (C, rows, columns).
+    light: luminance, (rows, columns).
+    contrast: variance of luminance around them, without noise, (rows, columns).
+    noise: variance of the noise of `channels`, that of luminance included, (C, rows, columns).
+    """
+
+    channels: DoubleArray
+    light: DoubleArray
+    contrast: DoubleArray
+    noise: DoubleArray
+
+
+def colour_doubts(known: BlockColours, frame: Frame, motion: Motion, gain: float, mosaic: Mosaic) -> FloatArray:
     """Squared contradiction of each whole block of the frame, (block rows, block columns); from 1 on it is no accident.
 
-    mosaic: the reference.
+    known: the colours of the reference. mosaic: it.
     """
-    grid, gamma = mosaic.pattern.grid(mosaic.shape), np.array(mosaic.calibration.gamma)
+    grid = mosaic.pattern.grid(mosaic.shape)
     middle = (np.array(grid.block_shape) - 1) / 2
     rows, columns = grid.whole_rows + middle[0], grid.whole_columns + middle[1]
     down, across = np.broadcast_arrays(rows[:, None], columns)
@@ -45,12 +62,12 @@ def colour_doubts(base: Frame, frame: Frame, motion: Motion, gain: float, mosaic
     def there(planes: DoubleArray) -> DoubleArray:
         return np.stack([map_coordinates(plane, at, order=1, mode="nearest") for plane in planes])
 
-    known, light, rough, noise = _blocks(base, mosaic, 1.0, gamma)
-    shares = known / np.maximum(light, _TINY)
+    channels, light, rough, noise = known
+    shares = channels / np.maximum(light, _TINY)
     low, high = (np.stack([extreme(plane, 3) for plane in shares]) for extreme in (minimum_filter, maximum_filter))
     middle_share, half = there((low + high) / 2), there((high - low) / 2)
     half = np.maximum(half - _RANGE * there(np.sqrt(noise) / np.maximum(light, _TINY)), 0)
-    seen, light, other, own = _blocks(frame, mosaic, gain, gamma)
+    seen, light, other, own = block_colours(frame, mosaic, gain)
     beyond = seen - np.clip(seen, (middle_share - half) * light, (middle_share + half) * light)
     filled = np.square(_FILLED * middle_share) * (other + there(rough[None]))
     expected = there(noise)
@@ -81,12 +98,9 @@ def on_pixels(doubts: FloatArray, motion: Motion, mosaic: Mosaic, rows: slice) -
     return found
 
 
-def _blocks(
-    frame: Frame, mosaic: Mosaic, gain: float, gamma: DoubleArray
-) -> tuple[DoubleArray, DoubleArray, DoubleArray, DoubleArray]:
-    """Of each block: its channels times gamma (C, rows, columns), luminance, squared contrast, variance of the channels' noise
-    (C, rows, columns), that of luminance included.
-    """
+def block_colours(frame: Frame, mosaic: Mosaic, gain: float) -> BlockColours:
+    """The colours of the blocks of a frame that is `gain` times as bright as the reference. mosaic: the reference."""
+    gamma = np.array(mosaic.calibration.gamma)
     pattern = mosaic.pattern
     channels = np.array(pattern.sites)[:, 2]
     places = block_sites(pattern, pattern.grid(mosaic.shape))
@@ -105,4 +119,4 @@ def _blocks(
             own = (known.shot[channel] * np.maximum(value, 0) + known.read[channel] ** 2) * weight**2 / mine.sum()
             filled = np.square(seen[channel] / np.maximum(light, _TINY)) / len(channels)
             noise[channel] = own + filled * (known.shot[-1] * np.maximum(light, 0) + known.read[-1] ** 2)
-    return seen, light, contrast, noise
+    return BlockColours(seen, light, contrast, noise)

@@ -16,6 +16,7 @@ from ..settings import RenderSettings
 from ..sites import unclipped_blocks
 from ..trust import trust_in_blocks
 from .agreement import unclipped
+from .colour_doubts import block_colours
 from .frames import Frame, prepared
 from .judging import Judged, judged, misfit
 from .motion import Motion
@@ -90,6 +91,7 @@ def _with(
     trust, clear = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
     samples = restore_highlights(samples, clipping, settings.highlights)
     base = replace(frames[number], luminance=recover_luminance(samples, settings.luminance))
+    colours = block_colours(base, reference, 1.0)
     everything: list[Judged] = []
     kept, trusts = [(base, Motion(), 1.0)], [np.full(reference.shape, 255, np.uint8)]
     progress.stage("aligning", len(frames))
@@ -101,7 +103,7 @@ def _with(
         if reason := misfit(shots[index], reference):
             everything.append(Judged(False, reason))
             continue
-        result, agrees = judged(base, frame, reference, None if motions is None else motions[index])
+        result, agrees = judged(base, colours, frame, reference, None if motions is None else motions[index])
         everything.append(result)
         if result.used and result.motion is not None:
             kept.append((frame, result.motion, result.gain))

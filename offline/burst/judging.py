@@ -13,9 +13,10 @@ from shared.mosaic import Mosaic
 from ..kernels.merging import displace
 from .agreement import agreement, sure
 from .alignment import REMEDY, align
-from .colour_doubts import colour_doubts, on_pixels
+from .colour_doubts import BlockColours, colour_doubts, on_pixels
 from .frames import Frame, detail, scaled, tiles
 from .motion import Motion
+from .tiles import weighted_median
 
 _LEAST_AGREEMENT = 0.2
 _LEAST_SHARPNESS = 0.85
@@ -61,10 +62,10 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
     return ""
 
 
-def judged(base: Frame, frame: Frame, mosaic: Mosaic, known: Motion | None) -> tuple[Judged, ByteArray]:
+def judged(base: Frame, colours: BlockColours, frame: Frame, mosaic: Mosaic, known: Motion | None) -> tuple[Judged, ByteArray]:
     """What to make of a frame, and how far it agrees with the reference at each pixel, 0 to 255, uint8 (H, W).
 
-    base: the reference. mosaic: it, too. known: the motion, where it is known.
+    base: the reference, and the colours of its blocks. mosaic: it, too. known: the motion, where it is known.
     """
     shape, nothing = mosaic.shape, np.zeros(0, np.uint8)
     if reason := frame.empty:
@@ -93,7 +94,7 @@ def judged(base: Frame, frame: Frame, mosaic: Mosaic, known: Motion | None) -> t
     if (uneven := _unevenness(base, shown_light, seen)) > _UNEVEN:
         return replace(result, used=False, reason=f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"), nothing
     trust = agreement(base.luminance, shown, measured, noise, limits)
-    doubts = colour_doubts(base, frame, motion, gain, mosaic)
+    doubts = colour_doubts(colours, frame, motion, gain, mosaic)
     for top in range(0, shape[0], _STRIP):
         rows = slice(top, min(top + _STRIP, shape[0]))
         trust[rows] = np.rint(trust[rows] * sure(on_pixels(doubts, motion, mosaic, rows)))
@@ -118,7 +119,7 @@ def _sharpness(planes: tuple[FloatArray, FloatArray], noise: tuple[NoiseModel | 
     if not clear.any():
         return 1.0  # nothing tells
     ratio = np.sqrt(np.maximum(other - other_noise, 0)[clear] / (own - own_noise)[clear])
-    return _median(ratio, np.sqrt((own - own_noise)[clear]))
+    return weighted_median(ratio, np.sqrt((own - own_noise)[clear]))
 
 
 def _unevenness(base: Frame, frame: FloatArray, seen: BoolArray) -> float:
@@ -130,9 +131,3 @@ def _unevenness(base: Frame, frame: FloatArray, seen: BoolArray) -> float:
         return 0.0
     ratio = np.log(other[lit] / own[lit])
     return float(np.expm1(np.quantile(np.abs(ratio - np.median(ratio)), 0.75)))
-
-
-def _median(values: FloatArray, weights: FloatArray) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, total[-1] / 2)])

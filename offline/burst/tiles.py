@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shared.arrays import DoubleArray
+from shared.arrays import DoubleArray, FloatArray
 
 from ..kernels.displacement import SUMS, displacement_sums
 from .levels import BLUR, SPREAD, Level, tile_edges
@@ -66,7 +66,7 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
     seen = (pixels > 0) & (r > 0)
     ratios, light = (f[seen] / r[seen], r[seen]) if seen.any() else (np.ones(1), np.ones(1))
     brighter = float(np.median(ratios))
-    unevenness = _weighted_median(np.abs(ratios / brighter - 1), light) if brighter > 0 else 0.0
+    unevenness = weighted_median(np.abs(ratios / brighter - 1), light) if brighter > 0 else 0.0
     middles = [level.offsets((each[1:] + each[:-1] - 1) / 2, axis) for axis, each in enumerate((rows, columns))]
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
     chance = _STEEPNESS / 2 * noise * (pixels + _DEVIATIONS * np.sqrt(SPREAD * pixels))
@@ -87,7 +87,8 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
     )
 
 
-def _weighted_median(values: DoubleArray, weights: DoubleArray) -> float:
+def weighted_median(values: FloatArray | DoubleArray, weights: FloatArray | DoubleArray) -> float:
+    """The value that half of the weight lies below. values, weights: (n,), n > 0."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, total[-1] / 2)])

@@ -5,11 +5,10 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
+from .interpolation import interpolated
 from .lanes import Scalar
 
-Taps = tuple[Scalar, Scalar, Scalar, Scalar]
-
-_HALF, _ONE, _TWO, _THREE, _FOUR, _FIVE = (np.float32(value) for value in (0.5, 1, 2, 3, 4, 5))
+_HALF, _ONE = np.float32(0.5), np.float32(1)
 
 SUMS = 14
 """How many sums a tile has: 1, gy, gx, gy gy, gy gx, gx gx, e, gy e, gx e, e e, r, f, r r, r f, in this order."""
@@ -68,7 +67,7 @@ def _add_row(
         to_y, to_x = down + turn[1] * x, beside + turn[3] * x
         if not (1.0 <= to_y < height - 2.0 and 1.0 <= to_x < width - 2.0):
             continue
-        f = part * _between(frame, to_y, to_x)
+        f = part * interpolated(frame, to_y, to_x)
         r = reference[y, x]
         steep_y = _HALF * (reference[y + 1, x] - reference[y - 1, x])
         steep_x = _HALF * (reference[y, x + 1] - reference[y, x - 1])
@@ -91,32 +90,3 @@ def _add_row(
         srf += r * f
     for each, value in enumerate((n, gy, gx, gyy, gyx, gxx, se, gye, gxe, see, sr, sf, srr, srf)):
         total[each] += value
-
-
-@kernel
-def _between(plane: FloatArray, y: float, x: float) -> Scalar:
-    """Bicubic interpolation (Keys 1981, a = -1/2) at a place at least one pixel inside the plane."""
-    top, left = int(y), int(x)
-    along, down = _taps(np.float32(x - left)), _taps(np.float32(y - top))
-    before, after = _line(plane, top - 1, left, along), _line(plane, top + 2, left, along)
-    return (
-        down[0] * before + down[1] * _line(plane, top, left, along) + down[2] * _line(plane, top + 1, left, along) + down[3] * after
-    )
-
-
-@kernel
-def _line(plane: FloatArray, y: int, x: int, taps: Taps) -> Scalar:
-    light: Scalar = taps[0] * plane[y, x - 1] + taps[1] * plane[y, x] + taps[2] * plane[y, x + 1] + taps[3] * plane[y, x + 2]
-    return light
-
-
-@kernel
-def _taps(t: Scalar) -> Taps:
-    """Weights of four neighbours for a place 0 <= t < 1 after the second."""
-    square, cube = t * t, t * t * t
-    return (
-        _HALF * (_TWO * square - cube - t),
-        _HALF * (_THREE * cube - _FIVE * square + _TWO),
-        _HALF * (_FOUR * square - _THREE * cube + t),
-        _HALF * (cube - square),
-    )

@@ -12,7 +12,9 @@ from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexAr
 
 from .compile import kernel, parallel_kernel, prange
 from .functions import zeros
+from .interpolation import interpolated
 from .lanes import Scalar
+from .motions import Area, Motions, back, bounds, there
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, and around it
 _ITERATIONS = 4
@@ -23,11 +25,6 @@ _NARROW = np.array([0.7866, 0.1067], np.float32)  # Gaussian of half a place of 
 _WIDE = np.array([0.2005, 0.1769, 0.1216, 0.0651, 0.0271, 0.0088], np.float32)  # of 2 places
 _NONE, _ONE = np.float32(0), np.float32(1)
 _ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
-
-Motions = tuple[DoubleArray, DoubleArray, FloatArray]
-"""(turns, starts, shifts) of F frames, (F, 2, 2), (F, 2), (F, node rows, node columns, 2), as `burst.Motion` has them."""
-Area = tuple[int, int, int, int]
-Taps = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 @parallel_kernel(
@@ -266,101 +263,3 @@ def _light_at_sites(
                     if core[0] <= near[0] < core[1] and core[2] <= near[1] < core[3]:
                         light[frame, row, column, site] = interpolated(fine, 2 * (y - area[0]), 2 * (x - area[2]))
                         weight[frame, row, column, site] = trust[frame, near[0], near[1]] / 255.0
-
-
-@kernel
-def there(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
-    """Where a point of the reference lies in a frame."""
-    turns, starts, shifts = motions
-    down, across = _shift(shifts, frame, y, x, shape)
-    return (
-        turns[frame, 0, 0] * y + turns[frame, 0, 1] * x + starts[frame, 0] + down,
-        turns[frame, 1, 0] * y + turns[frame, 1, 1] * x + starts[frame, 1] + across,
-    )
-
-
-@kernel
-def back(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
-    """Where a point of a frame lies in the reference. Local shifts change slowly: three rounds are exact to a thousandth of one."""
-    turns, starts, shifts = motions
-    down, across = y - starts[frame, 0], x - starts[frame, 1]
-    at_y = turns[frame, 0, 0] * down + turns[frame, 1, 0] * across
-    at_x = turns[frame, 0, 1] * down + turns[frame, 1, 1] * across
-    if shifts.shape[1] < 2:
-        return at_y, at_x
-    for _ in range(3):
-        local = _shift(shifts, frame, at_y, at_x, shape)
-        at_y = turns[frame, 0, 0] * (down - local[0]) + turns[frame, 1, 0] * (across - local[1])
-        at_x = turns[frame, 0, 1] * (down - local[0]) + turns[frame, 1, 1] * (across - local[1])
-    return at_y, at_x
-
-
-@kernel
-def _shift(shifts: FloatArray, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
-    """The local shift at a point of the reference."""
-    rows, columns = shifts.shape[1], shifts.shape[2]
-    if rows < 2:
-        return 0.0, 0.0
-    at_y = min(max(y * (rows - 1) / max(shape[1] - 1, 1), 0.0), rows - 1.0)
-    at_x = min(max(x * (columns - 1) / max(shape[2] - 1, 1), 0.0), columns - 1.0)
-    top, left = min(int(at_y), rows - 2), min(int(at_x), columns - 2)
-    down, across = at_y - top, at_x - left
-    a, b, c, d = (1 - down) * (1 - across), (1 - down) * across, down * (1 - across), down * across
-    return (
-        a * shifts[frame, top, left, 0] + b * shifts[frame, top, left + 1, 0]
-        + c * shifts[frame, top + 1, left, 0] + d * shifts[frame, top + 1, left + 1, 0],
-        a * shifts[frame, top, left, 1] + b * shifts[frame, top, left + 1, 1]
-        + c * shifts[frame, top + 1, left, 1] + d * shifts[frame, top + 1, left + 1, 1],
-    )  # fmt: skip
-
-
-@kernel
-def bounds(motions: Motions, frame: int, area: Area, shape: tuple[int, int, int]) -> Area:
-    """First and end row, first and end column, of a frame's pixels that may lie in an area of the reference."""
-    low, high = np.array([1e9, 1e9]), np.array([-1e9, -1e9])
-    steps = 8 if motions[2].shape[1] > 1 else 1
-    for i in range(steps + 1):
-        for j in range(steps + 1):
-            if 0 < i < steps and 0 < j < steps:
-                continue
-            y, x = area[0] - 1 + (area[1] - area[0] + 1) * i / steps, area[2] - 1 + (area[3] - area[2] + 1) * j / steps
-            at = there(motions, frame, y, x, shape)
-            for axis in range(2):
-                low[axis], high[axis] = min(low[axis], at[axis]), max(high[axis], at[axis])
-    return (
-        max(int(np.floor(low[0])) - 1, 0), min(int(np.ceil(high[0])) + 2, shape[1]),
-        max(int(np.floor(low[1])) - 1, 0), min(int(np.ceil(high[1])) + 2, shape[2]),
-    )  # fmt: skip
-
-
-@kernel
-def interpolated(plane: FloatArray, y: Scalar, x: Scalar) -> Scalar:
-    """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
-    top, left = int(np.floor(y)), int(np.floor(x))
-    down, along = _taps(np.float32(y - top)), _taps(np.float32(x - left))
-    total = _NONE
-    if 1 <= top < plane.shape[0] - 2 and 1 <= left < plane.shape[1] - 2:
-        for i in range(4):
-            total += down[i] * (
-                along[0] * plane[top + i - 1, left - 1] + along[1] * plane[top + i - 1, left]
-                + along[2] * plane[top + i - 1, left + 1] + along[3] * plane[top + i - 1, left + 2]
-            )  # fmt: skip
-        return total
-    for i in range(4):
-        row = min(max(top + i - 1, 0), plane.shape[0] - 1)
-        for j in range(4):
-            total += down[i] * along[j] * plane[row, min(max(left + j - 1, 0), plane.shape[1] - 1)]
-    return total
-
-
-@kernel
-def _taps(t: Scalar) -> Taps:
-    """Weights of four neighbours for a place 0 <= t < 1 after the second."""
-    half = np.float32(0.5)
-    square, cube = t * t, t * t * t
-    return (
-        half * (square + square - cube - t),
-        half * (np.float32(3) * cube - np.float32(5) * square + np.float32(2)),
-        half * (np.float32(4) * square - np.float32(3) * cube + t),
-        half * (cube - square),
-    )

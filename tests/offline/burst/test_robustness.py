@@ -80,7 +80,7 @@ def test_what_moves_is_as_in_a_single_render(kind: str, sigma: float, monkeypatc
         return np.full(_SHAPE, 255, np.uint8)
 
     monkeypatch.setattr(judging, "agreement", every)
-    monkeypatch.setattr(judging, "colour_doubts", lambda base, *_: np.zeros(base.colours.shape[:2], np.float32))
+    monkeypatch.setattr(judging, "colour_doubts", lambda known, *_: np.zeros(known.light.shape, np.float32))
     ghost = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
     assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
 

@@ -1,0 +1,45 @@
+"""Bicubic interpolation between the pixels of a plane."""
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from .compile import kernel
+from .lanes import Scalar
+
+_NONE = np.float32(0)
+
+Taps = tuple[Scalar, Scalar, Scalar, Scalar]
+
+
+@kernel
+def interpolated(plane: FloatArray, y: Scalar, x: Scalar) -> Scalar:
+    """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
+    top, left = int(np.floor(y)), int(np.floor(x))
+    down, along = _taps(np.float32(y - top)), _taps(np.float32(x - left))
+    total = _NONE
+    if 1 <= top < plane.shape[0] - 2 and 1 <= left < plane.shape[1] - 2:
+        for i in range(4):
+            total += down[i] * (
+                along[0] * plane[top + i - 1, left - 1] + along[1] * plane[top + i - 1, left]
+                + along[2] * plane[top + i - 1, left + 1] + along[3] * plane[top + i - 1, left + 2]
+            )  # fmt: skip
+        return total
+    for i in range(4):
+        row = min(max(top + i - 1, 0), plane.shape[0] - 1)
+        for j in range(4):
+            total += down[i] * along[j] * plane[row, min(max(left + j - 1, 0), plane.shape[1] - 1)]
+    return total
+
+
+@kernel
+def _taps(t: Scalar) -> Taps:
+    """Weights of four neighbours for a place 0 <= t < 1 after the second."""
+    half = np.float32(0.5)
+    square, cube = t * t, t * t * t
+    return (
+        half * (square + square - cube - t),
+        half * (np.float32(3) * cube - np.float32(5) * square + np.float32(2)),
+        half * (np.float32(4) * square - np.float32(3) * cube + t),
+        half * (cube - square),
+    )
