@@ -1,11 +1,13 @@
 """The colour filter pattern: a K x K tile of filter letters, repeated over the sensor (section 3, Fig. 1).
 
-Each tile has one small block of colour filters; all other pixels are panchromatic. The letters of the block name the channels, of
-which there may be any number.
+The paper's tile has one small block of colour filters, and all other pixels are panchromatic. Other tiles scatter their colour
+sites among panchromatic ones (Kodak, Sony, Honda): there the whole tile is the block. The letters name the channels, of which there
+may be any number.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import lcm
 
 import numpy as np
 
@@ -15,14 +17,15 @@ from .errors import InputError
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
 BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
+_FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromatic pixel at most
 
 
 @dataclass(frozen=True)
 class CfaPattern:
-    """A K x K tile (K = 3..16) with one block of colour filters, laid over the sensor.
+    """A K x K tile (K = 3..16) of colour filters and panchromatic pixels, laid over the sensor.
 
-    tile: K strings of K letters; "W" is panchromatic, any other capital letter names a colour channel. The colour sites must be
-        connected (8-neighbours, across the tile's edge too) and leave at least one panchromatic row and column between blocks.
+    tile: K strings of K letters; "W" is panchromatic, any other capital letter names a colour channel. If the colour
+        sites do not form one small block, each needs a panchromatic pixel at most two rows and columns away.
     origin: sensor (row, column) at which a tile begins; only its remainder modulo K matters.
     channels: the order of the channels in every array; by default "RGB" for those three, otherwise their order in the tile.
     Raises InputError for any other tile, and for channels that are not the tile's letters.
@@ -35,6 +38,8 @@ class CfaPattern:
     [[0, 1, 3, 3, 0, 1], [1, 2, 3, 3, 1, 2]]
     >>> CfaPattern.with_block(("CM", "YC"), period=6).channels
     'CMY'
+    >>> CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").is_scattered  # Kodak's (Compton and Hamilton, US patent 8330839)
+    True
     """
 
     tile: tuple[str, ...]
@@ -61,7 +66,7 @@ class CfaPattern:
             raise InputError(f"pattern: channels {self.channels!r} do not name the tile's letters {found!r}, each once")
         row_origin, column_origin = (int(value) % period for value in self.origin)
         object.__setattr__(self, "origin", (row_origin, column_origin))
-        self._check_block()
+        self._check_sites()
 
     @classmethod
     def bayer(cls, period: int = 6, order: str = "RGGB", origin: tuple[int, int] = (0, 0)) -> "CfaPattern":
@@ -78,6 +83,24 @@ class CfaPattern:
         rows = [row + PANCHROMATIC * (period - len(row)) for row in block]
         return cls((*rows, *[PANCHROMATIC * period] * (period - len(block))), origin, channels)
 
+    @classmethod
+    def of_letters(cls, letters: str, origin: tuple[int, int] = (0, 0), channels: str = "") -> "CfaPattern":
+        """The pattern of a tile written row by row, rows separated by "/". A tile that is not square, or too small, is repeated.
+
+        >>> from shared import CfaPattern
+        >>> CfaPattern.of_letters("RG/BW").tile
+        ('RGBW', ...)
+        """
+        rows = letters.split("/")
+        width = len(rows[0])
+        if any(len(row) != width for row in rows) or not width:
+            raise InputError(
+                f"pattern: the rows of {letters!r} differ in length; a tile is written row by row, such as RGWW/GBWW/WWWW/WWWW"
+            )
+        side = lcm(len(rows), width)
+        side *= -(-PERIODS[0] // side)
+        return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
+
     @property
     def period(self) -> int:
         """K, the number of pixels from one block's origin to the next."""
@@ -89,14 +112,21 @@ class CfaPattern:
         return self.channels + PANCHROMATIC
 
     @cached_property
+    def is_scattered(self) -> bool:
+        """Whether the tile is the block: its colour sites do not form a small one, with panchromatic rows and columns around it."""
+        return any(self._occupied(axis).all() for axis in (0, 1)) or not self._is_connected
+
+    @cached_property
     def block_origin(self) -> tuple[int, int]:
         """Sensor (row, column) of the top left pixel of a block, each in 0..K-1."""
-        row, column = (_span(self._occupied(axis))[0] for axis in (1, 0))
+        row, column = (0, 0) if self.is_scattered else (_span(self._occupied(axis))[0] for axis in (1, 0))
         return (row + self.origin[0]) % self.period, (column + self.origin[1]) % self.period
 
     @cached_property
     def block_shape(self) -> tuple[int, int]:
-        """Size (rows, columns) of the rectangle around the colour sites of one block; (2, 2) for a Bayer block."""
+        """Size (rows, columns) of the rectangle around the colour sites of a block; (2, 2) for a Bayer block."""
+        if self.is_scattered:
+            return self.period, self.period
         rows, columns = (_span(self._occupied(axis))[1] for axis in (1, 0))
         return rows, columns
 
@@ -159,17 +189,28 @@ class CfaPattern:
         """Mask of the rows (axis 1) or columns (axis 0) of the tile that hold a colour site."""
         return np.logical_or.reduce(self._colour, axis=axis)  # type: ignore[no-any-return]
 
-    def _check_block(self) -> None:
-        for axis, name in ((1, "row"), (0, "column")):
-            if self._occupied(axis).all():
-                raise InputError(f"pattern: no panchromatic {name} between the blocks: the colour sites must form one small block")
+    @property
+    def _is_connected(self) -> bool:
+        """Whether the colour sites of a tile hang together, also diagonally and across the edge of the tile."""
         reached = np.zeros_like(self._colour)
         reached[tuple(np.argwhere(self._colour)[0])] = True
-        for _ in range(int(self._colour.sum())):  # each step reaches the neighbours, also across the edge of the tile
-            around = [np.roll(reached, (down, right), (0, 1)) for down in (-1, 0, 1) for right in (-1, 0, 1)]
-            reached = self._colour & np.logical_or.reduce(around)
-        if (reached != self._colour).any():
-            raise InputError("pattern: the tile has more than one block of colour sites; give the smallest tile that repeats")
+        for _ in range(int(self._colour.sum())):  # each step reaches the neighbours
+            reached = self._colour & _spread(reached, 1)
+        return bool((reached == self._colour).all())
+
+    def _check_sites(self) -> None:
+        period, tile = self.period, self._tile_planes
+        for part in range(PERIODS[0], period):
+            if period % part == 0 and all((tile == np.roll(tile, part, axis)).all() for axis in (0, 1)):
+                smallest = "/".join(row[:part] for row in self.tile[:part])
+                raise InputError(f"pattern: the tile repeats every {part} pixels; give the smallest tile that repeats: {smallest}")
+        far = self._colour & ~_spread(~self._colour, _FARTHEST)
+        if self.is_scattered and far.any():
+            row, column = np.argwhere(far)[0].tolist()
+            raise InputError(
+                f"pattern: no panchromatic pixel (W) within {_FARTHEST} pixels of the colour site in row {row + 1}, column "
+                f"{column + 1} of the tile: luminance there would be a guess"
+            )
 
 
 @dataclass(frozen=True)
@@ -275,3 +316,9 @@ def _span(occupied: BoolArray) -> tuple[int, int]:
     gaps = np.diff(places, append=places[0] + occupied.size)
     widest = int(np.argmax(gaps))
     return int(places[(widest + 1) % places.size]), occupied.size - int(gaps[widest]) + 1
+
+
+def _spread(mask: BoolArray, reach: int) -> BoolArray:
+    """The True places of a repeating tile, and all places at most `reach` rows and columns from them."""
+    steps = range(-reach, reach + 1)
+    return np.logical_or.reduce([np.roll(mask, (down, right), (0, 1)) for down in steps for right in steps])  # type: ignore[no-any-return]

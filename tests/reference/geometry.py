@@ -34,15 +34,30 @@ def mirrored(index: int, size: int) -> int:
 
 
 def block(pattern: CfaPattern) -> Block:
-    """The block of the pattern, by trying all rectangles from the smallest on."""
+    """The smallest rectangle with all sites of a tile, by trying all; the tile itself if its sites do not form one small block."""
     period = pattern.period
     sites = {(row, column) for row, column in product(range(period), repeat=2) if letter(pattern, row, column) != "W"}
+    if any(len({site[axis] for site in sites}) == period for axis in (0, 1)) or not _is_connected(sites, period):
+        return Block(*pattern.origin, period, period)
     for height, width in sorted(product(range(1, period), repeat=2), key=lambda size: size[0] * size[1]):
         for top, left in product(range(period), repeat=2):
             inside = {((top + down) % period, (left + right) % period) for down in range(height) for right in range(width)}
             if sites <= inside:
                 return Block(top, left, height, width)
     raise AssertionError("every tile has a block")
+
+
+def _is_connected(sites: set[tuple[int, int]], period: int) -> bool:
+    """Whether one can step from any site to any other over neighbouring sites, on a torus."""
+    todo = [min(sites)]
+    reached = set(todo)
+    while todo:
+        row, column = todo.pop()
+        steps = product((-1, 0, 1), repeat=2)
+        near = {((row + down) % period, (column + right) % period) for down, right in steps} & sites - reached
+        reached |= near
+        todo += near
+    return reached == sites
 
 
 def first_patch(pattern: CfaPattern) -> tuple[int, int]:

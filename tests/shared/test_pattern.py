@@ -20,6 +20,8 @@ PATTERNS = [
     CfaPattern.with_block(("RGB",), 5, (4, 4)),
     CfaPattern.with_block(("R", "G", "B"), 5, (1, 3)),
     CfaPattern(("BWWWG", "WWWWW", "WWWWW", "WWWWW", "GWWWR")),  # the block lies across the tile's edge
+    CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)),  # scattered: Kodak's
+    CfaPattern.of_letters("RGW/WWW/WWW/WWW/WWX/WWW", (1, 4)),  # two blocks
 ]
 SHAPES = [(17, 18), (17, 31), (40, 27)]
 
@@ -115,9 +117,8 @@ def test_channels_follow_the_tile_unless_named() -> None:
         (("RÜWW", "GBWW", "WWWW", "WWWW"), "", "letters A to Z"),
         (("WWW",) * 3, "", "0 colour channels"),
         (("GGW", "GGW", "WWW"), "", "1 colour channels"),
-        (("RGB", "WWW", "WWW"), "", "no panchromatic column"),
-        (("RWW", "GWW", "BWW"), "", "no panchromatic row"),
-        (("RGWWWW", "WWWWWW", "WWWWWW", "WWWWRG", "WWWWWW", "WWWWWW"), "", "more than one block"),
+        (("RGBRGB", *["GGGGGG"] * 4, "WWWWWW"), "", r"row 3, column 1 of the tile: luminance there"),
+        (("RGWWRGWW", "GBWWGBWW", "WWWWWWWW", "WWWWWWWW") * 2, "", "smallest tile that repeats: RGWW/GBWW/WWWW/WWWW"),
         (("RGWW", "GBWW", "WWWW", "WWWW"), "RG", "do not name"),
         (("RGWW", "GBWW", "WWWW", "WWWW"), "RGBB", "do not name"),
         (("RGWW", "GBWW", "WWWW", "WWWW"), "RGX", "do not name"),
@@ -126,6 +127,24 @@ def test_channels_follow_the_tile_unless_named() -> None:
 def test_impossible_tiles_are_refused(tile: tuple[str, ...], channels: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         CfaPattern(tile, channels=channels)
+
+
+def test_letters_make_square_tiles() -> None:
+    assert CfaPattern.of_letters("RGWWWW/GBWWWW/" + "/".join(["WWWWWW"] * 4), (1, 2)) == CfaPattern.bayer(6, origin=(1, 2))
+    assert CfaPattern.of_letters("RG/BW").tile == ("RGRG", "BWBW") * 2
+    assert CfaPattern.of_letters("CMWW/YWWW", channels="YMC").channels == "YMC"
+    for letters in ("RGW/GB/WWW", "", "/", "RGW/GBW/"):
+        with pytest.raises(InputError, match="row by row"):
+            CfaPattern.of_letters(letters)
+
+
+def test_scattered_sites_have_the_tile_for_a_block() -> None:
+    for letters in ("WBWG/BWGW/WGWR/GWRW", "RGW/WWW/WWW/WWW/WWX/WWW", "RGB/WWW/WWW", "RWW/GWW/BWW"):
+        pattern = CfaPattern.of_letters(letters, (1, 2))
+        assert pattern.is_scattered
+        assert (pattern.block_origin, pattern.block_shape) == ((1, 2), (pattern.period, pattern.period))
+    assert not any(pattern.is_scattered for pattern in PATTERNS[:-2])
+    assert CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW").light_efficiency == 2
 
 
 def test_unknown_bayer_order_and_period_are_refused() -> None:
