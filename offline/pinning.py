@@ -62,7 +62,12 @@ class Pinning:
         grid = self._sites.grid
         trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
         half = (grid.period - 1) / 2
-        interpolate(share, (float(grid.whole_rows[tiles.start]) + half - part.first, float(grid.whole_columns[0]) + half), grid.period, trusted)
+        interpolate(
+            share,
+            (float(grid.whole_rows[tiles.start]) + half - part.first, float(grid.whole_columns[0]) + half),
+            grid.period,
+            trusted,
+        )
         base = part.chromaticity.copy()
         for channel, around in enumerate(self._around):
             interpolate(around, (float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half), grid.period, plane)

@@ -5,11 +5,16 @@ edges of luminance: a sum of squares, whose minimum conjugate gradients find. It
 fades where no site is trusted.
 """
 
+import numpy as np
+
 from shared.arrays import ByteArray, FloatArray
 
 from .compile import parallel_kernel, prange
 from .functions import zeros
 from .spreading import HALO, TILE, Prior, link, solve
+
+_TOLERANCE = 3e-4
+_NONE = np.float32(0)
 
 
 @parallel_kernel("f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1]")
@@ -48,11 +53,11 @@ def pin_samples(
             for row in range(size[0]):
                 for column in range(size[1]):
                     y, x = above + row, before + column
-                    weight = weights[y, x] if channels[y, x] == channel else weights[y, x] * 0
+                    weight = weights[y, x] if channels[y, x] == channel else _NONE
                     normal[0, row, column] = weight
                     right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
-                    field[0, row, column] = 0
-            solve(normal, right_side, links, prior[1], field)
+                    field[0, row, column] = _NONE
+            solve(normal, right_side, links, np.float32(prior[1]), _TOLERANCE, field)
             for y in range(top, bottom):
                 for x in range(left, right):
                     out[y - rows[0] + first, x, channel] = base[y, x, channel] + field[0, y - above, x - before]

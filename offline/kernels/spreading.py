@@ -71,7 +71,7 @@ def spread_samples(
         _gather(light, colour, area, (top // TILE, left // TILE), (height, width), samples, gamma, basis, normal, right_side)
         links = zeros(4, *size)
         link(light, prior, links)
-        solve(normal, right_side, links, np.float32(prior[1]), unknowns)
+        solve(normal, right_side, links, np.float32(prior[1]), _TOLERANCE, unknowns)
         for row in range(top, bottom):
             for column in range(left, right):
                 y, x = row - area[0], column - area[2]
@@ -138,8 +138,10 @@ def link(light: FloatArray, prior: Prior, links: FloatArray) -> None:
 
 
 @kernel
-def solve(normal: FloatArray, right_side: FloatArray, links: FloatArray, fading: Scalar, solution: FloatArray) -> None:
-    """Conjugate gradients, scaled by the diagonal. solution: zeros at first."""
+def solve(
+    normal: FloatArray, right_side: FloatArray, links: FloatArray, fading: Scalar, tolerance: float, solution: FloatArray
+) -> None:
+    """Conjugate gradients, scaled by the diagonal, until the residual is `tolerance` of what it was. solution: zeros at first."""
     parts, rows, columns = right_side.shape
     scale, direction, applied = zeros(parts, rows, columns), zeros(parts, rows, columns), zeros(parts, rows, columns)
     degree = zeros(rows, columns)
@@ -158,7 +160,7 @@ def solve(normal: FloatArray, right_side: FloatArray, links: FloatArray, fading:
                 scale[part, row, column] = _ONE / (normal[place, row, column] + degree[row, column] + fading)
                 direction[part, row, column] = scale[part, row, column] * right_side[part, row, column]
                 squared += right_side[part, row, column] * direction[part, row, column]
-    target = squared * _TOLERANCE**2
+    target = squared * tolerance**2
     for _ in range(_ITERATIONS):
         if squared <= target:
             break
