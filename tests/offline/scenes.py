@@ -1,4 +1,4 @@
-"""Small scenes and sensors for the stages: every period and phase, odd sizes, blocks cut by the frame, five channels, scattered sites."""
+"""Small scenes and sensors for the stages: all periods and phases, odd sizes, cut blocks, five channels, scattered sites."""
 
 import numpy as np
 import pytest

@@ -67,7 +67,7 @@ def pin(
 
 def _corner(whole: list[list[list[tuple[int, int, str]]]], pattern: CfaPattern) -> tuple[int, int]:
     """Top left pixel of the first whole tile: not above or left of its own sites, and at the tile's phase."""
-    y, x = (min(site[axis] for site in whole[0][0]) for axis in (0, 1))
+    y, x = min(row for row, _, _ in whole[0][0]), min(column for _, column, _ in whole[0][0])
     return y - (y - pattern.origin[0]) % pattern.period, x - (x - pattern.origin[1]) % pattern.period
 
 
