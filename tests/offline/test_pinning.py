@@ -1,0 +1,92 @@
+"""Colour pinned at scattered sites: what it is wherever the picture is cut, and what it is for."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from offline import BEST, render
+from offline.pinning import Pinning
+from offline.sites import SiteSamples, site_samples, unclipped_blocks
+from offline.tiling import Part, windows
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.sensor import simulate_additive
+from tests.offline.scenes import shot
+from tests.reference.sensor import luminance_of
+
+KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
+TILES = ["WBWG/BWGW/WGWR/GWRW", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW", "CWMW/WYWC"]
+SITES = replace(BEST.sites, corrected=True)
+
+
+def pictured(mosaic: Mosaic) -> tuple[Part, SiteSamples, FloatArray]:
+    """The picture before it is pinned: true luminance, and one colour everywhere; with its samples and tiles."""
+    random = np.random.default_rng(4)
+    light = (1 + 0.3 * random.normal(size=mosaic.shape)).clip(0.1).astype(np.float32)
+    count = len(mosaic.pattern.channels)
+    grey = np.float32(1 / sum(mosaic.calibration.gamma))
+    blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, count), grey)
+    samples = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, mosaic.calibration.noise)
+    return Part(0, light, np.full((*mosaic.shape, count), grey)), samples, blocks
+
+
+@pytest.mark.parametrize("sigma", [None, 0.05])
+@pytest.mark.parametrize("height", [40, 70, 333])
+def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
+    mosaic = shot(KODAK, (333, 37), sigma)
+    part, samples, blocks = pictured(mosaic)
+    pinning = Pinning(blocks, samples, mosaic.calibration.gamma, SITES)
+    whole = pinning.applied(part, (0, 333)).chromaticity
+    pieces = (part.rows(first, min(first + height, 333)) for first in range(0, 333, height))
+    found = [pinning.applied(piece, rows).chromaticity for piece, rows in windows(pieces, 333, *pinning.steps)]
+    assert np.array_equal(np.concatenate(found), whole)
+    assert np.abs(whole - part.chromaticity).max() > 0.1
+
+
+def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
+    mosaic = shot(KODAK, (301, 290), 0.02)
+    whole = render(mosaic).rgb
+    for _ in each_thread_count:
+        assert np.array_equal(render(mosaic).rgb, whole)
+
+
+@pytest.mark.parametrize("letters", TILES)
+def test_one_colour_stays_one_colour(letters: str) -> None:
+    pattern = CfaPattern.of_letters(letters, (2, 1))
+    light = 0.5 + 0.4 * np.sin(np.indices((60, 70)).sum(axis=0) / 9)
+    scene = (light[..., None] * np.array([0.8, 0.5, 0.3])).astype(np.float32)
+    calibration = SensorCalibration(channels=pattern.channels, gamma=(0.9, 1.2, 1.0))
+    found = render(simulate_additive(scene, pattern, calibration, 0.0, np.random.default_rng(0)))
+    colour = scene[0, 0] / luminance_of(scene[:1, :1], calibration.gamma)[0, 0]
+    assert np.abs(found.chromaticity - colour)[4:-4, 4:-4].max() < 2e-3
+
+
+def test_colour_that_changes_within_a_tile_is_seen() -> None:
+    """Stripes of colour, six pixels wide, under a texture: the tile's one chromaticity blurs them, its sites do not."""
+    row, column = np.indices((120, 120))
+    stripe = np.clip(np.sin(np.pi * column / 6) * 3, -1, 1)[..., None]
+    light = 0.6 + 0.02 * np.cos(row * column / 40.0) + 0.15 * stripe[..., 0]
+    scene = (light[..., None] * (np.array([1.0, 1.0, 1.0]) + stripe * np.array([0.5, -0.1, -0.4]))).astype(np.float32)
+    mosaic = simulate_additive(scene, KODAK, SensorCalibration(), 0.0, np.random.default_rng(0))
+    pinned, plain = (
+        render(mosaic).rgb,
+        render(mosaic, replace(BEST, sites=replace(BEST.sites, corrected=False), learned=replace(BEST.learned, used=False))).rgb,
+    )
+    inside = slice(8, -8)
+    assert np.square(pinned - scene)[inside, inside].mean() < 0.7 * np.square(plain - scene)[inside, inside].mean()
+
+
+def test_noise_alone_moves_nothing() -> None:
+    mosaic = shot(KODAK, (90, 90), None)
+    part, samples, blocks = pictured(mosaic)
+    seen = np.stack(
+        [part.luminance[*place] * part.chromaticity[*place][..., channel] for channel, *place in samples.places], axis=2
+    )
+    variance = np.full_like(seen, 0.01**2)
+    noisy = replace(
+        samples, samples=seen + np.random.default_rng(1).normal(0, 0.01, seen.shape).astype(np.float32), variance=variance
+    )
+    found = Pinning(blocks, noisy, mosaic.calibration.gamma, SITES).applied(part, (0, 90)).chromaticity
+    assert np.abs(found - part.chromaticity).max() < 1e-6
