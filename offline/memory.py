@@ -3,16 +3,18 @@
 from shared.mosaic import Mosaic
 
 from .learned import model_for, rows_held
+from .pinning import rows_pinned
 from .refinement import reach
 from .settings import BEST, RenderSettings
 from .tiling import bands
 
 # Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
 _PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, and what replaces them
-_BLOCK = 220.0  # per colour block, while their chromaticities are estimated
+_BLOCK_SITE = 55.0  # per colour site, while the chromaticities of the blocks are estimated
 _BAND, _BAND_CHANNEL = 48.0, 28.0  # per pixel of a band (four fields), and per channel of it (the same rows at several stages)
-_SITE = 40.0  # per colour block, kept until the picture is finished: samples and their noise
+_SITE = 10.0  # per colour site, kept until the picture is finished: samples and their noise
 _HELD = 9.0  # per pixel of the rows that `finish` holds, and per channel of them: before and after the network
+_PINNED, _PINNED_CHANNEL = 29.0, 12.0  # per pixel of the rows that `Pinning` holds, and per channel of them
 _NETWORK = 90 * 2**20  # with its runtime and the tiles that are at work
 
 
@@ -28,10 +30,12 @@ def rendering_memory(mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
     """
     (height, width), pattern = mosaic.shape, mosaic.pattern
     period, look = pattern.period, reach(pattern.period, settings.refinement)
-    count = height * width / period**2
+    sites = len(pattern.sites) * height * width / period**2
     highest = max(band.patches[1] - band.patches[0] for band in bands(pattern.grid(mosaic.shape), look)) * period + 2 * look
     band = (_BAND + _BAND_CHANNEL * len(pattern.channels)) * min(highest, height) * width
     held = 0.0
     if settings.learned.used and (network := model_for(pattern)):
         held = _NETWORK + _HELD * (1 + len(pattern.channels)) * min(rows_held(network, period), height) * width
-    return round(_PLANES * height * width + max(_BLOCK * count, _SITE * count + band + held))
+    if settings.sites.corrected and pattern.is_scattered:
+        held = (_PINNED + _PINNED_CHANNEL * len(pattern.channels)) * min(highest + rows_pinned(period), height) * width
+    return round(_PLANES * height * width + max(_BLOCK_SITE * sites, _SITE * sites + band + held))

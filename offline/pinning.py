@@ -15,13 +15,22 @@ from .kernels.highlights import interpolate
 from .kernels.pinning import pin_samples
 from .kernels.spreading import HALO, TILE
 from .settings import SiteSettings
-from .sites import SiteSamples, signal_power
+from .sites import SiteSamples, signal_power, site_reach
 from .tiling import DARK, Part
 
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted
 _TAPS = 2  # tiles that interpolation between them looks beyond a pixel
 _LEAST_SUM = 0.5  # of gamma c: below it, the base stays
+
+
+def rows_pinned(period: int) -> int:
+    """How many rows of a frame `Pinning` looks at, at a time. period: K, pixels."""
+    return TILE + 2 * _reach(period)
+
+
+def _reach(period: int) -> int:
+    return HALO + site_reach(period) + _TAPS * period
 
 
 class Pinning:
@@ -38,7 +47,7 @@ class Pinning:
     @property
     def steps(self) -> tuple[int, int, int]:
         """(reach, step, origin) for `tiling.windows`."""
-        return HALO + self._sites.reach + _TAPS * self._sites.grid.period, TILE, 0
+        return _reach(self._sites.grid.period), TILE, 0
 
     def applied(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows of a part of the picture, which reaches `steps[0]` rows beyond them."""

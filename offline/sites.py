@@ -71,7 +71,7 @@ class SiteSamples:
     @property
     def reach(self) -> int:
         """How many rows above and below a site its correction depends on."""
-        return (len(gaussian(_WIDTH)) // 2 + 1) * self.grid.period
+        return site_reach(self.grid.period)
 
     def within(self, part: Part) -> slice:
         """The rows of blocks that lie wholly inside a part of the picture."""
@@ -101,6 +101,11 @@ class SiteSamples:
         if self.variance is None:
             return None
         return self.variance[rows] * gamma[self.channels] ** 2
+
+
+def site_reach(period: int) -> int:
+    """How many rows above and below a site its correction depends on. period: K, pixels."""
+    return (len(gaussian(_WIDTH)) // 2 + 1) * period
 
 
 def site_samples(mosaic: Mosaic, trusted: BoolArray, luminance: FloatArray, noise: NoiseModel | None) -> SiteSamples:
