@@ -12,8 +12,8 @@ from shared.arrays import BoolArray, FloatArray
 
 from .gaussian import smoothed
 from .kernels.highlights import interpolate
-from .kernels.pinning import pin_samples
-from .kernels.spreading import HALO, TILE
+from .kernels.pinning import HALO, pin_samples
+from .kernels.spreading import TILE
 from .settings import SiteSettings
 from .sites import SiteSamples, signal_power, site_reach
 from .tiling import DARK, Part

@@ -11,8 +11,10 @@ from shared.arrays import ByteArray, FloatArray
 
 from .compile import parallel_kernel, prange
 from .functions import zeros
-from .spreading import HALO, TILE, Prior, link, solve
+from .spreading import TILE, Prior, link, solve
 
+HALO = 16
+"""Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond them have no influence."""
 _TOLERANCE = 3e-4
 _NONE = np.float32(0)
 
