@@ -85,8 +85,7 @@ def test_noise_alone_moves_nothing() -> None:
         [part.luminance[*place] * part.chromaticity[*place][..., channel] for channel, *place in samples.places], axis=2
     )
     variance = np.full_like(seen, 0.01**2)
-    noisy = replace(
-        samples, samples=seen + np.random.default_rng(1).normal(0, 0.01, seen.shape).astype(np.float32), variance=variance
-    )
+    noise: FloatArray = (seen + np.random.default_rng(1).normal(0, 0.01, seen.shape)).astype(np.float32)
+    noisy = replace(samples, samples=noise, variance=variance)
     found = Pinning(blocks, noisy, mosaic.calibration.gamma, SITES).applied(part, (0, 90)).chromaticity
     assert np.abs(found - part.chromaticity).max() < 1e-6
