@@ -36,20 +36,22 @@ _PATCHES = (
     (198, 204, 202, 202, 203, 204, 201, 197), (93, 94, 93, 93, 93, 92, 90, 88), (36, 35, 34, 34, 33, 33, 33, 33),
 )  # fmt: skip
 PATCHES = np.array(_PATCHES) / 1000
-_DARK_SKIN, _LIGHT_SKIN, _FOLIAGE, _ORANGE, _BLUE, _RED, _CYAN, _WHITE, _GREY, _BLACK = PATCHES[[0, 1, 3, 6, 12, 14, 17, 18, 20, 23]]
+_DARK_SKIN, _LIGHT_SKIN, _FOLIAGE, _ORANGE, _BLUE, _RED, _CYAN, _WHITE, _GREY, _BLACK = PATCHES[
+    [0, 1, 3, 6, 12, 14, 17, 18, 20, 23]
+]
 # Leaves are made of all patches but the darkest, mostly of those that imitate nature (the first row), and of greys. A leaf has
 # somewhat more or less of the dyes of the third row than others of its kind: dyes multiply (Beer and Lambert).
 _FREQUENCY = np.repeat((4.0, 1.0, 0.5, 2.0), 6)[:23]
 _DYES = 0.15 * np.log(PATCHES[12:18] / _WHITE)
 
-# Broad sensitivities of a red, a green and a blue filter to the bands, in 24ths: in each band they add up to one, and each adds up to
-# 64. So R + G + B is exactly 3/8 of the sum of all bands, and gamma is (1, 1, 1). Such multiples of 1/64 have no rounding errors.
+# Broad red, green and blue filters, in 24ths of what a panchromatic pixel sees of a band. In each band they add up to all of it, and
+# each collects 64 / 24 bands of light, so that gamma is (1, 1, 1).
 _BLUE_FILTER = np.array((21, 20, 13, 5, 2, 1, 1, 1))
 _RED_FILTER = _BLUE_FILTER[::-1]
 _FILTERS = {"R": _RED_FILTER, "G": 24 - _RED_FILTER - _BLUE_FILTER, "B": _BLUE_FILTER}
 _FILTERS |= {name: _FILTERS[first] + _FILTERS[second] for name, first, second in ("CGB", "MRB", "YRG")}
-MIXTURES = MappingProxyType({name: tuple((filtered / filtered.sum()).tolist()) for name, filtered in _FILTERS.items()})
-"""What other filters read of the bands: R, G, B, and C, M, Y, which are the means of two of them. Each row sums to 1."""
+MIXTURES = MappingProxyType({name: tuple((passed / 24).tolist()) for name, passed in _FILTERS.items()})
+"""What other filters let through of the bands: R, G and B, and C, M and Y, which pass what two of these pass; 0 to 1."""
 
 _STRIPES = (0.10, 0.05, 0.02)  # widths in the metamer chart, parts of its height
 
