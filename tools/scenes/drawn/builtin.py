@@ -1,7 +1,6 @@
 """The built-in scene: fallen leaves and a row of test charts, to try everything without a photograph."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -68,11 +67,11 @@ def _add_charts(picture: FloatArray, scale: float, charts: Sequence[tuple[float,
     top = height - size - round(GAP * scale)
     left = gap
     for (_, draw), across in zip(charts, widths, strict=True):
-        _lay(picture, round(left), top, across, size, scale, partial(draw, paints=paints))
+        _lay(picture, round(left), top, across, size, scale, draw, paints)
         left += across + gap
 
 
-def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing) -> None:
+def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing, paints: Paints) -> None:
     """Draw one chart of width x size pixels into `rgb` at (left, top), antialiased, with its card and a soft shadow."""
     margin = round(BORDER * scale)
     shadow, reach = 1.6 * margin, 3 * margin
@@ -90,7 +89,7 @@ def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: flo
         card = np.full((below.size, x.size, rgb.shape[2]), CARD)
         drawn = (below > 0) & (below < size)
         if drawn.any():
-            card[np.ix_(drawn, inner)] = draw(*np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size)
+            card[np.ix_(drawn, inner)] = draw(*np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size, paints)
         covered = (_outside(x[None, :], below[:, None], width, size, CORNER * scale) < margin).astype(np.float64)[..., None]
         card *= covered
         target = rgb[top - margin + first :, left - margin : left + width + margin][: below.size // SAMPLES]

@@ -1,4 +1,4 @@
-"""The spectral scene: the built-in scene with known spectra in eight bands, for cameras with other filters than red, green and blue.
+"""The spectral scene: the built-in scene with known spectra, in eight bands, for cameras with other filters than R, G and B.
 
 Photographs have three channels, so that they cannot tell what a fourth filter would have seen. Here every surface has a reflectance
 in eight narrow bands, and every value is illuminant times reflectance. Bands are triangles over wavelength that add up to an even
@@ -23,8 +23,8 @@ CENTRES = np.arange(420.0, 666.0, 35.0)  # nm; each band fades to nothing at the
 TEMPERATURE = 5000.0  # K, of the light: Planck's formula
 _SECOND_RADIATION = 1.438777e7  # nm K, hc / k
 
-# Reflectances of the ColorChecker in thousandths, in reading order: N. Ohta's measurements (1997), as colour-science 0.4.7 republishes
-# them ("ColorChecker N Ohta"), averaged over each band.
+# Reflectances of the ColorChecker in thousandths, in reading order: N. Ohta's measurements (1997), which colour-science 0.4.7
+# republishes ("ColorChecker N Ohta"), averaged over each band.
 _PATCHES = (
     (62, 54, 58, 71, 91, 131, 165, 214), (199, 236, 291, 307, 310, 451, 561, 619), (318, 323, 276, 219, 182, 154, 130, 111),
     (51, 59, 77, 151, 143, 110, 98, 109), (417, 424, 360, 259, 205, 226, 263, 407), (313, 403, 544, 551, 434, 288, 218, 219),
@@ -44,8 +44,8 @@ _DARK_SKIN, _LIGHT_SKIN, _FOLIAGE, _ORANGE, _BLUE, _RED, _CYAN, _WHITE, _GREY, _
 _FREQUENCY = np.repeat((4.0, 1.0, 0.5, 2.0), 6)[:23]
 _DYES = 0.15 * np.log(PATCHES[12:18] / _WHITE)
 
-# Broad red, green and blue filters, in 24ths of what a panchromatic pixel sees of a band. In each band they add up to all of it, and
-# each collects 64 / 24 bands of light, so that gamma is (1, 1, 1).
+# Broad red, green and blue filters, in 24ths of what a panchromatic pixel sees of a band. In each band they add up to all of it,
+# and each collects 64 / 24 bands of light, so that gamma is (1, 1, 1).
 _BLUE_FILTER = np.array((21, 20, 13, 5, 2, 1, 1, 1))
 _RED_FILTER = _BLUE_FILTER[::-1]
 _FILTERS = {"R": _RED_FILTER, "G": 24 - _RED_FILTER - _BLUE_FILTER, "B": _BLUE_FILTER}
@@ -59,8 +59,8 @@ _STRIPES = (0.10, 0.05, 0.02)  # widths in the metamer chart, parts of its heigh
 def spectral_scene(width: int, height: int) -> Scene:
     """Draw the scene at any size from 1 x 1, in eight bands; the same size gives the same pixels.
 
-    It shows the leaves of `builtin_scene`, and in larger frames charts in front of them: a ColorChecker, metamers, a Siemens star in
-    chromaticity alone, and slanted edges with lettering. All dimensions are in scene units: white reads `light` in a band.
+    It shows dead leaves as `builtin_scene` does, and in larger frames charts in front of them: a ColorChecker, metamers, a Siemens
+    star in chromaticity alone, and slanted edges with lettering. White reads `light`, 1 in the brightest band.
     """
     ground = 0.4 * _DARK_SKIN
     materials = Materials(PATCHES[:23], _FREQUENCY, _DYES - _DYES.mean(axis=1, keepdims=True), ground)
@@ -73,7 +73,8 @@ def spectral_scene(width: int, height: int) -> Scene:
 def light() -> DoubleArray:
     """Light of the scene in each band, (8,), 1 in the brightest: what a white surface reads."""
     radiance: DoubleArray = CENTRES**-5 / np.expm1(_SECOND_RADIATION / (CENTRES * TEMPERATURE))
-    return radiance / radiance.max()
+    radiance /= radiance.max()
+    return radiance
 
 
 def metamers() -> tuple[tuple[DoubleArray, DoubleArray], ...]:
@@ -122,8 +123,9 @@ def _to_xyz() -> tuple[tuple[float, ...], ...]:
     """
 
     def lobe(height: float, peak: float, left: float, right: float) -> DoubleArray:
-        away = (CENTRES - peak) * np.where(CENTRES < peak, left, right)
-        return height * np.exp(-0.5 * away**2)
+        away = (CENTRES - peak) * np.where(peak > CENTRES, left, right)
+        curve: DoubleArray = height * np.exp(-0.5 * away**2)
+        return curve
 
     matching = np.stack(
         [
