@@ -75,7 +75,7 @@ def _triangles(sites: DoubleArray, pixels: DoubleArray) -> tuple[IndexArray, Dou
     inside = mesh.find_simplex(pixels)
     frames = mesh.transform[inside]
     first = np.einsum("nij,nj->ni", frames[:, :2], pixels - frames[:, 2])
-    return mesh.simplices[inside], np.column_stack([first, 1 - first.sum(axis=1)])
+    return mesh.simplices[inside].astype(np.intp), np.column_stack([first, 1 - first.sum(axis=1)])
 
 
 def _inside(places: IndexArray, size: int, period: int) -> IndexArray:
