@@ -1,8 +1,8 @@
 """Denoising of each colour plane before interpolation, for the shot of any pattern, as `denoise_bayer` does for Bayer shots.
 
-BM3D needs samples on a regular grid. Where the sites of a channel make up one (Honda's green does), it gets them together, otherwise
-those of each site of the tile by themselves. Both filling a finer grid by interpolation first and pushing the sites of all rows
-together were tried on four tiles, and lost up to 2 dB. Panchromatic samples stay as they are: the planes' picture does not use them.
+BM3D needs samples on a regular grid. Where the sites of a channel make up one (Honda's green does), it gets them together,
+otherwise those of each site of the tile by themselves. Filling a finer grid by interpolation first, and pushing the sites of all
+rows together, were tried on four tiles and lost up to 2 dB. Panchromatic samples stay: the picture of the planes does not use them.
 """
 
 from collections.abc import Iterator
