@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write one graph, or all; returns the exit code."""
     if arguments.all:
-        if arguments.like or arguments.period or arguments.order or arguments.linear or arguments.scale != 1:
+        if arguments.like or options.names_pattern(arguments) or arguments.linear or arguments.scale != 1:
             raise InputError("--all writes a fixed set of graphs; leave the other options out")
         folder = output_folder(arguments.output)
         for name, model in shipped():
@@ -68,8 +68,8 @@ def shipped() -> Iterator[tuple[str, "ModelProto"]]:
 def _pattern(arguments: argparse.Namespace) -> CfaPattern:
     if not arguments.like:
         return options.pattern_of(arguments)
-    if arguments.period is not None or arguments.order:
-        raise InputError("--like takes the pattern of a shot; leave --period and --order out")
+    if options.names_pattern(arguments):
+        raise InputError("--like takes the pattern of a shot; leave --pattern, --period and --order out")
     return read_dng(arguments.like).pattern
 
 

@@ -2,18 +2,26 @@
 
 import argparse
 import os
+import re
+from dataclasses import replace
 from typing import Any
 
 from shared import Camera, CfaPattern, read_camera
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS, PERIODS
-from shared.reading import MAX_PIXELS
+from shared.reading import MAX_PIXELS, read_whole
 
 _PERIOD, _ORDER, _ORIGIN = 6, "RGGB", (0, 0)
+_LETTERS = re.compile("[A-Z/]+")
+_MOST_LETTERS = PERIODS[-1] * (PERIODS[-1] + 1)  # with what parts the rows
+_LARGEST_PATTERN = 1 << 16  # bytes of a file, with its comments
 
 
 def add_camera(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
-    """Add --camera, --period, --order and --origin, for a sensor without shots; return their group. `camera_of` reads them."""
+    """Add --camera, --pattern, --period, --order and --origin, for a sensor without shots; return their group.
+
+    `camera_of` reads them.
+    """
     group = parser.add_argument_group("the camera")
     group.add_argument("--camera", metavar="FILE", help="camera.json: gamma, noise, levels and colours of a calibrated sensor")
     add_pattern(group)
@@ -22,22 +30,66 @@ def add_camera(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 
 
 def add_pattern(group: argparse._ActionsContainer) -> None:
-    """Add --period and --order; `pattern_of` reads them."""
+    """Add --pattern, --period and --order; `pattern_of` reads them."""
     periods = f"{PERIODS[0]} to {PERIODS[-1]}"
+    group.add_argument(
+        "--pattern",
+        metavar="LETTERS",
+        help="the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or a file with them, one row on each line",
+    )
     group.add_argument("--period", type=int, metavar="K", help=f"pixels from block to block, {periods} (default: {_PERIOD})")
     group.add_argument("--order", choices=BAYER_ORDERS, help=f"colour filters of a block, row by row (default: {_ORDER})")
 
 
-def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> CfaPattern:
-    """The pattern that --period, --order and --origin describe; `known`, the camera's own, if none of them is given.
+def names_pattern(arguments: argparse.Namespace) -> bool:
+    """Whether one of the options of `add_pattern` is given."""
+    return any(getattr(arguments, name) is not None for name in ("pattern", "period", "order"))
 
-    Raises InputError for a period outside the supported range.
+
+def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> CfaPattern:
+    """The pattern that --pattern, or --period and --order, describe, at --origin; of `known`, the camera's own, what is not given.
+
+    Raises InputError for a period outside the supported range, for what `parsed_pattern` refuses, and for --pattern beside --period
+    or --order.
     """
     origin = getattr(arguments, "origin", None)
-    if known is not None and arguments.period is arguments.order is origin is None:
-        return known
-    period = _PERIOD if arguments.period is None else arguments.period
-    return CfaPattern.bayer(period, arguments.order or _ORDER, tuple(origin or _ORIGIN))
+    if arguments.pattern is not None:
+        for option in ("period", "order"):
+            if getattr(arguments, option) is not None:
+                raise InputError(f"--pattern says where every filter is; leave --{option} out")
+        known = parsed_pattern(arguments.pattern)
+    elif known is None or names_pattern(arguments):
+        period = _PERIOD if arguments.period is None else arguments.period
+        known = CfaPattern.bayer(period, arguments.order or _ORDER)
+    return known if origin is None else replace(known, origin=tuple(origin))
+
+
+def parsed_pattern(text: str) -> CfaPattern:
+    """The pattern that a user writes as letters ("RGWW/GBWW/WWWW/WWWW"), or the name of a file with them.
+
+    text: the name of a file, if there is one, otherwise the letters. In a file a row ends with its line or a "/"; white space,
+        empty lines, and what follows a # are left out.
+    Raises InputError that names the file, or --pattern, and says what is wrong with the letters.
+    """
+    is_file = os.path.exists(text)  # noqa: PTH110 (Path.exists raises for a name that is too long)
+    try:
+        letters = _letters_in(text) if is_file else text
+        if not _LETTERS.fullmatch(letters):
+            instead = "" if is_file else ", and no file has this name"
+            raise InputError(f"is not the capital letters of a tile's filters, row by row, such as RGWW/GBWW/WWWW/WWWW{instead}")
+        if len(letters) > _MOST_LETTERS:
+            raise InputError(f"{len(letters)} letters are more than the largest tile has, {PERIODS[-1]} x {PERIODS[-1]}")
+        return CfaPattern.of_letters(letters)
+    except InputError as error:
+        name = text if is_file else f"--pattern {text[:_MOST_LETTERS]!r}"
+        raise InputError(f"{name}: {str(error).removeprefix('pattern: ')}") from None
+
+
+def _letters_in(name: str) -> str:
+    """The rows in a file with a pattern, parted by "/"."""
+    lines = read_whole(name, _LARGEST_PATTERN, "a pattern").decode("utf-8", "replace").splitlines()
+    rows = ["".join(row.split()) for line in lines for row in line.partition("#")[0].split("/")]
+    return "/".join(row for row in rows if row)
 
 
 def camera_of(arguments: argparse.Namespace) -> tuple[Camera | None, CfaPattern]:

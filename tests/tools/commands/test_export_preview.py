@@ -57,7 +57,7 @@ def test_all_that_are_shipped(tmp_path: Path) -> None:
         ("-o g.txt", "g.txt: a graph has a name that ends in .onnx; write g.onnx"),
         ("-o g.onnx --scale 4", "has 1, 2, 3, 6"),
         ("-o g.onnx --period 2", "the period is 2, expected 3 to 16"),
-        ("-o g.onnx --like shot.dng --period 6", "leave --period and --order out"),
+        ("-o g.onnx --like shot.dng --period 6", "leave --pattern, --period and --order out"),
         ("-o g.onnx --like gone.dng", "gone.dng: there is no such file"),
         ("-o . --all --linear", "leave the other options out"),
         ("-o missing/g.onnx", "the folder missing does not exist"),
