@@ -2,7 +2,8 @@
 
 A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three colours), a linear DNG (three samples per pixel, of
 render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn:
-builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
+builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none;
+spectral:WIDTHxHEIGHT, known spectra in eight bands, H I J K L N O P from short to long wavelengths, and R G B C M Y made of them.
 
 --burst N makes a hand-held series of each scene, STEM-1.dng, STEM-2.dng ...; the first frame is the reference, which has not moved.
 """

@@ -36,10 +36,10 @@ def main() -> None:
     parser.add_argument("scenes", nargs="+", metavar="SCENE")
     parser.add_argument("--study", nargs="+", choices=STUDIES, default=list(STUDIES))
     parser.add_argument("--sigma", nargs="*", type=float, default=[0, 0.01, 0.03], help="additive noise, as in the paper")
-    parser.add_argument("--exposure", nargs="*", type=float, default=[], help="noise of a sensor at these exposures")
+    parser.add_argument("--light", nargs="*", type=float, default=[], help="noise of a sensor in this part of the scene's light")
     parser.add_argument("--size", type=int, default=600, metavar="PIXELS", help="of each scene, the middle (default: %(default)s)")
     arguments = parser.parse_args()
-    levels = [*map(Level, arguments.sigma), *(Level(exposure=exposure) for exposure in arguments.exposure)]
+    levels = [*map(Level, arguments.sigma), *(Level(light=light) for light in arguments.light)]
     tables: dict[tuple[str, str], Rows] = {}
     for source in arguments.scenes:
         try:

@@ -1,15 +1,16 @@
 """Eight narrow bands: sparse blocks of them, against three channels and a guess, and against a mosaic of bands without sparse W."""
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
 
-from shared import Mosaic
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from tools.evaluation.metrics import BORDER, quality
-from tools.evaluation.presets import UNLEARNED
+from tools.evaluation.presets import UNLEARNED, render_preset
+from tools.evaluation.rivals.plane_denoising import denoised_planes
+from tools.evaluation.rivals.planes import planes
 from tools.scenes.scene import Scene
 
 from .cameras import Camera, Level
@@ -23,22 +24,21 @@ _ERRS = 10.0  # degrees from the truth, of what is guessed from perfect red, gre
 
 def bands(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each way to the bands: of the picture in red, green and blue (PSNR, dB), and of the spectra."""
-    truth = Truth(scene)
+    truth, unlearned = Truth(scene), partial(render_preset, UNLEARNED)
     yield "perfect R, G, B; bands guessed", truth.measured(truth.rgb @ truth.guess)
     for period in (4, 6):
         camera = Camera.of("RG/GB", period, scene)
         yield (
             f"sparse `RG/GB`, K = {period}; bands guessed",
-            truth.measured(camera.render(scene.rgb, level, UNLEARNED) @ truth.guess),
+            truth.measured(camera.render(scene.rgb, level, unlearned) @ truth.guess),
         )
     for block, period in product(BLOCKS, PERIODS):
-        picture = Camera.of(block, period, scene).render(scene.rgb, level, UNLEARNED)
+        picture = Camera.of(block, period, scene).render(scene.rgb, level, unlearned)
         yield f"sparse `{block}`, K = {period}", truth.measured(picture)
-    mosaic = Camera.of(MOSAIC, 3, scene)
-    shot = mosaic.shot(scene.rgb, level)
-    yield f"mosaic `{MOSAIC}`, interpolated", truth.measured(interpolated(shot, 0.0))
-    if level.sigma:
-        yield f"mosaic `{MOSAIC}`, BM3D, interpolated", truth.measured(interpolated(shot, level.sigma * mosaic.filters.unit))
+    dense = Camera.of(MOSAIC, 3, scene)
+    yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(dense.render(scene.rgb, level, planes))
+    if level != Level():
+        yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(dense.render(scene.rgb, level, denoised_planes))
 
 
 class Truth:
@@ -84,23 +84,3 @@ class Truth:
         cosine = (one * two).sum(axis=2) / np.maximum(np.linalg.norm(one, axis=2) * np.linalg.norm(two, axis=2), 1e-12)
         angles: DoubleArray = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
         return angles
-
-
-def interpolated(mosaic: Mosaic, sigma: float) -> FloatArray:
-    """Interpolate each band linearly, after BM3D on its plane if there is noise of `sigma`: (H, W, 8)."""
-    size = mosaic.shape
-    picture = np.empty((*size, len(mosaic.pattern.channels)), np.float32)
-    for channel, *places in mosaic.pattern.lattices:
-        plane = mosaic.signal[*places].astype(np.float64)
-        if sigma:
-            import bm3d
-
-            plane = bm3d.bm3d(plane, sigma)
-        down, across = (_between(np.arange(length)[part], length) for length, part in zip(size, places, strict=True))
-        picture[..., channel] = down @ plane @ across.T
-    return picture
-
-
-def _between(known: IndexArray, length: int) -> DoubleArray:
-    """Linear interpolation from values at the places `known` to all places, as a matrix (length, len(known))."""
-    return np.stack([np.interp(np.arange(length), known, unit) for unit in np.eye(len(known))], axis=1)

@@ -1,6 +1,7 @@
 """Broadband filters at the colour sites: cyan, magenta and yellow collect twice the light of red, green and blue."""
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from offline import BEST
 from shared.arrays import FloatArray
 from tools.evaluation.hue import wrong_hue
 from tools.evaluation.metrics import BORDER, psnr, quality
-from tools.evaluation.presets import UNLEARNED
+from tools.evaluation.presets import UNLEARNED, render_preset
 from tools.scenes.scene import Scene
 
 from .cameras import Camera, Level
@@ -26,7 +27,7 @@ def broadband(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
         if block == "RG/GB":  # there is a network for no other of these
             presets[f"`{block}`, network"] = BEST
         for name, settings in presets.items():
-            picture = camera.render(scene.rgb, level, settings) @ camera.to_scene()
+            picture = camera.render(scene.rgb, level, partial(render_preset, settings)) @ camera.to_scene()
             yield name, measured(picture, scene.rgb)
 
 

@@ -1,12 +1,11 @@
 """Cameras with other filters, photographing one scene under the same light."""
 
 import string
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from offline import RenderSettings, render
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
@@ -17,13 +16,13 @@ from tools.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class Level:
-    """Noise: `sigma` of the paper's additive noise, for a camera with red, green and blue; or else a sensor's, at an `exposure`."""
+    """Noise: the paper's, additive, of this `sigma` beside red, green and blue filters; or a sensor's in this part of the `light`."""
 
     sigma: float = 0.0
-    exposure: float = 0.0
+    light: float = 0.0
 
     def __str__(self) -> str:
-        return f"sensor, exposure {self.exposure:g}" if self.exposure else f"sigma {self.sigma:g}" if self.sigma else "no noise"
+        return f"sensor, light {self.light:g}" if self.light else f"sigma {self.sigma:g}" if self.sigma else "no noise"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +42,17 @@ class Camera:
     def shot(self, light: FloatArray, level: Level) -> Mosaic:
         """Photograph the scene's light, (H, W, N). Additive noise is the same part of what a panchromatic pixel reads in white."""
         filters, random = self.filters, np.random.default_rng(0)
-        if level.exposure:
+        if level.light:
             sensor = SensorCalibration.of_bits(
                 12, headroom=False, channels=filters.channels, gamma=filters.gamma, noise=filters.noise
             )
-            return simulate_sensor(filters.of(light), self.pattern, sensor, level.exposure, random)
+            return simulate_sensor(filters.of(light), self.pattern, sensor, level.light, random)
         camera = SensorCalibration(filters.channels, filters.gamma)
         return simulate_additive(filters.of(light), self.pattern, camera, level.sigma * filters.unit, random)
 
-    def render(self, light: FloatArray, level: Level, settings: RenderSettings) -> FloatArray:
-        """Photograph the light and render the shot: float32 (H, W, C), what each filter reads, at the scene's exposure."""
-        return render(self.shot(light, level), settings).rgb / np.float32(level.exposure or 1.0)
+    def render(self, light: FloatArray, level: Level, method: Callable[[Mosaic], FloatArray]) -> FloatArray:
+        """Photograph the light and render the shot: float32 (H, W, C), what each filter reads, as bright as the scene."""
+        return method(self.shot(light, level)) / np.float32(level.light or 1.0)
 
     def to_scene(self) -> FloatArray:
         """Matrix (C, N) from what the filters read to the scene's channels: the (pseudo-)inverse of how these are mixed."""

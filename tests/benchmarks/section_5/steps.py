@@ -44,7 +44,7 @@ def steps(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
     for name, make in _variants(scene.rgb).items():
         make(small)  # loads what is compiled
         start = time.process_time()
-        picture = make(mosaic) / np.float32(level.exposure or 1)
+        picture = make(mosaic) / np.float32(level.light or 1)
         seconds = time.process_time() - start
         found = quality(picture, scene.rgb)
         yield name, [*found.median, found.rgb[0], found.chrominance[0], 1e6 * seconds / mosaic.samples.size]
