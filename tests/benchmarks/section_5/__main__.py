@@ -40,22 +40,28 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=600, metavar="PIXELS", help="of each scene, the middle (default: %(default)s)")
     arguments = parser.parse_args()
     levels = [*map(Level, arguments.sigma), *(Level(light=light) for light in arguments.light)]
-    tables: dict[tuple[str, str], Rows] = {}
+    photographs: dict[str, Rows] = {}
     for source in arguments.scenes:
         try:
             scene = middle(load_scene(source), arguments.size)
         except InputError as error:
             raise SystemExit(f"{source}: {error}") from None
+        drawn: dict[str, Rows] = {}
         for study in arguments.study:
-            if (study == "bands") != (scene.channels == BANDS):
-                continue
-            rows = tables.setdefault((study, source if study == "bands" else "means over the photographs"), {})
-            for level in levels:
-                for name, figures in STUDIES[study][2](scene, level):
-                    rows.setdefault((str(level), name), []).append(figures)
-    for (study, of), rows in tables.items():
+            if (study == "bands") == (scene.channels == BANDS):
+                rows = (drawn if study == "bands" else photographs).setdefault(study, {})
+                for level in levels:
+                    for name, figures in STUDIES[study][2](scene, level):
+                        rows.setdefault((str(level), name), []).append(figures)
+        print_tables(drawn, source)
+    print_tables(photographs, "means over the photographs")
+
+
+def print_tables(tables: dict[str, Rows], what: str) -> None:
+    """Print the tables of some scenes."""
+    for study, rows in tables.items():
         title, measures, _ = STUDIES[study]
-        print_table(f"{title}: {of}", measures, rows)
+        print_table(f"{title}: {what}", measures, rows)
 
 
 if __name__ == "__main__":
