@@ -16,7 +16,7 @@ from tools.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class Level:
-    """Noise: the paper's, additive, of this `sigma` beside R, G and B filters; or a sensor's, in this part of the scene's `light`."""
+    """Noise: the paper's, additive, of this `sigma` beside R, G and B filters; or a sensor's in this part of the `light`."""
 
     sigma: float = 0.0
     light: float = 0.0

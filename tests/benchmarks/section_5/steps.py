@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
+from device import Preview
 from offline import BEST, PAPER, render, use_threads
 from shared import Mosaic
 from shared.arrays import FloatArray
-from tools.evaluation.camera_preview import render_preview
 from tools.evaluation.metrics import quality
 from tools.evaluation.presets import UNLEARNED, render_preset
 from tools.scenes.scene import Scene
@@ -41,7 +41,7 @@ def steps(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
     use_threads(1)  # so that the processor's time is that of the work
     mosaic = Camera.of("RG/GB", 6, scene).shot(scene.rgb, level)
     small = Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration)
-    for name, make in _variants(scene.rgb).items():
+    for name, make in _variants(mosaic, scene.rgb).items():
         make(small)  # loads what is compiled
         start = time.process_time()
         picture = make(mosaic) / np.float32(level.light or 1)
@@ -50,7 +50,9 @@ def steps(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
         yield name, [*found.median, found.rgb[0], found.chrominance[0], 1e6 * seconds / mosaic.samples.size]
 
 
-def _variants(truth: FloatArray) -> dict[str, Callable[[Mosaic], FloatArray]]:
+def _variants(mosaic: Mosaic, truth: FloatArray) -> dict[str, Callable[[Mosaic], FloatArray]]:
+    preview = Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1)  # frames of one size only
+
     def with_true_luminance(mosaic: Mosaic) -> FloatArray:
         """What the best luminance inpainting could still gain in Eq. 17."""
         rendering, (rows, columns) = render(mosaic, PAPER), mosaic.shape
