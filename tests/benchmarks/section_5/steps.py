@@ -51,7 +51,7 @@ def steps(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
 
 
 def _variants(mosaic: Mosaic, truth: FloatArray) -> dict[str, Callable[[Mosaic], FloatArray]]:
-    preview = Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1)  # frames of one size only
+    preview = Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1)  # for frames of one size
 
     def with_true_luminance(mosaic: Mosaic) -> FloatArray:
         """What the best luminance inpainting could still gain in Eq. 17."""
@@ -62,7 +62,7 @@ def _variants(mosaic: Mosaic, truth: FloatArray) -> dict[str, Callable[[Mosaic],
 
     rendered = {name: partial(render_preset, settings) for name, settings in STEPS.items()}
     return {
-        "`preview`, on the camera": render_preview,
+        "`preview`, on the camera": lambda _: np.asarray(preview.run(mosaic), np.float32),
         **rendered,
         "`paper`, true luminance at the colour sites": with_true_luminance,
     }
