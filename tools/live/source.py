@@ -158,7 +158,10 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
         raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
     camera, pattern = camera_of(arguments)
     scene = builtin_scene(1, 1)
-    filters = filters_for(pattern, scene)
+    try:
+        filters = filters_for(pattern, scene)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
     simulated: dict[str, Any] = {"channels": filters.channels, "gamma": filters.gamma, "noise": filters.noise}
     known = (
         camera.calibration if camera else SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated", **simulated)

@@ -193,7 +193,8 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) -
         check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
         pixels = np.concatenate([_page_pixels(page) for page in pages], axis=-1)
         if not found:
-            pixels, notes = _without_alpha(pixels)
+            pixels, remarks = _without_alpha(pixels)
+            notes += remarks
         if several and len(pages) == 1:
             notes += ("the file has several pages; only the first is used",)
         peak = (1 << first.bitspersample) - 1 if pixels.dtype.kind == "u" else None
@@ -292,12 +293,12 @@ def _channels(count: int, wanted: str, *, alpha: bool = False, colour: bool = Fa
     stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
     if pages == _MOST_PAGES:
         stacked += " or more"
-    is_rgb = count == len(RGB) and (colour or set(scene_channels(wanted)) <= set(RGB))
-    if count == len(wanted) and not alpha and not is_rgb:
+    of_rgb = set(scene_channels(wanted)) <= set(RGB)
+    if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
         return wanted, (f"its {stacked} have no names: they are taken as linear light of {', '.join(wanted)}, in this order",)
-    if pages > 1 and is_rgb:
+    if pages > 1 and count == len(RGB) and of_rgb:
         return "", (f"its {stacked} are taken for red, green and blue",)
-    if count > _MOST_SAMPLES or pages > 1:
+    if count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
         raise InputError(
             f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as many channels as the pattern "
             "(panchroma simulate --pattern), or red, green and blue"
