@@ -14,6 +14,7 @@ from tools.evaluation.figures import Comparison, Figures
 from tools.evaluation.measures import Measures
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
+from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import caveats, comparisons, headline, losses, plain_text, worst_places
 
 SET = "linear photographs"
@@ -174,10 +175,10 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
 
 
 def test_the_best_period_is_named(tmp_path: Path) -> None:
-    study = study_of(tmp_path, periods=(4, 6, 8))
-    error = {(0.0, 4): 0.01, (0.0, 6): 0.02, (0.0, 8): 0.04, (0.03, 4): 0.04, (0.03, 6): 0.02, (0.03, 8): 0.02}
+    study = study_of(tmp_path, tiles=chosen_tiles([4, 6, 8], ()))
+    error = {(0.0, "K=4"): 0.01, (0.0, "K=6"): 0.02, (0.0, "K=8"): 0.04, (0.03, "K=4"): 0.04, (0.03, "K=6"): 0.02, (0.03, "K=8"): 0.02}
     results = {
-        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.period), 0.1)) * NOISE, TRUTH) for cell in study.cells()
+        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.pattern), 0.1)) * NOISE, TRUTH) for cell in study.cells()
     }
     figures = Figures(study, results)
     assert figures.best_period(SET, 0.0) == pytest.approx((4, 20 * np.log10(2)), abs=0.01)
@@ -265,7 +266,7 @@ def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
 
 
 def test_tables_hold_every_figure(tmp_path: Path) -> None:
-    figures = measured(study_of(tmp_path, periods=(4, 6)), tmp_path)
+    figures = measured(study_of(tmp_path, tiles=chosen_tiles([4, 6], ())), tmp_path)
     document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"]))
     rows = list(csv.DictReader(io.StringIO(encode_csv(figures).decode())))
     # Two scenes and their pool, two levels, two rivals and ours at two periods.
@@ -273,7 +274,7 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert document["failed"] == ["a.txt: no picture"]
     assert document["protocol"]["levels"] == [0.0, 0.03]
     own = next(each for each in document["figures"] if (each["scene"], each["method"], each["level"]) == ("scene0", "paper", 0.03))
-    found = figures.of_scene("scene0", 0.03, "paper", own["period"])
+    found = figures.of_scene("scene0", 0.03, "paper", Tile.of_period(own["period"]))
     assert found is not None
     assert own["rgb_q50"] == pytest.approx(found.quality.median[RGB], abs=1e-4)
     assert own["luminance_q25"] == pytest.approx(found.quality.luminance[1], abs=1e-4)

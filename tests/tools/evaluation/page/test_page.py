@@ -15,6 +15,7 @@ from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import render_gallery
 from tools.evaluation.page.page import build_page
 from tools.evaluation.page.sections import noise_section
+from tools.evaluation.tiles import chosen_tiles
 
 FAILURE = "<b>odd</b>.png: cannot be read"
 
@@ -22,7 +23,7 @@ FAILURE = "<b>odd</b>.png: cannot be read"
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
-    figures = measured(study_of(folder, periods=(4, 6), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
+    figures = measured(study_of(folder, tiles=chosen_tiles([4, 6], ()), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
     path = folder / "evaluation.html"
     path.write_text(build_page(figures, render_gallery(figures, alone()), "panchroma 1", [FAILURE]), "utf-8")
     return path
@@ -67,7 +68,7 @@ def test_the_page_is_one_whole_file(written: Path) -> None:
 
 
 def test_no_two_methods_look_alike(tmp_path: Path) -> None:
-    study = study_of(tmp_path, methods=tuple(methods()), periods=(6,))
+    study = study_of(tmp_path, methods=tuple(methods()), tiles=chosen_tiles([6], ()))
     text = noise_section(Figures(study, measured(study_of(tmp_path), tmp_path).results))
     looks = re.findall(r'<label style="--line:(.*?)"><input.*?<span class="(.*?)">', text)
     assert len(looks) == len(set(looks)) == len(methods())
