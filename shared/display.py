@@ -7,7 +7,8 @@ has clipped and the colour is unknown; without the clip a burnt-out highlight wo
 
 **Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
 neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
-matrix, channels named R, G and B are assumed to have the primaries of sRGB; for other channels there is no such guess.
+matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there are, which do not count then;
+without these three there is no such guess.
 
 **Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve, no highlight reconstruction. "linear-srgb" has neither clip nor
 curve. The space "camera" of the commands means unchanged samples; this module is not involved.
@@ -86,6 +87,8 @@ class ColourTransform:
         space = SPACES[name]
         to_xyz = _camera_to_xyz(calibration)
         neutral = np.linalg.lstsq(to_xyz, D50)[0] if calibration.neutral is None else np.array(calibration.neutral)
+        coloured = to_xyz.any(axis=0)
+        neutral = np.where(coloured, neutral, neutral[coloured].max())  # channels without a colour do not count
         white = neutral / neutral.max()
         seen = to_xyz @ white
         if min(white) <= 0 or min(BRADFORD @ seen) <= 0:
@@ -147,14 +150,16 @@ def checked_picture(rgb: NDArray[np.floating], channels: int) -> FloatArray:
 
 def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
     """Matrix from scene units to XYZ (D50): the measured one, or that of sRGB primaries; float64 (3, C)."""
+    channels = calibration.channels
     if calibration.camera_to_xyz is not None:
         return np.array(calibration.camera_to_xyz)
-    if sorted(calibration.channels) != sorted("RGB"):
+    if not set("RGB") <= set(channels):
         raise InputError(
-            f"no colour matrix for the channels {calibration.channels}: calibrate the camera (panchroma calibrate), "
-            "or render with --space camera"
+            f"no colour matrix for the channels {channels}: calibrate the camera (panchroma calibrate), "
+            "or render with --space camera, as tif, exr or npy"
         )
-    nominal = SPACES["srgb"].to_xyz[:, ["RGB".index(letter) for letter in calibration.channels]]
+    nominal = np.zeros((3, len(channels)))
+    nominal[:, [channels.index(letter) for letter in "RGB"]] = SPACES["srgb"].to_xyz
     # The nominal primaries belong to white-balanced channels, in which white reads (1, 1, 1).
     balance = 1.0 if calibration.neutral is None else max(calibration.neutral) / np.array(calibration.neutral)
     return np.asarray(nominal * balance)

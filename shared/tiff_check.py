@@ -26,11 +26,12 @@ PLAIN: dict[str, Any] = {"is_lsm": False, "is_ndpi": False, "is_scanimage": Fals
 """Arguments of `tifffile.TiffFile` that make it leave alone the kinds of files whose every page it would read at once."""
 
 
-def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bool:
+def check_directories(file: IO[bytes], read: Container[int] | None = None, pages: int = 1) -> bool:
     """Raise InputError if a directory declares implausible sizes. Returns whether the file has more than one page.
 
-    file: seekable; left at its beginning. The first directory and those below it are checked.
+    file: seekable; left at its beginning.
     read: tags of the fields that will be read; None = all of them.
+    pages: number of pages to check, from the first on, and what is below them.
     """
     end = file.seek(0, 2)
     file.seek(0)
@@ -39,13 +40,16 @@ def check_directories(file: IO[bytes], read: Container[int] | None = None) -> bo
         order = {b"II": "<", b"MM": ">"}[header[:2]]
         big = struct.unpack_from(f"{order}H", header, 2)[0] == 43
         (first,) = struct.unpack_from(f"{order}Q" if big else f"{order}I", header, 8 if big else 4)
-        todo, seen, held, following = [first], set[int](), 0, 0
+        todo, seen, held, following, page = [first], set[int](), 0, 0, first
         while todo:
             if (place := todo.pop()) in seen:
                 continue
             below, after, fields = _directory(file, place, end, order, big, read)
             following = following if seen else after
             seen.add(place)
+            if place == page and pages > 1 and 0 < after < end:
+                pages, page = pages - 1, after
+                below.append(after)
             todo, held = todo + below, held + fields
             if len(seen) > _MOST_DIRECTORIES:
                 raise _excessive(f"more than {_MOST_DIRECTORIES} directories")

@@ -160,7 +160,7 @@ def test_the_input_is_left_alone() -> None:
     ("calibration", "space", "message"),
     [
         (SensorCalibration(), "cmyk", "unknown output space 'cmyk'"),
-        (SensorCalibration(channels="RGBE"), "srgb", "no colour matrix for the channels RGBE: calibrate"),
+        (SensorCalibration(channels="RGE"), "srgb", "no colour matrix for the channels RGE: calibrate"),
         (SensorCalibration(channels="CMY"), "srgb", "--space camera"),
         (SensorCalibration(camera_to_xyz=((-1, 0, 0), (0, -1, 0), (0, 0, -1)), neutral=(1, 1, 1)), "srgb", "no colour of light"),
         (SensorCalibration(camera_to_xyz=((1, 0, 0), (0, 1, 0), (0, 0, -1))), "srgb", "no colour of light"),
@@ -169,6 +169,17 @@ def test_the_input_is_left_alone() -> None:
 def test_what_has_no_colour_is_refused(calibration: SensorCalibration, space: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         ColourTransform.to_space(calibration, space)
+
+
+@pytest.mark.parametrize("neutral", [None, (0.5, 3.0, 1.0, 0.7)])
+def test_channels_beside_red_green_and_blue_do_not_count(neutral: tuple[float, ...] | None) -> None:
+    """Nobody knows what colour they are; the others have that of any camera."""
+    picture = random_picture((5, 6, 4))
+    of_rgb = [0, 2, 3]
+    known = SensorCalibration(neutral=None if neutral is None else tuple(neutral[channel] for channel in of_rgb))
+    expected = ColourTransform.to_space(known).apply(picture[..., of_rgb])
+    found = ColourTransform.to_space(SensorCalibration("RNGB", neutral=neutral)).apply(picture)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("exposure", [17.0, float("nan"), float("-inf")])

@@ -90,7 +90,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
             "period": mosaic.pattern.period,
             "channels": mosaic.pattern.channels,
             "letters": mosaic.pattern.letters_from(),
-            "light_efficiency": round(mosaic.pattern.light_efficiency, 3),
+            "light_efficiency": round(_light(mosaic), 3),
         },
         "learned": network_name(mosaic.pattern),
         "bits": mosaic.calibration.bits,
@@ -106,6 +106,15 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         },
         "preview_bytes": preview_bytes,
     }
+
+
+def _light(mosaic: Mosaic) -> float:
+    """Light that the sensor collects, relative to a Bayer sensor, whose pixels see a third of what panchromatic ones do."""
+    pattern, full_scale = mosaic.pattern, mosaic.calibration.full_scale
+    if pattern.channels == "RGB":
+        return pattern.light_efficiency
+    colour = len(pattern.sites) / pattern.period**2  # filters read 1 where panchromatic pixels read the full scale
+    return 3 * (1 - colour + colour / full_scale)
 
 
 def _table(facts: dict[str, Any]) -> list[str]:

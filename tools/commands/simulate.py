@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
@@ -29,6 +29,7 @@ from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
+from tools.scenes.filters import Filters, filters_for
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
@@ -108,7 +109,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     options.check_at_least_one(arguments, "reduce")
     is_series, burst = arguments.burst is not None, _burst(arguments)
     known, pattern = options.camera_of(arguments)
-    camera = _calibration(arguments, known)
+    camera = _calibration(arguments, known, pattern)
     folder = output_folder(arguments.output)
     previews = Previews()
 
@@ -126,16 +127,19 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         taken: dict[str, Frame] = {}
         with console.progress(job.source) as progress:
             progress.stage("reading", 1)
-            scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels)
+            scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
+            filters = filters_for(pattern, scene)
+            calibration = calibration_before(scene, filters, camera, measured=known is not None)
             frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
             progress.stage("sampling and writing", burst.frames)
             for shot in shots:
                 frame = next(frames)
-                mosaic = photograph(scene, frame, pattern, camera, arguments, random(shot))
+                frame = replace(frame, rgb=filters.of(frame.rgb))
+                metadata = frame.metadata(scene.metadata)
+                mosaic = photograph(frame, pattern, calibration, metadata, arguments, random(shot))
                 job.make_folders()
                 write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
                 if not taken and beside:
-                    metadata = frame.metadata(scene.metadata)
                     write_picture(
                         beside[0],
                         frame.rgb,
@@ -148,7 +152,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 progress.advance()
             for path in beside[1:]:
                 write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
-        for note in scene.notes:
+        for note in (*scene.notes, *filters.notes):
             console.note(f"{job.source}: {note}")
         rows, columns = mosaic.shape
         for shot in shots:
@@ -169,19 +173,28 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
     return np.random.default_rng([seed, *sha256(os.fsencode(name)).digest()])
 
 
+def calibration_before(scene: Scene, filters: Filters, camera: SensorCalibration, *, measured: bool) -> SensorCalibration:
+    """The calibration of a camera before a scene, whose colours, as its filters see them, replace unknown ones.
+
+    measured: the camera has gamma and noise of its own; otherwise they follow from the filters.
+    """
+    if not measured:
+        camera = replace(camera, gamma=filters.gamma, noise=filters.noise)
+    to_xyz, neutral = filters.colours(scene)
+    if camera.neutral is None:
+        camera = replace(camera, neutral=neutral, neutral_estimated=scene.neutral_estimated)
+    return replace(camera, camera_to_xyz=camera.camera_to_xyz or to_xyz)
+
+
 def photograph(
-    scene: Scene,
     frame: Frame,
     pattern: CfaPattern,
     camera: SensorCalibration,
+    metadata: CaptureMetadata,
     arguments: argparse.Namespace,
     rng: np.random.Generator,
 ) -> Mosaic:
-    """A frame of the scene as this camera records it. The scene's colour matrix and neutral replace unknown ones of the camera."""
-    if camera.neutral is None:
-        camera = replace(camera, neutral=scene.neutral, neutral_estimated=scene.neutral_estimated)
-    camera = replace(camera, camera_to_xyz=camera.camera_to_xyz or scene.camera_to_xyz)
-    metadata = frame.metadata(scene.metadata)
+    """A frame, whose light is that behind the filters, as this camera records it."""
     if arguments.protocol == "sensor":
         return simulate_sensor(frame.rgb, pattern, camera, arguments.light * frame.exposure, rng, metadata)
     rgb = frame.rgb if frame.exposure == 1 else frame.rgb * np.float32(frame.exposure)
@@ -198,9 +211,9 @@ def _burst(arguments: argparse.Namespace) -> Burst:
     return Burst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.exposures)
 
 
-def _calibration(arguments: argparse.Namespace, known: Camera | None) -> SensorCalibration:
-    """The calibration in --camera, or else the paper's: gamma = 1. --bits sets the levels."""
-    camera = known.calibration if known else SensorCalibration(sensor="simulated")
+def _calibration(arguments: argparse.Namespace, known: Camera | None, pattern: CfaPattern) -> SensorCalibration:
+    """The calibration in --camera, or else one with these channels, see `calibration_before`. --bits sets the levels."""
+    camera = known.calibration if known else SensorCalibration(pattern.channels, sensor="simulated")
     if known and arguments.bits is None:
         return camera
     bits = _DEFAULT_BITS if arguments.bits is None else arguments.bits

@@ -11,6 +11,7 @@ from device.capture import Sensor
 from device.frames import RawFrame
 from shared.sensor import simulate_sensor
 from tools.scenes.drawn.builtin import builtin_scene
+from tools.scenes.filters import filters_for
 
 _SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
 _FRAMES = range(4, 49)  # frames of one turn
@@ -25,7 +26,8 @@ def moving_scene(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
     """
     layout = sensor.layout
     swing = max(min(layout.width, layout.height) // _SWING, 2)
-    scene = builtin_scene(layout.width + 2 * swing, layout.height + 2 * swing).rgb
+    scene = builtin_scene(layout.width + 2 * swing, layout.height + 2 * swing)
+    light = filters_for(sensor.pattern, scene).of(scene.rgb)
     rng = np.random.default_rng(_SEED)
     frames = min(max(_MEMORY // layout.frame_bytes, _FRAMES[0]), _FRAMES[-1])
     turn: list[bytes] = []
@@ -34,7 +36,7 @@ def moving_scene(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
         if len(turn) < frames:
             angle = 2 * math.pi * number / frames
             top, left = round(swing * (1 - math.cos(angle))), round(swing * (1 + math.sin(angle)))
-            seen = scene[top : top + layout.height, left : left + layout.width]
+            seen = light[top : top + layout.height, left : left + layout.width]
             mosaic = simulate_sensor(seen, sensor.pattern, sensor.calibration, 1.0, rng)
             turn.append(mosaic.codes.astype("<u2").tobytes())
         # A sensor does not catch up: a late frame delays all later ones by as much.

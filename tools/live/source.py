@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from device.capture import Sensor
 from device.frame_check import checked
@@ -17,10 +18,11 @@ from device.frame_folder import watch_folder
 from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import SensorCalibration
 from shared.calibration import BITS
-from shared.colorimetry import SRGB_TO_XYZ
 from shared.errors import InputError
 from shared.sensor import typical_noise
 from tools.host.options import add_camera, camera_of
+from tools.scenes.drawn.builtin import builtin_scene
+from tools.scenes.filters import filters_for
 
 _STREAM, _BUILTIN = "-", "builtin:"
 _BUILTIN_BITS = 12
@@ -143,7 +145,7 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     if camera:
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
-    calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False)
+    calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False, channels=pattern.channels)
     black, white = calibration.black_level[0], calibration.white_level
     note = f"no --camera: black level {black:.0f} and white level {white} are assumed, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
@@ -155,13 +157,22 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
     if not found or not rate:
         raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
     camera, pattern = camera_of(arguments)
-    known = camera.calibration if camera else SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated")
+    scene = builtin_scene(1, 1)
+    try:
+        filters = filters_for(pattern, scene)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    simulated: dict[str, Any] = {"channels": filters.channels, "gamma": filters.gamma, "noise": filters.noise}
+    known = (
+        camera.calibration if camera else SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated", **simulated)
+    )
     # The colours are the scene's where the camera's are unknown.
+    to_xyz, neutral = filters.colours(scene)
     calibration = replace(
         known,
         noise=known.noise or typical_noise(known),
-        camera_to_xyz=known.camera_to_xyz or SRGB_TO_XYZ,
-        neutral=known.neutral or (1.0,) * 3,
+        camera_to_xyz=known.camera_to_xyz or to_xyz,
+        neutral=known.neutral or neutral,
     )
     sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
 

@@ -60,7 +60,7 @@ class Burst:
 class Frame:
     """One frame of a burst.
 
-    rgb: the light that it sees, float32 (H, W, 3), scene units, whatever its exposure is.
+    rgb: the light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
     motion: from the reference to it, pixels of the sensor.
     stops: its exposure; None = it is no part of a bracket.
     thing: (row, column, radius) of the moving thing at this time, pixels, as the reference would see it; None = there is none.
@@ -136,7 +136,7 @@ def tremor(burst: Burst, rng: np.random.Generator) -> tuple[Motion, ...]:
 def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel: int = 1) -> Iterator[Frame]:
     """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are smaller than it.
 
-    rgb: the scene, float32 (H, W, 3), scene units.
+    rgb: the scene, float32 (H, W, C), scene units.
     rng: source of the motions, and of the thing that moves.
     pixel: pixels of the scene, each way, that are one of the sensor: the scene moves at its full size, and is averaged then.
     Raises InputError if nothing is left between the margins that the motion needs, or not one such pixel fits into the scene.

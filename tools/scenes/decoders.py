@@ -8,7 +8,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BytesIO
@@ -28,11 +28,15 @@ from shared.tiff_check import PLAIN, check_directories, check_pieces
 from tools.host.limited import run_limited
 
 from .exif_reading import picture_metadata, tiff_metadata
+from .filters import scene_channels
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .png_chunks import picture_chunks
-from .scene import check_size
+from .scene import RGB, check_size
 
 _ICC_PROFILE = 34675  # TIFF tag
+_ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
+_MOST_SAMPLES = 4  # of a picture: RGB and transparency
+_MOST_PAGES = 26  # one more than a pattern has channels
 _MOST_PER_PIXEL, _MOST_BESIDE = 16, 32 << 20  # bytes of a PNG: twice its samples; profile, texts and capture data
 _LARGEST_WEBP, _LARGEST_JPEG = 64 << 20, 1 << 30  # bytes, read whole; the longest side of a WebP is 16383 pixels
 # None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own, which decoders believe.
@@ -49,11 +53,12 @@ _UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this 
 class Decoded:
     """A decoded picture, its values as stored in the file.
 
-    pixels: (H, W, C), C = 1 or 3.
+    pixels: (H, W, C), C = 1 for a grey picture, otherwise one for each channel.
     peak: the integer that stands for 1.0; None for floating point.
     encoding: how the file says its values are encoded; None if it does not say.
     metadata: capture data.
     notes: remarks for the user, such as what was left out.
+    channels: letters of the channels; a grey picture has them all alike.
     """
 
     pixels: NDArray[Any]
@@ -61,6 +66,7 @@ class Decoded:
     encoding: Encoding | None = None
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
     notes: tuple[str, ...] = ()
+    channels: str = RGB
 
 
 @contextmanager
@@ -154,91 +160,150 @@ def _with_pillow(data: bytes, max_pixels: int) -> Decoded:
         return _described(image, pixels, 255, (_NO_ALPHA,) if transparent else ())
 
 
-def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """Decode the first page of a grey or RGB TIFF, integer or floating point."""
+def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Decoded:
+    """Decode the first page of a TIFF, integer or floating point: grey, RGB, or a sample for each of `channels`.
+
+    Pages with one sample each, all of one size and kind, are taken together as such samples.
+    """
     import tifffile
 
     size, held = path.stat().st_size, data_bytes(path)
     with path.open("rb") as stream:
         several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _ICC_PROFILE})
     with tifffile.TiffFile(path, **PLAIN) as file:
-        page: Any = file.pages[0]
-        if page.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
+        first: Any = file.pages[0]
+        if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
             raise InputError(
-                f"the TIFF is of kind {getattr(page.photometric, 'name', page.photometric)}; convert it to RGB or grey"
+                f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; convert it to RGB or grey"
             )
-        if page.compression not in _COMPRESSIONS:
-            name = getattr(page.compression, "name", page.compression)
-            raise InputError(f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, or with none")
-        samples = page.samplesperpixel
-        if samples not in {1, 2, 3, 4} or page.imagedepth != 1 or page.tiledepth != 1:
-            raise InputError(f"the TIFF has {samples} samples per pixel; expected grey or RGB, with or without transparency")
-        pixel_bytes = max(samples, 3) * max(1, page.bitspersample // 8)  # a grey scene has three planes as well
-        check_size(page.imagewidth, page.imagelength, pixel_bytes, held, max_pixels)
-        check_pieces(page.dataoffsets, page.databytecounts, size, page.imagewidth * page.imagelength)
-        if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
-            covered, pixels = page.tilewidth * page.tilelength * len(page.dataoffsets), page.imagewidth * page.imagelength
-            if covered > max(_SMALL, 4 * samples * pixels):
-                raise InputError(
-                    f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory"
-                )
-        pixels = page.asarray(maxworkers=1)
-        if page.axes.startswith("S"):
-            pixels = np.moveaxis(pixels, 0, -1)
-        pixels, notes = _without_alpha(pixels)
-        if several:
+        pages = [first]
+        if several and first.samplesperpixel == 1:
+            with path.open("rb") as stream:
+                check_directories(stream, tifffile.TIFF.TAG_LOAD, _MOST_PAGES)
+            pages = _stack(file)
+        samples = first.samplesperpixel
+        if not samples or first.imagedepth != 1 or first.tiledepth != 1:
+            raise InputError(f"the TIFF has {samples} samples per pixel and {first.imagedepth} planes in depth; expected a picture")
+        alpha = any(kind in _ALPHA for kind in first.extrasamples)
+        colour = first.photometric == tifffile.PHOTOMETRIC.RGB
+        found, notes = _channels(samples * len(pages), channels, alpha=alpha, colour=colour, pages=len(pages))
+        pixel_bytes = max(samples * len(pages), 3) * max(1, first.bitspersample // 8)  # a grey scene has three planes as well
+        check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
+        offsets, lengths = ([each for page in pages for each in getattr(page, name)] for name in ("dataoffsets", "databytecounts"))
+        check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
+        pixels = np.concatenate([_page_pixels(page) for page in pages], axis=-1)
+        if not found:
+            pixels, remarks = _without_alpha(pixels)
+            notes += remarks
+        if several and len(pages) == 1:
             notes += ("the file has several pages; only the first is used",)
-        peak = (1 << page.bitspersample) - 1 if pixels.dtype.kind == "u" else None
-        profile = page.tags.get(_ICC_PROFILE)
+        peak = (1 << first.bitspersample) - 1 if pixels.dtype.kind == "u" else None
+        profile = first.tags.get(_ICC_PROFILE)
         encoding, remarks = _profile_encoding(profile and profile.value)
-    return Decoded(pixels, peak, encoding, tiff_metadata(path), notes + remarks)
+    return Decoded(pixels, peak, encoding, tiff_metadata(path), notes + remarks, found or RGB)
 
 
-def decode_exr(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """Decode the channels R, G, B or Y of the first part of an OpenEXR file; its values are linear by definition."""
+def _stack(file: Any) -> list[Any]:
+    """The pages of a TIFF, `_MOST_PAGES` at most, if all have the same size and kind; otherwise the first alone."""
+    pages: list[Any] = []
+    with suppress(IndexError):  # len(file.pages) would follow the directories, however many there are
+        while len(pages) < _MOST_PAGES:
+            pages.append(file.pages[len(pages)])
+    kinds = {(page.shape, page.samplesperpixel, page.bitspersample, page.dtype, page.photometric) for page in pages}
+    return pages if len(kinds) == 1 else pages[:1]
+
+
+def _page_pixels(page: Any) -> NDArray[Any]:
+    """The samples of a page, (H, W, C)."""
+    if page.compression not in _COMPRESSIONS:
+        name = getattr(page.compression, "name", page.compression)
+        raise InputError(f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, or with none")
+    if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
+        covered, pixels = page.tilewidth * page.tilelength * len(page.dataoffsets), page.imagewidth * page.imagelength
+        if covered > max(_SMALL, 4 * page.samplesperpixel * pixels):
+            raise InputError(f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory")
+    samples: NDArray[Any] = page.asarray(maxworkers=1)
+    return np.moveaxis(samples, 0, -1) if page.axes.startswith("S") else np.atleast_3d(samples)
+
+
+def decode_exr(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Decoded:
+    """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file; its values are linear."""
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
-    pixels, chromaticities = run_limited(path, ("OpenEXR",), _read_exr, path, max_pixels)
+    pixels, found, chromaticities = run_limited(path, ("OpenEXR",), _read_exr, path, max_pixels, channels)
     if chromaticities is None:
-        return Decoded(pixels, None)
+        return Decoded(pixels, None, channels=found)
     red, green, blue, white = chromaticities
     matrix = as_rows(primaries_to_xyz((red, green, blue), white))
-    return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"))
+    return Decoded(pixels, None, Encoding(LINEAR.curves, matrix, "the file's chromaticities"), channels=found)
 
 
-def _read_exr(path: Path, max_pixels: int) -> tuple[NDArray[Any], list[tuple[float, float]] | None]:
-    """Return the pixels (H, W, C), and x, y of red, green, blue and white if the file has them."""
+def _read_exr(path: Path, max_pixels: int, wanted: str) -> tuple[NDArray[Any], str, list[tuple[float, float]] | None]:
+    """Return the pixels (H, W, C), their letters, and x, y of red, green, blue and white if the file has them."""
     with guarded(path):
         import OpenEXR
 
         header = OpenEXR.File(str(path), header_only=True).header()
         (left, top), (right, bottom) = (np.asarray(corner).tolist() for corner in header["dataWindow"])
         names = {channel.name for channel in header["channels"]}
-        wanted = ("R", "G", "B") if {"R", "G", "B"} <= names else ("Y",)
-        if not set(wanted) <= names or "RY" in names:
-            raise InputError(f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected R, G, B, or Y alone")
+        choices = [wanted, scene_channels(wanted), RGB]  # the filters' own channels before those they can be made from
+        found = next((each for each in choices if set(each) <= names), "Y")
+        if not set(found) <= names or "RY" in names:
+            expected = "R, G, B" if wanted == RGB else f"{', '.join(wanted)}, or R, G, B"
+            raise InputError(f"the EXR has the channels {', '.join(sorted(names))[:200]}; expected {expected}, or Y alone")
         check_size(right - left + 1, bottom - top + 1, 4 * len(names), data_bytes(path), max_pixels)
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
-        pixels = np.stack([channels[name].pixels for name in wanted], axis=-1)
+        pixels = np.stack([channels[name].pixels for name in found], axis=-1)
         primaries = header.get("chromaticities")
-        return pixels, None if primaries is None else [(x, y) for x, y in np.reshape(primaries, (4, 2)).tolist()]
+        corners = None if primaries is None else [(x, y) for x, y in np.reshape(primaries, (4, 2)).tolist()]
+        return pixels, RGB if found == "Y" else found, corners
 
 
-def decode_npy(path: Path, max_pixels: int = MAX_PIXELS) -> Decoded:
-    """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled objects are refused."""
+def decode_npy(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Decoded:
+    """Decode a NumPy array (H, W) or (H, W, C) of unsigned integers or floating point. Pickled objects are refused.
+
+    C is 1 (grey), 3 (RGB), 2 or 4 (with transparency), or the number of `channels`, which are then taken in this order.
+    """
     with path.open("rb") as file:
         start = file.read(12)
     # NumPy reads a header of the length that the file declares, in two bytes in version 1, in four in later versions.
     if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
         raise InputError("the array's header declares an impossible length: the file is damaged, or made to fill the memory")
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
-    if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not 1 <= stored.shape[2] <= 4):
+    if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not stored.shape[2]):
         raise InputError(
             f"the array is {stored.dtype} of shape {stored.shape}; "
-            "expected unsigned integers or floating point, (rows, columns) or (rows, columns, 3)"
+            "expected unsigned integers or floating point, (rows, columns) or (rows, columns, channels)"
         )
+    found, notes = _channels(stored.shape[2] if stored.ndim == 3 else 1, channels)
     check_size(stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels)
-    pixels, notes = _without_alpha(np.array(stored))
-    return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes)
+    pixels = np.array(stored)
+    if not found:
+        pixels, notes = _without_alpha(pixels)
+    return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes, channels=found or RGB)
+
+
+def _channels(count: int, wanted: str, *, alpha: bool = False, colour: bool = False, pages: int = 1) -> tuple[str, tuple[str, ...]]:
+    """Which channels `count` samples per pixel without names are: `wanted`, "" for a grey or RGB picture; and notes.
+
+    alpha: one of them is declared to be transparency.
+    colour: three of them are declared to be red, green and blue.
+    pages: that they come from.
+    Raises InputError when there are more samples than a picture has, and another number than `wanted`.
+    """
+    stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
+    if pages == _MOST_PAGES:
+        stacked += " or more"
+    of_rgb = set(scene_channels(wanted)) <= set(RGB)
+    if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
+        return wanted, (f"its {stacked} have no names: they are taken as linear light of {', '.join(wanted)}, in this order",)
+    if pages > 1 and count == len(RGB) and of_rgb:
+        return "", (f"its {stacked} are taken for red, green and blue",)
+    if count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
+        raise InputError(
+            f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as many channels as the pattern "
+            "(panchroma simulate --pattern), or red, green and blue"
+        )
+    return "", ()
 
 
 def _webp_size(webp: bytes) -> tuple[int, int]:

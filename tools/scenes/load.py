@@ -19,10 +19,11 @@ from .decoders import Decoded, decode_exr, decode_jpeg, decode_npy, decode_png, 
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
+from .filters import scene_channels
 from .gehler_shi import gehler_shi_scene
 from .linear_dng import linear_dng_scene
 from .picture import picture_scene
-from .scene import Scene, check_size
+from .scene import RGB, Scene, check_size
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[[int, int], Scene]] = {
@@ -31,16 +32,18 @@ _DRAWN: dict[str, Callable[[int, int], Scene]] = {
     "flat:": flat_scene,
     "dark:": dark_scene,
 }
+_EVEN = ("flat:", "dark:")  # which are the same in every channel
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 # Kind, pattern of the first bytes, name endings, decoder.
-_KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[[Path, int], Decoded]], ...] = (
+_KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[..., Decoded]], ...] = (
     ("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png),
     ("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg),
     ("WebP", rb"RIFF....WEBP", (".webp",), decode_webp),
     ("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr),
     ("NPY", rb"\x93NUMPY", (".npy",), decode_npy),
 )
+_ANY_CHANNELS = (decode_exr, decode_npy)  # they need to know which are wanted
 _PIECE = 16 << 20
 _TIFF_SUFFIXES = (".tif", ".tiff")
 # What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
@@ -54,7 +57,7 @@ ENDINGS = (*(suffix for *_, suffixes, _ in _KINDS for suffix in suffixes), *_TIF
 _TEXT_BYTES = 512  # from which a text is known
 
 
-def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS) -> Scene:
+def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Scene:
     """Return the scene in a file, or a built-in scene.
 
     source: one of
@@ -66,16 +69,18 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
         "flat:WxH", "dark:WxH" (even light, no light: see `drawn.even`).
     linear: take the values of any picture as linear light.
     max_pixels: larger scenes are refused.
+    channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it
+        has as many; otherwise, and in all other files, the scene has red, green and blue.
 
     The content decides which kind a file is, and the name's ending must agree. Raises InputError that says what was found and what
     to do; it does not name the file.
     """
     if is_drawn(source):
-        return _draw(source, max_pixels)
+        return _draw(source, max_pixels, channels)
     path = Path(source)
     if not _has_text_name(source):
         with _text_name(path) as link:
-            return replace(load_scene(str(link), linear=linear, max_pixels=max_pixels), name=path.stem)
+            return replace(load_scene(str(link), linear=linear, max_pixels=max_pixels, channels=channels), name=path.stem)
     start = _first_bytes(path)
     suffix = path.suffix.lower()
     for kind, pattern, suffixes, decode in _KINDS:
@@ -83,7 +88,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             if suffix not in suffixes:
                 raise InputError(f"is a {kind} picture by its content; if that is right, rename it {path.stem}{suffixes[0]}")
             with guarded(path):
-                picture = decode(path, max_pixels)
+                picture = decode(path, max_pixels, channels) if decode in _ANY_CHANNELS else decode(path, max_pixels)
             if kind == "PNG" and (scene := gehler_shi_scene(picture, path.stem)):
                 return scene
             return picture_scene(picture, path.stem, linear=linear)
@@ -96,7 +101,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             )
         if suffix in _TIFF_SUFFIXES and not is_dng:
             with guarded(path):
-                picture = decode_tiff(path, max_pixels)
+                picture = decode_tiff(path, max_pixels, channels)
             return picture_scene(picture, path.stem, linear=linear)
     if _is_text(path) or not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         what = "a text" if _is_text(path) else "of no known kind by its name and its first bytes"
@@ -113,14 +118,18 @@ def is_drawn(source: str) -> bool:
     return source.startswith(tuple(_DRAWN))
 
 
-def _draw(source: str, max_pixels: int) -> Scene:
+def _draw(source: str, max_pixels: int, channels: str) -> Scene:
     kind = source[: source.index(":") + 1]
     size = re.fullmatch(r"(\d{1,6})x(\d{1,6})", source.removeprefix(kind))
     if not size:
         raise InputError(f"is not a built-in scene; write {kind}WIDTHxHEIGHT, for example {kind}1200x800")
     width, height = int(size[1]), int(size[2])
     check_size(width, height, max_pixels=max_pixels)
-    return _DRAWN[kind](width, height)
+    scene = _DRAWN[kind](width, height)
+    wanted = scene_channels(channels)
+    if kind in _EVEN and not set(wanted) <= set(RGB):
+        return replace(scene, rgb=scene.rgb[..., :1].repeat(len(wanted), axis=2), channels=wanted)
+    return scene
 
 
 def _has_text_name(name: str) -> bool:

@@ -19,7 +19,7 @@ _STEPS = (5.0, 20.0)  # pixels of the sensor from frame to frame
 class MovingThing:
     """A disc that moves evenly.
 
-    texture: its light, (h, w, 3); the disc is in the middle, surrounded by at least `RADIUS` pixels.
+    texture: its light, (h, w, C); the disc is in the middle, surrounded by at least `RADIUS` pixels.
     row, column: of its centre in the first frame, pixels.
     radius: pixels.
     step: pixels down and across from one frame to the next.
@@ -35,7 +35,7 @@ class MovingThing:
     def drawn(cls, rgb: FloatArray, margin: int, frames: int, pixel: int, rng: np.random.Generator) -> "MovingThing":
         """A thing that stays within a scene for some frames.
 
-        rgb: the scene, (H, W, 3).
+        rgb: the scene, (H, W, C).
         margin: pixels at its border, of which the thing keeps clear.
         frames: number of frames.
         pixel: pixels of the scene, each way, that are one of the sensor.
@@ -53,7 +53,7 @@ class MovingThing:
         places = rng.integers(np.maximum(shape - side + 1, 1), size=(_TEXTURES, 2))
         grey = max((around[top : top + side, left : left + side] for top, left in places), key=np.std)[::-1, ::-1].copy()
         grey *= rgb.mean() / max(float(grey.mean()), 1e-9)
-        texture = grey[..., None] * rng.permutation(_COLOUR).astype(np.float32)
+        texture = grey[..., None] * rng.permutation(np.resize(_COLOUR, rgb.shape[2])).astype(np.float32)
         return cls(texture, float(row), float(column), radius, (float(down), float(across)))
 
     def place(self, frame: int) -> tuple[float, float]:
@@ -61,7 +61,7 @@ class MovingThing:
         return self.row + frame * self.step[0], self.column + frame * self.step[1]
 
     def before(self, rgb: FloatArray, frame: int) -> FloatArray:
-        """The scene with the thing in front of it, (H, W, 3), when a frame, counted from 0, is taken."""
+        """The scene with the thing in front of it, (H, W, C), when a frame, counted from 0, is taken."""
         row, column = self.place(frame)
         half = self.texture.shape[0] // 2
         whole = round(row), round(column)

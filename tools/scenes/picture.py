@@ -3,11 +3,12 @@
 import numpy as np
 
 from shared.arrays import FloatArray
+from shared.colorimetry import Matrix, as_rows
 from shared.errors import InputError
 
 from .decoders import Decoded
 from .icc_reading import LINEAR, SRGB, Encoding
-from .scene import Scene
+from .scene import RGB, Scene
 
 _ASSUMED_LINEAR = "the file does not say how its values are encoded: taken as linear light with sRGB primaries, white balanced"
 
@@ -15,7 +16,7 @@ _ASSUMED_LINEAR = "the file does not say how its values are encoded: taken as li
 def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:
     """Return the scene in a decoded picture; a grey picture gives r = g = b.
 
-    The first of these rules that applies decides how the values are read:
+    Samples of other channels are linear light. For red, green and blue the first of these rules that applies decides:
       1. linear=True: linear light, whatever the file says.
       2. Floating point (scene units): linear light. A profile only gives the primaries.
       3. The file declares an encoding (ICC profile, PNG's sRGB and gAMA): its curve is undone.
@@ -33,14 +34,29 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
         rgb = _linearised(picture, picture.peak, encoding)
     else:
         raise InputError(f"the samples are {pixels.dtype}; expected unsigned integers of 8 to 32 bits or floating point")
+    channels = picture.channels
     if rgb.shape[2] == 1:
-        rgb = np.repeat(rgb, 3, axis=2)
-    return Scene(rgb, name, encoding.to_xyz, (1.0, 1.0, 1.0), picture.metadata, picture.notes + notes)
+        rgb = np.repeat(rgb, len(channels), axis=2)
+    matrix = _to_xyz(encoding.to_xyz, channels)
+    return Scene(rgb, name, matrix, (1.0,) * len(channels), picture.metadata, picture.notes + notes, channels=channels)
+
+
+def _to_xyz(to_xyz: Matrix, channels: str) -> Matrix | None:
+    """The matrix of red, green and blue among any channels, the others of which have no known colour; None without these three."""
+    if channels == RGB:
+        return to_xyz
+    if not set(RGB) <= set(channels):
+        return None
+    matrix = np.zeros((3, len(channels)))
+    matrix[:, [channels.index(letter) for letter in RGB]] = to_xyz
+    return as_rows(matrix)
 
 
 def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]]:
     said = picture.encoding
     floating = picture.pixels.dtype.kind == "f"
+    if not floating and picture.channels != RGB:
+        return Encoding(LINEAR.curves[:1] * len(picture.channels), LINEAR.to_xyz, LINEAR.name), ()
     if linear or floating:
         primaries = Encoding(LINEAR.curves, said.to_xyz if said else LINEAR.to_xyz, "linear")
         if said and not said.linear:

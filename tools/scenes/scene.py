@@ -9,6 +9,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
+RGB = "RGB"
 MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
 # Pixels that are believed, of 8 bytes at most: even light and drawn charts are pictures, and compress as well as bombs. So many
 # take less than a second and 300 MB.
@@ -20,14 +21,15 @@ DARKEST = -1e-3  # of the brightest value: rounding and resampling may go this f
 class Scene:
     """The light of a scene, as a camera that measures all colours at every pixel would record it. Checked when made.
 
-    rgb: float32 (H, W, 3), linear camera RGB in scene units: 1.0 = the white level of the source. 0 or more, may exceed 1.
-        Read-only. Small negative values, from rounding, become 0.
+    rgb: float32 (H, W, N), linear light in scene units: 1.0 = the white level of the source. 0 or more, may exceed 1. Most scenes
+        have N = 3, camera RGB. Read-only. Small negative values, from rounding, become 0.
     name: for the names of output files.
-    camera_to_xyz: (3, 3), rgb to CIE XYZ (D50 white) under the light of the shot; it takes neutral to white. None = unknown.
-    neutral: (3,), what a white surface reads under the light of the shot, at most 1; None = unknown.
+    camera_to_xyz: (3, N), rgb to CIE XYZ (D50 white) under the light of the shot; it takes neutral to white. None = unknown.
+    neutral: (N,), what a white surface reads under the light of the shot, at most 1; None = unknown.
     metadata: capture data.
     notes: remarks for the user on how the file was interpreted.
     neutral_estimated: the neutral is an estimate from the scene, because the file states none.
+    channels: the N letters of the channels, in the order of rgb.
 
     Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
     """
@@ -39,11 +41,13 @@ class Scene:
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
     notes: tuple[str, ...] = ()
     neutral_estimated: bool = False
+    channels: str = RGB
 
     def __post_init__(self) -> None:
         rgb = np.ascontiguousarray(self.rgb, np.float32)
-        if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.size == 0:
-            raise InputError(f"a scene is an array (rows, columns, 3); this one has shape {np.shape(self.rgb)}")
+        if rgb.ndim != 3 or rgb.shape[2] != len(self.channels) or rgb.size == 0:
+            wanted = f"(rows, columns, {len(self.channels)})"
+            raise InputError(f"a scene is an array {wanted}; this one has shape {np.shape(self.rgb)}")
         lowest, highest = float(rgb.min()), float(rgb.max())
         if not (np.isfinite(lowest) and np.isfinite(highest)):  # min and max propagate NaN
             bad = int((~np.isfinite(rgb)).sum())

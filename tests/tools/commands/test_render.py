@@ -451,12 +451,12 @@ def test_a_frame_with_one_pixel_of_light_is_a_picture(out: Path, tmp_path: Path)
 
 def test_a_sensor_whose_colours_nobody_knows(out: Path, tmp_path: Path) -> None:
     """Its measurements can be written, its pictures cannot."""
-    pattern = CfaPattern.with_block(("RGB", "XWY"), 6)
-    calibration = SensorCalibration("RGBXY")
+    pattern = CfaPattern.with_block(("VGB", "XWY"), 6)
+    calibration = SensorCalibration("VGBXY")
     samples = np.random.default_rng(0).integers(4096, 60000, (12, 18), np.uint16)
     write_dng(tmp_path / "five.dng", Mosaic(samples, pattern, calibration), np.zeros((8, 8, 3), np.uint8))
     assert_refused(
-        run("render", tmp_path / "five.dng", "-o", out), "no colour matrix for the channels RGBXY", name=str(tmp_path / "five.dng")
+        run("render", tmp_path / "five.dng", "-o", out), "no colour matrix for the channels VGBXY", name=str(tmp_path / "five.dng")
     )
     assert_refused(run("render", tmp_path / "five.dng", "-o", out, "-f", "dng"), "3 channels", name=str(tmp_path / "five.dng"))
     assert run("render", tmp_path / "five.dng", "-o", out, *MEASURED).code == 0
