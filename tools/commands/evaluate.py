@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pattern",
         nargs="+",
         metavar="LETTERS",
-        help="other patterns, compared under the same light: each the letters of a tile (WBWG/BWGW/WGWR/GWRW), or a file with them; "
+        help="other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, or a file; "
         "C, M and Y are made of red, green and blue",
     )
     what.add_argument(

@@ -30,7 +30,8 @@ def test_seeds_fix_the_noise() -> None:
     for kind, level in (("paper", 0.01), ("sensor", 0.25)):
         first, again, other = (Protocol(kind, seed) for seed in (1, 1, 2))  # type: ignore[arg-type]
         np.testing.assert_array_equal(first.bayer_shot(RGB, level).samples, again.bayer_shot(RGB, level).samples)
-        np.testing.assert_array_equal(*(each.sparse_shot(RGB, level, PATTERN, FILTERS).samples for each in (first, again)))
+        once, twice = (each.sparse_shot(RGB, level, PATTERN, FILTERS).samples for each in (first, again))
+        np.testing.assert_array_equal(once, twice)
         assert (first.bayer_shot(RGB, level).samples != other.bayer_shot(RGB, level).samples).any()
 
 

@@ -75,7 +75,6 @@ def _plots(figures: Figures, group: str) -> tuple[str, list[Lead]]:
     paper = study.protocol.kind == "paper"
     labels = [f"{level:g}" if paper else fraction(level) for level in study.levels]
     places = list(study.levels) if paper else [float(index) for index in range(len(study.levels))]
-    axis = "sigma" if paper else "exposure"
     drawn, lines = [], []
     for index in COMPARED:
         columns = [figures.by_pattern(group, level, index) for level in study.levels]
@@ -93,9 +92,8 @@ def _plots(figures: Figures, group: str) -> tuple[str, list[Lead]]:
             for place, tile in enumerate(study.tiles)
         ]
         unit = "%" if index == HUE else "dB"
-        drawn.append(
-            lead_plot(f"{capital(CRITERIA[index].title)}, {unit}", places, labels, lines, "sigma" if paper else "exposure")
-        )
+        title = f"{capital(CRITERIA[index].title)}, {unit}"
+        drawn.append(lead_plot(title, places, labels, lines, "sigma" if paper else "exposure"))
     return "".join(drawn), lines
 
 
