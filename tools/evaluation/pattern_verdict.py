@@ -18,18 +18,16 @@ def gains(figures: Figures, group: str, level: float, baseline: str) -> dict[Til
 
 
 def best_patterns(figures: Figures, group: str) -> list[str]:
-    """One sentence for each level: the best pattern by each of COMPARED, and what rendering gains over interpolated planes."""
+    """A text for each level: the best pattern by each of COMPARED, and what rendering gains over interpolated planes."""
     found = []
     for level in figures.study.levels:
         winners = [(index, tile) for index in COMPARED if (tile := figures.best_pattern(group, level, index)) is not None]
         if not winners or len(figures.study.tiles) < 2:
             continue
         parts = [_winner(figures, group, level, index, tile) for index, tile in winners]
-        sentence = f"Best pattern at {figures.study.protocol.describe(level)}: {'; '.join(parts)}."
-        for name, title in BASELINES.items():
-            if leads := gains(figures, group, level, name):
-                sentence += f" {figures.ours} minus {title}, median RGB: {_span(list(leads.values()))}."
-        found.append(sentence)
+        found.append(
+            f"Best pattern at {figures.study.protocol.describe(level)}: {'; '.join(parts)}.{_gained(figures, group, level)}"
+        )
     return found
 
 
@@ -58,6 +56,13 @@ def _winner(figures: Figures, group: str, level: float, index: int, tile: Tile) 
     unit = criterion.unit.removesuffix(" of the pixels")
     text = f"{criterion.title} {tile.name} ({criterion.text(values[tile])}{unit}"
     return text + (f", {own.name} {criterion.text(values[own])})" if own in values and own != tile else ")")
+
+
+def _gained(figures: Figures, group: str, level: float) -> str:
+    """What rendering gains over each of BASELINES, in a sentence; "" if none was measured."""
+    leads = {title: list(gains(figures, group, level, name).values()) for name, title in BASELINES.items()}
+    parts = [f"{_span(each)} over {title}" for title, each in leads.items() if each]
+    return f" By median RGB, {figures.ours} gains {', '.join(parts)}." if parts else ""
 
 
 def _span(leads: list[float]) -> str:

@@ -105,7 +105,8 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     for level in dict.fromkeys((levels[0], levels[-1])):
         taken: list[Crop] = []
         for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE, WHY_LEARNED, WHY_PATTERNS):
-            found = sorted(_candidates(figures, level, why, taken), key=lambda candidate: -candidate[0])
+            others = [crop for crop in taken if WHY_PATTERNS not in (why, crop.why)]  # shown in a section of their own
+            found = sorted(_candidates(figures, level, why, others), key=lambda candidate: -candidate[0])
             for score, crop in found[:_PER_KIND]:
                 if score > 0:
                     taken.append(crop)

@@ -19,7 +19,7 @@ from .plots import Lead, lead_plot, legend
 from .tile_picture import tile_picture
 
 _COLOURS = 9  # of the style sheet
-_HEADS = {RGB: "median RGB", TENTH_CHROMINANCE: "worst tenth, chrominance", WHOLE: "whole image", HUE: "wrong hue, %"}
+_HEADS = {RGB: "median RGB", TENTH_CHROMINANCE: "worst colour", WHOLE: "whole image", HUE: "hue, %"}
 
 
 def pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
@@ -27,7 +27,7 @@ def pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
     study = figures.study
     parts = [
         f"<h2>Which pattern is best, and when?</h2><p>{escape(_conditions(study))} Figures are those of "
-        f"{escape(methods()[figures.ours or ''].title)}.</p>",
+        f"{escape(methods()[figures.ours or ''].title)}; worst colour: the chrominance that nine tenths of the patches reach; hue: wrong ones, % of the pixels.</p>",
         f'<div class="tiles">{"".join(_card(study, tile) for tile in study.tiles)}</div>',
     ]
     for group in figures.groups:
@@ -102,7 +102,7 @@ def _table(figures: Figures, group: str, level: float) -> str:
     study = figures.study
     values = {index: figures.by_pattern(group, level, index) for index in COMPARED}
     best = {index: figures.best_pattern(group, level, index) for index in COMPARED}
-    leads = {f"over {title}": found for name, title in BASELINES.items() if (found := gains(figures, group, level, name))}
+    leads = {f"over {name}": found for name in BASELINES if (found := gains(figures, group, level, name))}
     rows = []
     for tile in study.tiles:
         light = study.light(tile)
