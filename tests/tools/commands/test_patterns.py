@@ -1,0 +1,166 @@
+"""Patterns of one's own from end to end: a scene, a shot, what is in it, its preview, its render, compared with the truth."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from PIL import Image
+
+from shared import CfaPattern, SensorCalibration, read_dng
+from shared.arrays import FloatArray
+from shared.display import ColourTransform
+from tests.tools.command import assert_refused, run
+from tools.scenes.drawn.builtin import builtin_scene
+
+WIDTH, HEIGHT = 181, 121
+LEAVES = builtin_scene(WIDTH, HEIGHT)
+MEASURED = ("--bits", "32", "--space", "camera")
+FIVE = "VRGWWW/NUGWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
+BROADBAND = "CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
+KODAK = "WBWG/BWGW/WGWR/GWRW"
+
+
+def bands() -> FloatArray:
+    """The leaves in five bands that change from place to place as their colours do."""
+    red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
+    return np.stack([0.8 * blue + 0.1 * red, red, green, 0.6 * red + 0.3 * green, 0.5 * blue + 0.4 * green], axis=-1)
+
+
+def save(path: Path, light: Any, channels: str) -> Path:
+    match path.suffix:
+        case ".npy":
+            np.save(path, light)
+        case ".exr":
+            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+            planes = {letter: np.ascontiguousarray(light[..., index]) for index, letter in enumerate(channels)}
+            with OpenEXR.File(header, planes) as file:
+                file.write(str(path))
+        case _:
+            tifffile.imwrite(path, np.moveaxis(light, -1, 0).copy(), photometric="minisblack")
+    return path
+
+
+def quality(out: Path, stem: str) -> float:
+    """PSNR of the render in the camera's channels, dB; 1 is white."""
+    truth, render = (tifffile.imread(out / name) for name in (f"{stem}.truth.tif", f"{stem}.tif"))
+    assert truth.shape == render.shape
+    return float(-10 * np.log10(((truth - render) ** 2).mean()))
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".exr", ".tif"])
+def test_five_bands(out: Path, tmp_path: Path, suffix: str) -> None:
+    scene, shot = save(tmp_path / f"bands{suffix}", bands(), "VRGNU"), out / "bands.dng"
+    made = run("simulate", scene, "-o", out, "--pattern", FIVE, "--origin", "2", "1", "--truth", "--sigma", "0.01", "--bits", "14")
+    assert made.code == 0, made.err
+    assert np.array_equal(tifffile.imread(out / "bands.truth.tif"), bands())
+    saved = read_dng(shot)
+    assert saved.pattern == CfaPattern.of_letters(FIVE, (2, 1))
+    assert (saved.calibration.channels, saved.calibration.gamma, saved.calibration.bits) == ("VRGNU", (1.0,) * 5, 14)
+    if suffix != ".npy":  # the rest would be the same
+        return
+    shown = run("inspect", shot).out
+    assert "V R G W W W" not in shown  # the origin counts
+    assert "gamma         1  (VRGNU)" in shown
+    assert "2.60 times the light of a Bayer sensor" in shown  # 30 pixels see all of it, and 6 a fifth
+    assert run("inspect", shot, "--json").records[0]["pattern"]["channels"] == "VRGNU"
+    assert run("preview", shot, "-o", tmp_path).code == 0
+    grey = np.asarray(Image.open(tmp_path / "bands.jpg"))
+    assert grey.shape == (HEIGHT, WIDTH, 3)
+    assert np.ptp(grey.astype(int), axis=2).max() <= 2  # nobody knows its colours
+    light = bands().mean(axis=2)
+    assert np.corrcoef(light.ravel() ** (1 / 2.4), grey[..., 1].ravel())[0, 1] > 0.99
+    for options in (["-f", "jpg"], ["-f", "png"], ["-f", "tif"], ["-f", "exr"]):
+        refused = run("render", shot, "-o", out, *options)
+        assert_refused(refused, "no colour matrix for the channels VRGNU", "--space camera, as tif, exr or npy", name=str(shot))
+    assert_refused(run("render", shot, "-o", tmp_path, "-f", "dng"), "has VRGNU; use tif, exr or npy", name=str(shot))
+    for written in ("npy", "exr", "tif"):
+        rendered = run("render", shot, "-o", out, *MEASURED, "-f", written, "--json")
+        assert rendered.code == 0, rendered.err
+        assert rendered.records[0]["learned"] is None
+    assert "up to date" in run("render", shot, "-o", out, *MEASURED, "--resume").out
+    assert quality(out, "bands") > 23
+    assert np.array_equal(np.load(out / "bands.npy"), tifffile.imread(out / "bands.tif"))
+    with OpenEXR.File(str(out / "bands.exr"), separate_channels=True) as file:
+        assert set(file.channels()) == set("VRGNU")
+
+
+def test_broadband_filters_show_the_colours_of_the_scene(out: Path, tmp_path: Path) -> None:
+    source, stem = f"builtin:{WIDTH}x{HEIGHT}", f"builtin-{WIDTH}x{HEIGHT}"
+    made = run("simulate", source, "-o", out, "--pattern", BROADBAND, "--truth", "--protocol", "sensor")
+    assert made.code == 0, made.err
+    assert "C, M and Y are made from the scene's red, green and blue" in made.err
+    red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
+    truth = tifffile.imread(out / f"{stem}.truth.tif")
+    np.testing.assert_allclose(truth, np.stack([green + blue, red + blue, red + green], axis=-1) / 2, rtol=1e-6)
+    shot = read_dng(out / f"{stem}.dng")
+    assert (shot.calibration.channels, shot.calibration.full_scale) == ("CMY", 1.5)
+    white = shot.pattern.panchromatic_mask(shot.shape)
+    assert shot.signal[white].mean() == pytest.approx(LEAVES.rgb.sum(axis=2)[white].mean() / 2, rel=0.01)
+    assert run("render", out / f"{stem}.dng", "-o", out, *MEASURED).code == 0
+    assert quality(out, stem) > 25
+    plain = SensorCalibration(camera_to_xyz=LEAVES.camera_to_xyz, neutral=LEAVES.neutral)
+    expected = ColourTransform.to_space(plain).apply(LEAVES.rgb)
+    assert run("render", out / f"{stem}.dng", "-o", out, "-f", "npy", "--space", "srgb").code == 0
+    shown = np.load(out / f"{stem}.npy")
+    assert np.abs(np.median(shown - expected, axis=(0, 1))).max() < 0.02
+    assert np.abs(shown.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.03
+    assert run("preview", out / f"{stem}.dng", "-o", out).code == 0
+    preview = np.asarray(Image.open(out / f"{stem}.jpg")) / 255
+    assert np.abs(preview.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.04
+    for suffix in ("png", "dng"):
+        assert run("render", out / f"{stem}.dng", "-o", tmp_path, "-f", suffix).code == 0
+    assert run("simulate", tmp_path / f"{stem}.dng", "-o", tmp_path / "again", "--pattern", BROADBAND).code == 0
+
+
+def test_scattered_colour_sites(out: Path, tmp_path: Path) -> None:
+    letters = tmp_path / "kodak.txt"
+    letters.write_text("# Compton and Hamilton\n" + KODAK.replace("/", "\n"))
+    source, stem = f"builtin:{WIDTH}x{HEIGHT}", f"builtin-{WIDTH}x{HEIGHT}"
+    made = run("simulate", source, "-o", out, "--pattern", letters, "--truth", "--sigma", "0.01")
+    assert made.code == 0, made.err
+    assert read_dng(out / f"{stem}.dng").pattern.is_scattered
+    assert "W B W G" in run("inspect", out / f"{stem}.dng").out
+    assert run("preview", out / f"{stem}.dng", "-o", out).code == 0
+    preview = np.asarray(Image.open(out / f"{stem}.jpg")) / 255
+    plain = SensorCalibration(camera_to_xyz=LEAVES.camera_to_xyz, neutral=LEAVES.neutral)
+    expected = ColourTransform.to_space(plain).apply(LEAVES.rgb)
+    assert np.abs(preview.mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 0.04
+    assert run("render", out / f"{stem}.dng", "-o", out, *MEASURED).code == 0
+    assert quality(out, stem) > 22
+
+
+@pytest.mark.parametrize(
+    ("verb", "options"),
+    [("simulate", ["builtin:40x40"]), ("capture", ["builtin:48x48@5"]), ("view", ["builtin:48x48@5"]), ("export-preview", [])],
+)
+def test_every_command_with_a_period_takes_a_pattern_and_refuses_a_wrong_one(
+    out: Path, tmp_path: Path, verb: str, options: list[str]
+) -> None:
+    target = ["-o", str(out / "a.onnx" if verb == "export-preview" else out)]
+    wrong = tmp_path / "wrong.txt"
+    wrong.write_text("RGW\nGBWW\n")
+    for given, words in (
+        (["RGWW/GBWW/WWWW/WWWW", "--period", "4"], "leave --period out"),
+        (["nothing.txt"], "--pattern 'nothing.txt': is not the capital letters"),
+        ([str(wrong)], f"{wrong}: the rows of 'RGW/GBWW' differ in length"),
+    ):
+        refused = run(verb, *options, *target, "--pattern", *given)
+        assert refused.code == 2
+        assert words in refused.errors[0]
+    if verb != "export-preview":
+        impossible = run(verb, *options, *target, "--pattern", "RXWW/GBWW/WWWW/WWWW")
+        assert (impossible.code, "has the filters X" in impossible.errors[0]) == (1 if verb == "simulate" else 2, True)
+    assert not list(out.iterdir())
+
+
+def test_a_camera_file_of_another_pattern_is_refused(out: Path, tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 4000, "black_level": [60, 60, 60, 60]}')
+    refused = run("simulate", "builtin:24x24", "-o", out, "--camera", path, "--pattern", BROADBAND)
+    assert refused.code == 2
+    assert f"{path}: the pattern has channels CMY, the calibration RGB" in refused.errors[0]
+    assert run("simulate", "builtin:24x24", "-o", out, "--camera", path, "--pattern", "RGWWW/BGWWW/WWWWW/WWWWW/WWWWW").code == 0
+    assert read_dng(out / "builtin-24x24.dng").calibration.gamma == (0.9, 1.1, 0.8)

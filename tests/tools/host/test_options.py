@@ -1,0 +1,86 @@
+"""Patterns as a user writes them: letters, or a file with letters."""
+
+from argparse import ArgumentParser
+from pathlib import Path
+
+import pytest
+
+from shared import CfaPattern
+from shared.errors import InputError
+from tools.host.options import add_pattern, parsed_pattern, pattern_of
+
+KODAK = "WBWG/BWGW/WGWR/GWRW"
+
+
+@pytest.mark.parametrize(
+    "text", [KODAK, KODAK.replace("/", "\n"), "# Kodak\nWBWG\n\n BW GW # second row\r\n\tWGWR/GWRW\n", f"{KODAK}/\n"]
+)
+def test_a_file_is_read_as_letters_are(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "KODAK"  # a name that could be letters
+    path.write_text(text)
+    assert parsed_pattern(str(path)) == CfaPattern.of_letters(KODAK) == parsed_pattern(KODAK)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("rgww/gbww/wwww/wwww", "'rgww/gbww/wwww/wwww': is not the capital letters"),
+        ("patern.txt", "and no file has this name"),
+        ("", "'': is not the capital letters"),
+        ("RGWW/GBW", "differ in length"),
+        ("RGGB", "no panchromatic pixel"),
+        ("WWWW/WRWW/WWWW/WWWW", "1 colour channels; at least two"),
+        ("RG" + 15 * "W" + "/GB" + 15 * "W", "34 rows; the period must be 3 to 16"),
+        ("RGWW/GBWW/" * 10**5, "1000000 letters are more than the largest tile has, 16 x 16"),
+        (300 * "x" + ".txt", "no file has this name"),
+        ("RGWW\0", "no file has this name"),
+    ],
+)
+def test_what_is_no_pattern_is_refused(text: str, words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parsed_pattern(text)
+    assert str(refused.value).startswith("--pattern ")
+    assert words in str(refused.value)
+    assert len(str(refused.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "the file is empty"),
+        (b"# nothing but this\n\n", "is not the capital letters"),
+        (b"\xff\xfeR\0G\0", "is not the capital letters"),
+        (b"RGW\nGBWW\n", "differ in length"),
+        (b"W" * (1 << 17), "is larger than the 65536 bytes"),
+    ],
+)
+def test_a_file_without_a_pattern_is_named(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "pattern.txt"
+    path.write_bytes(content)
+    with pytest.raises(InputError) as refused:
+        parsed_pattern(str(path))
+    assert str(refused.value).startswith(f"{path}: ")
+    assert words in str(refused.value)
+    with pytest.raises(InputError, match="is a folder; give a pattern"):
+        parsed_pattern(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("options", "known", "expected"),
+    [
+        ("", None, CfaPattern.bayer()),
+        ("", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK)),
+        ("--origin 1 2", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK, (1, 2))),
+        (f"--pattern {KODAK} --origin 1 -1", None, CfaPattern.of_letters(KODAK, (1, 3))),
+        ("--period 4", CfaPattern.of_letters(KODAK), CfaPattern.bayer(4)),
+        ("--order GBRG --origin 2 1", None, CfaPattern.bayer(6, "GBRG", (2, 1))),
+    ],
+)
+def test_the_pattern_that_options_describe(options: str, known: CfaPattern | None, expected: CfaPattern) -> None:
+    parser = ArgumentParser()
+    add_pattern(parser)
+    parser.add_argument("--origin", type=int, nargs=2)
+    assert pattern_of(parser.parse_args(options.split()), known) == expected
+    for option in ("--period 4", "--order RGGB"):
+        with pytest.raises(InputError, match=f"--pattern says where every filter is; leave {option.split()[0]} out"):
+            pattern_of(parser.parse_args(f"--pattern {KODAK} {option}".split()))

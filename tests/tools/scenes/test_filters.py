@@ -1,0 +1,119 @@
+"""Filters before a scene: what they read, what they add up to, and which colours they see."""
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern, SensorCalibration
+from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
+from shared.display import ColourTransform
+from shared.errors import InputError
+from shared.sensor import sample, typical_noise
+from tools.scenes.filters import Filters, filters_for, scene_channels
+from tools.scenes.scene import Scene
+
+RNG = np.random.default_rng(5)
+
+
+def scene_of(channels: str = "RGB", **fields: object) -> Scene:
+    return Scene(RNG.random((12, 13, len(channels)), np.float32), "a", channels=channels, **fields)  # type: ignore[arg-type]
+
+
+def pattern_of(block: str) -> CfaPattern:
+    return CfaPattern.with_block(tuple(block.split("/")), 6)
+
+
+def test_a_scene_s_own_channels_pass_as_they_are() -> None:
+    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(0.5, 1.0, 0.7))
+    filters = filters_for(pattern_of("RG/GB"), scene)
+    assert filters == Filters("RGB", as_rows(np.eye(3)), (1.0, 1.0, 1.0))
+    assert filters.of(scene.rgb) is scene.rgb
+    assert filters.colours(scene) == (SRGB_TO_XYZ, (0.5, 1.0, 0.7))
+    assert filters.noise == typical_noise(SensorCalibration())  # not a bit else
+
+
+def test_channels_are_in_the_order_of_the_pattern() -> None:
+    scene = scene_of("RGBNV")
+    filters = filters_for(pattern_of("VN/GR"), scene)
+    assert filters.channels == "VNGR"
+    assert np.array_equal(filters.of(scene.rgb), scene.rgb[..., [4, 3, 1, 0]])
+    assert filters.gamma == (1.0,) * 4
+    assert filters.notes == (
+        "no weights of V, N, G and R add up to all light: panchromatic pixels see 1 R + 1 G + 1 N + 1 V of the scene",
+    )
+
+
+def test_broadband_filters_are_made_of_red_green_and_blue() -> None:
+    scene = scene_of()
+    filters = filters_for(pattern_of("CM/YC"), scene)
+    red, green, blue = np.moveaxis(scene.rgb, -1, 0)
+    np.testing.assert_allclose(filters.of(scene.rgb), np.stack([green + blue, red + blue, red + green], -1) / 2, rtol=1e-6)
+    assert filters.gamma == (0.5, 0.5, 0.5)
+    assert filters.unit == 0.5
+    assert np.allclose(filters.noise.read, np.array(typical_noise(SensorCalibration()).read) / 2)
+    assert filters.notes == ("C, M and Y are made from the scene's red, green and blue",)
+    # A panchromatic pixel reads half of R + G + B: the same light in the units of these filters.
+    samples = sample(filters.of(scene.rgb), pattern_of("CM/YC"), SensorCalibration("CMY", filters.gamma))
+    white = pattern_of("CM/YC").panchromatic_mask(samples.shape)
+    np.testing.assert_allclose(samples[white], scene.rgb.sum(axis=2)[white] / 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("block", ["CM/YC", "CM/YG", "RG/BY", "CYM/GRB", "RC/MY", "RC", "YB", "GM"])
+def test_filters_add_up_to_all_light(block: str) -> None:
+    filters = filters_for(pattern_of(block), scene_of())
+    assert min(filters.gamma) > 0
+    np.testing.assert_allclose(np.sum(filters.matrix, axis=1), 1)
+    seen = np.array(filters.gamma) @ filters.matrix
+    np.testing.assert_allclose(seen, seen.mean(), atol=1e-9)  # of each channel as much
+    assert seen.sum() == pytest.approx(sum(filters.gamma))
+    wanted = 3 * np.mean((np.array(filters.matrix) ** 2).sum(axis=1)) if len(set(map(max, filters.matrix))) == 1 else None
+    assert wanted is None or sum(filters.gamma) == pytest.approx(wanted)  # 3 for narrow filters, 1.5 for those of two channels
+
+
+@pytest.mark.parametrize("block", ["CM/YC", "YC/GM", "CYM/GRB"])
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("neutral", [(1.0, 1.0, 1.0), (0.5, 1.0, 0.7)])
+def test_colours_come_back_through_the_filters(block: str, known: bool, neutral: tuple[float, ...]) -> None:
+    to_xyz = np.array(SRGB_TO_XYZ) / neutral
+    scene = scene_of(camera_to_xyz=as_rows(to_xyz) if known else None, neutral=neutral)
+    filters = filters_for(pattern_of(block), scene)
+    matrix, seen = filters.colours(scene)
+    assert matrix is not None
+    assert seen is not None
+    np.testing.assert_allclose(filters.of(scene.rgb) @ np.transpose(matrix), scene.rgb @ to_xyz.T, atol=1e-5)
+    np.testing.assert_allclose(np.array(matrix) @ seen, D50, atol=1e-9)
+
+
+def test_grey_is_grey_and_colours_have_their_hues_behind_the_filters() -> None:
+    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(1.0, 1.0, 1.0))
+    filters = filters_for(pattern_of("CM/YC"), scene)
+    matrix, neutral = filters.colours(scene)
+    calibration = SensorCalibration(filters.channels, filters.gamma, camera_to_xyz=matrix, neutral=neutral)
+    shown = ColourTransform.to_space(calibration).apply(filters.of(scene.rgb))
+    plain = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=scene.neutral)
+    np.testing.assert_allclose(shown, ColourTransform.to_space(plain).apply(scene.rgb), atol=1e-4)
+
+
+def test_colours_that_filters_cannot_tell_apart_are_unknown() -> None:
+    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(1.0, 1.0, 1.0))
+    assert filters_for(pattern_of("RC"), scene).colours(scene) == (None, (1.0, 1.0))
+    bands = scene_of("NVUR", neutral=(1.0,) * 4)
+    assert filters_for(pattern_of("NU/VR"), bands).colours(bands)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("block", "channels", "words"),
+    [
+        ("RX/GB", "RGB", "has the filters X, and the scene only R, G and B (of which C, M and Y can be made)"),
+        ("CM/YU", "RGB", "has the filters U"),
+        ("CM/YC", "CMV", "has the filters Y, and the scene only C, M and V; use"),
+        ("RY/BR", "RGB", "positive weights of R, Y and B that add up to it; there are none (the nearest: R 0, Y 2, B 1)"),
+    ],
+)
+def test_filters_that_cannot_be(block: str, channels: str, words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        filters_for(pattern_of(block), scene_of(channels))
+    assert words in str(refused.value)
+
+
+def test_which_channels_a_scene_needs() -> None:
+    assert [scene_channels(each) for each in ("RGB", "CMY", "GCYM", "VGN", "NY")] == ["RGB", "RGB", "RGB", "VGN", "RGBN"]
