@@ -58,7 +58,7 @@ class Tile:
     @property
     def period(self) -> int | None:
         """K of the paper's pattern; None for any other."""
-        return self.pattern.period if self == Tile.of_period(self.pattern.period) else None
+        return self.pattern.period if self.pattern == CfaPattern.bayer(self.pattern.period, ORDER) else None
 
     @property
     def title(self) -> str:

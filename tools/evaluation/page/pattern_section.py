@@ -27,7 +27,8 @@ def pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
     study = figures.study
     parts = [
         f"<h2>Which pattern is best, and when?</h2><p>{escape(_conditions(study))} Figures are those of "
-        f"{escape(methods()[figures.ours or ''].title)}; worst colour: the chrominance that nine tenths of the patches reach; hue: wrong ones, % of the pixels.</p>",
+        f"{escape(methods()[figures.ours or ''].title)}. Worst colour is the chrominance that nine tenths of the patches reach, "
+        "hue the share of pixels of wrong hue.</p>",
         f'<div class="tiles">{"".join(_card(study, tile) for tile in study.tiles)}</div>',
     ]
     for group in figures.groups:
