@@ -40,6 +40,7 @@ from tools.evaluation.presets import UNLEARNED
 from tools.evaluation.protocol import ORDER, Protocol
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.burst import render_bayer_burst
+from tools.evaluation.tiles import Tile
 from tools.host.versions import package_version
 from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.load import load_scene
@@ -162,7 +163,7 @@ def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | No
     else:
         mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n]), ORDER) for n, light in enumerate(series.light)]
         single = methods()["bm3d+dlmmse-wb" if sigma else "dlmmse-wb"].render(
-            CameraPair(Protocol(), sigma, series.light[0], PERIOD, series.neutral)
+            CameraPair(Protocol(), sigma, series.light[0], Tile.of_period(PERIOD).pattern, series.neutral)
         )
         pictures = {"bayer": single, "bayer burst": render_bayer_burst(mosaics, sigma, series.neutral, ORDER)}
         figures = {row: measured(picture, series.light[0]).tolist() for row, picture in pictures.items()}

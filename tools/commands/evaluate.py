@@ -26,6 +26,7 @@ from tools.host.options import (
     add_output_folder,
     add_scheduler,
     check_at_least_one,
+    parsed_pattern,
     uses_scheduler,
 )
 from tools.host.processors import processors
@@ -35,6 +36,7 @@ from tools.pictures.html import encode_page
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
     from tools.evaluation.team import Team
+    from tools.evaluation.tiles import Tile
 
 _PAGE, _JSON, _CSV = "evaluation.html", "evaluation.json", "evaluation.csv"
 
@@ -63,9 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--period",
         type=int,
         nargs="+",
-        default=[6],
         metavar="K",
-        help="period of the sparse-colour pattern; with several values the periods are compared",
+        help="period of the paper's pattern; with several values the periods are compared (default: 6, unless there is --pattern)",
+    )
+    what.add_argument(
+        "--pattern",
+        nargs="+",
+        metavar="LETTERS",
+        help="other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, or a file; "
+        "C, M and Y are made of red, green and blue",
     )
     what.add_argument(
         "--methods", nargs="+", metavar="NAME", help="methods to compare (default: all installed; an unknown name lists them)"
@@ -141,10 +149,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     methods = choose(arguments.methods or default_names())
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
-    periods = sorted(set(arguments.period))
-    for period in periods:
-        if period not in PERIODS:
-            raise InputError(f"--period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
+    tiles = _tiles(arguments)
     if arguments.crop is not None and arguments.crop < 1:
         raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
     reading = Reading(arguments.linear, arguments.crop)
@@ -158,7 +163,23 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
         console.note(remark)
     if not scenes:
         raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
-    return Study(tuple(scenes), tuple(each.name for each in methods), levels, tuple(periods), protocol, reading), failures, left_out
+    study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, protocol, reading)
+    for remark in study.remarks():
+        console.note(remark)
+        left_out.append(remark)
+    return study, failures, left_out
+
+
+def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
+    """The patterns that --period and --pattern name together; K = 6 if neither is there."""
+    from tools.evaluation.tiles import Tile, chosen_tiles
+
+    others = [Tile.named(parsed_pattern(text), text) for text in arguments.pattern or ()]
+    periods = arguments.period or ([] if others else [6])
+    for period in periods:
+        if period not in PERIODS:
+            raise InputError(f"--period is {period}, expected {PERIODS[0]} to {PERIODS[-1]}")
+    return chosen_tiles(periods, others)
 
 
 def _measure(arguments: argparse.Namespace, team: "Team", todo: "list[Task]") -> list[str]:
@@ -173,7 +194,8 @@ def _list(todo: "list[Task]", there: int, failures: list[str], console: Console)
     for task in todo:
         console.say(task.title)
         for cell in task.cells:
-            console.record(source=cell.scene.source, level=cell.level, method=cell.method, period=cell.period or None, dry_run=True)
+            facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
+            console.record(source=cell.scene.source, level=cell.level, method=cell.method, **facts, dry_run=True)
     seconds = sum(task.seconds for task in todo)
     results = sum(len(task.cells) for task in todo)
     console.say(f"{results} results to make, {there} kept from an earlier run; roughly {duration(seconds)} of one core")

@@ -6,11 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from shared import Mosaic
+from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
+from tools.scenes.filters import Filters
+from tools.scenes.scene import RGB
 
 from .protocol import BayerShot, Protocol
 from .rivals.bayer import channel_map
+from .tiles import filters_of
 
 Demosaic = Callable[..., FloatArray]  # (samples (H, W), order=) -> (H, W, 3)
 Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
@@ -21,24 +24,34 @@ class CameraPair:
     """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first needed.
 
     protocol, level: the noise.
-    truth: light of the scene, (H, W, 3), scene units.
-    period: of the sparse-colour pattern.
+    truth: light of the scene, (H, W, N), scene units.
+    pattern: of the sparse-colour camera.
     neutral: what white reads in the scene, one value per channel; None = unknown.
     part: rows and columns of both shots that are rendered; they must begin at multiples of both patterns' periods.
+    channels: the N letters of the scene's channels. A Bayer camera takes red, green and blue ones only.
     """
 
     protocol: Protocol
     level: float
     truth: FloatArray
-    period: int
+    pattern: CfaPattern
     neutral: tuple[float, ...] | None
     part: tuple[slice, slice] = (slice(None), slice(None))
+    channels: str = RGB
     _denoised: dict[Denoise, FloatArray] = field(default_factory=dict, init=False)
 
     def render_sparse(self, render: Callable[[Mosaic], FloatArray]) -> FloatArray:
-        """Render the sparse-colour shot. Returns float32 (H, W, 3) in scene units of the scene, whatever the exposure was."""
+        """Render the sparse-colour shot. Returns float32 (H, W, N) in scene units of the scene, whatever exposure and filters were.
+
+        A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse.
+        """
         picture, gain = render(self._sparse), self.protocol.gain(self.level)
-        return picture / np.float32(gain) if gain != 1 else picture
+        picture = picture / np.float32(gain) if gain != 1 else picture
+        mixing = np.array(self._filters.matrix)
+        if np.array_equal(mixing, np.eye(len(self.channels))):
+            return picture
+        unmixed: FloatArray = (picture @ np.linalg.pinv(mixing).T).astype(np.float32)
+        return unmixed
 
     def render_bayer(self, demosaic: Demosaic, *, balanced: bool = False, denoise: Denoise | None = None) -> FloatArray:
         """Render the Bayer shot. Returns float32 (H, W, 3), scene units.
@@ -58,9 +71,13 @@ class CameraPair:
         white /= white.max()
         return demosaic(samples / white[channel_map(samples.shape, order)], order=order) * white
 
+    @property
+    def _filters(self) -> Filters:
+        return filters_of(self.pattern, self.channels)
+
     @cached_property
     def _sparse(self) -> Mosaic:
-        shot = self.protocol.sparse_shot(self.truth, self.level, self.period)
+        shot = self.protocol.sparse_shot(self.truth, self.level, self.pattern, self._filters)
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 
     @cached_property

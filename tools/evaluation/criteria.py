@@ -1,5 +1,6 @@
 """The figures by which methods are compared: all that the protocol measures, so that no verdict leaves one out."""
 
+from math import isnan
 from typing import NamedTuple
 
 from .measures import PLANES, TITLES
@@ -26,6 +27,10 @@ class Criterion(NamedTuple):
     unit: str = " dB"
     digits: int = 1
     even: float = EVEN
+
+    def text(self, value: float) -> str:
+        """A figure for people; a dash where there is none (NaN)."""
+        return "–" if isnan(value) else f"{value:.{self.digits}f}"
 
     def difference(self, lead: float) -> str:
         """A lead (positive: ours is better) as the difference of the figures, with its sign."""
@@ -56,4 +61,4 @@ CRITERIA = (  # in the order of `Figure.values`
     Criterion("wrong_hue", "wrong hue", _HUE, -1, " % of the pixels"),
 )
 RGB, LUMINANCE, CHROMINANCE = range(3)  # places in CRITERIA
-TENTH, WHOLE, SSIM, HUE = 3, 6, 9, 10  # of the worst tenth and of whole images: those in RGB
+TENTH, TENTH_CHROMINANCE, WHOLE, SSIM, HUE = 3, 5, 6, 9, 10  # of the worst tenth and of whole images without a name: those in RGB

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import isnan, nan
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from .measures import Histogram, Measures
 from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
-from .study import Cell, Study
+from .study import Cell, Study, can_photograph
+from .tiles import Tile
 
 
 @dataclass(frozen=True)
@@ -22,11 +24,12 @@ class Figure:
     scene: its name; None for the whole set.
     level: noise level, as in `Protocol`.
     method: its name.
-    period: of the sparse-colour pattern, pixels; 0 for a rival.
+    tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
     psnr: of the whole picture in RGB, luminance and chrominance, dB; for a set, the mean over its scenes.
     ssim: of the whole picture; for a set, the mean over its scenes.
-    wrong_hue: share of the pixels that show a wrong hue, 0 to 1; for a set, the mean over its scenes.
+    wrong_hue: share of the pixels that show a wrong hue, 0 to 1; for a set, the mean over its scenes. None where red, green and
+        blue are not measured.
     scenes: number of scenes.
     """
 
@@ -34,18 +37,18 @@ class Figure:
     scene: str | None
     level: float
     method: str
-    period: int
+    tile: Tile | None
     quality: Quality
     psnr: tuple[float, float, float]
     ssim: float
-    wrong_hue: float
+    wrong_hue: float | None
     scenes: int
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The figure by each of CRITERIA: PSNR in dB, SSIM, and % of wrong hue."""
+        """The figure by each of CRITERIA: PSNR in dB, SSIM, and % of wrong hue (NaN if there is none)."""
         tenths = (plane[0] for plane in self.quality)
-        return (*self.quality.median, *tenths, *self.psnr, self.ssim, 100 * self.wrong_hue)
+        return (*self.quality.median, *tenths, *self.psnr, self.ssim, nan if self.wrong_hue is None else 100 * self.wrong_hue)
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class Comparison:
 
 
 Find = Callable[[str], Figure | None]  # the figure of a method
-_Key = tuple[str, float, str, int]  # set or scene, level, method, period
+_Key = tuple[str, float, str, Tile | None]  # set or scene, level, method, pattern
 
 
 class Figures:
@@ -88,35 +91,36 @@ class Figures:
                 cell.scene.group, cell.scene.name, *place, each.quality, each.psnr, each.ssim, each.wrong_hue, 1
             )
             for cell, each in results.items()
-            for place in [(cell.level, cell.method, cell.period)]
+            for place in [(cell.level, cell.method, cell.tile)]
         }
 
     @cached_property
     def pools(self) -> dict[_Key, Figure]:
-        """Pooled figures by set, level, method and period; only where every scene of the set has a result."""
+        """Pooled figures by set, level, method and pattern; only where every scene of the set has a result."""
         parts: dict[_Key, list[Measures]] = {}
         for cell, measures in self.results.items():
-            parts.setdefault((cell.scene.group, cell.level, cell.method, cell.period), []).append(measures)
+            parts.setdefault((cell.scene.group, cell.level, cell.method, cell.tile), []).append(measures)
         found = {}
         for key in sorted(parts, key=lambda key: self.groups.index(key[0])):
             each = parts[key]
             if len(each) == len(self.scene_names(key[0])):
                 quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
                 rgb, luminance, chrominance = np.mean([m.psnr for m in each], axis=0).tolist()
-                ssim, hue = (float(np.mean([getattr(m, name) for m in each])) for name in ("ssim", "wrong_hue"))
+                ssim, hues = float(np.mean([m.ssim for m in each])), [m.wrong_hue for m in each if m.wrong_hue is not None]
+                hue = float(np.mean(hues)) if len(hues) == len(each) else None
                 found[key] = Figure(key[0], None, *key[1:], quality, (rgb, luminance, chrominance), ssim, hue, len(each))
         return found
 
-    def pooled(self, group: str, level: float, method: str, period: int | None = None) -> Figure | None:
-        """The pooled figure of one set of scenes; None if there is none. period: of the sparse sensor, by default the study's."""
-        return self.pools.get((group, level, method, self._period(method, period)))
+    def pooled(self, group: str, level: float, method: str, tile: Tile | None = None) -> Figure | None:
+        """The pooled figure of one set of scenes; None if there is none. tile: of the sparse camera, by default the study's."""
+        return self.pools.get((group, level, method, self._tile(method, tile)))
 
-    def of_scene(self, scene: str, level: float, method: str, period: int | None = None) -> Figure | None:
-        """The figure of one scene; None if there is none. period: of the sparse sensor, by default the study's."""
-        return self.scenes.get((scene, level, method, self._period(method, period)))
+    def of_scene(self, scene: str, level: float, method: str, tile: Tile | None = None) -> Figure | None:
+        """The figure of one scene; None if there is none. tile: of the sparse camera, by default the study's."""
+        return self.scenes.get((scene, level, method, self._tile(method, tile)))
 
-    def _period(self, method: str, period: int | None) -> int:
-        return (period or self.study.period) if methods()[method].ours else 0
+    def _tile(self, method: str, tile: Tile | None) -> Tile | None:
+        return (tile or self.study.tile) if methods()[method].sparse else None
 
     def scene_names(self, group: str) -> list[str]:
         """Names of the scenes of a set."""
@@ -130,7 +134,7 @@ class Figures:
     @property
     def rivals(self) -> list[str]:
         """Methods of the Bayer sensor."""
-        return [name for name in self.study.methods if not methods()[name].ours]
+        return [name for name in self.study.methods if not methods()[name].sparse]
 
     def winner(self, group: str, level: float, criterion: int) -> str | None:
         """The best method on a set at a level."""
@@ -154,13 +158,28 @@ class Figures:
             return None
         return rival, lead[criterion]
 
+    def by_pattern(self, group: str, level: float, criterion: int, method: str | None = None) -> dict[Tile, float]:
+        """The figure of each pattern at a level, where there is one. method: by default our renderer."""
+        name = method or self.ours
+        if name is None:
+            return {}
+        found = {tile: self.pooled(group, level, name, tile) for tile in self.study.tiles}
+        values = {tile: figure.values[criterion] for tile, figure in found.items() if figure}
+        return {tile: value for tile, value in values.items() if not isnan(value)}
+
+    def best_pattern(self, group: str, level: float, criterion: int) -> Tile | None:
+        """The best pattern for our renderer at a level."""
+        values = self.by_pattern(group, level, criterion)
+        return max(values, key=lambda tile: CRITERIA[criterion].sign * values[tile], default=None)
+
     def best_period(self, group: str, level: float) -> tuple[int, float] | None:
-        """The best period for our renderer at a level, and its lead over the study's own period, dB of median RGB PSNR."""
-        if self.ours is None or (own := self.pooled(group, level, self.ours)) is None:
+        """The best of the paper's patterns for our renderer, and its lead over the study's own pattern, dB of median RGB PSNR."""
+        values = self.by_pattern(group, level, RGB)
+        medians = {tile.period: value for tile, value in values.items() if tile.period}
+        if not medians or self.study.tile not in values:
             return None
-        found = [f for period in self.study.periods if (f := self.pooled(group, level, self.ours, period)) is not None]
-        best = max(found, key=lambda figure: figure.quality.median[RGB])
-        return best.period, best.quality.median[RGB] - own.quality.median[RGB]
+        best = max(medians, key=lambda period: medians[period])
+        return best, medians[best] - values[self.study.tile]
 
     def scene_leads(self, group: str, level: float) -> list[float]:
         """Our lead over the best rival of each scene, dB of median RGB PSNR; scenes without results are left out."""
@@ -183,8 +202,13 @@ class Figures:
 
     def missing(self, group: str) -> dict[str, list[float]]:
         """Methods, with the levels at which a scene has no result of them, so that they are missing from the pooled figures."""
-        levels = self.study.levels
-        found = {name: [level for level in levels if self.pooled(group, level, name) is None] for name in self.study.methods}
+        levels, channels = self.study.levels, {scene.channels for scene in self.study.scenes if scene.group == group}
+        meant = [
+            name
+            for name in self.study.methods
+            if any(can_photograph(tile, each) for tile in self.study.cameras(methods()[name]) for each in channels)
+        ]
+        found = {name: [level for level in levels if self.pooled(group, level, name) is None] for name in meant}
         return {name: without for name, without in found.items() if without}
 
 
@@ -198,5 +222,6 @@ def leads(find: Find, own: str, rival: str) -> list[float] | None:
 
 def _best(names: Iterable[str], find: Find, criterion: int = RGB) -> str | None:
     """The best method by a criterion."""
-    values = {name: CRITERIA[criterion].sign * each.values[criterion] for name in names if (each := find(name)) is not None}
+    found = {name: each.values[criterion] for name in names if (each := find(name)) is not None}
+    values = {name: CRITERIA[criterion].sign * value for name, value in found.items() if not isnan(value)}
     return max(values, key=lambda name: values[name], default=None)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
+from tools.scenes.scene import RGB
 
 from .hue import wrong_hue
 from .metrics import BORDER, CAP, QUANTILES, Quality, Quantiles, patch_psnr, whole_psnr
@@ -65,29 +66,35 @@ class Measures:
     quality: exact quantiles of its patches.
     psnr: of the whole picture without its border, dB, one for each of PLANES.
     ssim: of the same.
-    wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1.
+    wrong_hue: share of its pixels that show a wrong hue (see `wrong_hue`), 0 to 1; None where red, green and blue are not measured.
     patches: histograms of PSNR, one for each of PLANES.
     errors: float32, mean squared error over all channels of WINDOW x WINDOW squares; they begin at `window_origins`.
-    hues: float32, share of pixels of wrong hue of the same squares.
+    hues: float32, share of pixels of wrong hue of the same squares; 0 where there is no `wrong_hue`.
     """
 
     quality: Quality
     psnr: tuple[float, float, float]
     ssim: float
-    wrong_hue: float
+    wrong_hue: float | None
     patches: tuple[Histogram, ...]
     errors: FloatArray
     hues: FloatArray
 
     @classmethod
-    def of(cls, rendered: FloatArray, truth: FloatArray) -> "Measures":
-        """Measure a rendering against the truth, both (H, W, 3), scene units. Raises InputError as `patch_psnr` does."""
-        maps, wrong = patch_psnr(rendered, truth), wrong_hue(rendered, truth)
+    def of(cls, rendered: FloatArray, truth: FloatArray, channels: str = RGB) -> "Measures":
+        """Measure a rendering against the truth, both (H, W, N), scene units. Raises InputError as `patch_psnr` does.
+
+        channels: the N letters of the channels.
+        """
+        maps = patch_psnr(rendered, truth)
+        places = [channels.index(letter) for letter in RGB if letter in channels]
+        visible = len(places) == len(RGB)
+        wrong = wrong_hue(rendered[..., places], truth[..., places]) if visible else np.zeros(truth.shape[:2], bool)
         return cls(
             Quality.of(maps),
             whole_psnr(rendered, truth, BORDER),
             ssim(rendered, truth, BORDER),
-            float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean()),
+            float(wrong[BORDER:-BORDER, BORDER:-BORDER].mean()) if visible else None,
             tuple(Histogram.of(plane) for plane in maps),
             _window_means(np.square(rendered.astype(np.float64) - truth).mean(axis=2)),
             _window_means(wrong.astype(np.float64)),
@@ -98,7 +105,7 @@ class Measures:
         buffer = io.BytesIO()
         parts = {f"{name}_{kind}": getattr(part, kind) for name, part in zip(PLANES, self.patches, strict=True) for kind in _PARTS}
         quality = np.array(self.quality)
-        whole = np.array([*self.psnr, self.ssim, self.wrong_hue])
+        whole = np.array([*self.psnr, self.ssim, np.nan if self.wrong_hue is None else self.wrong_hue])
         np.savez_compressed(buffer, quality=quality, whole=whole, errors=self.errors, hues=self.hues, **parts)
         return buffer.getvalue()
 
@@ -110,7 +117,8 @@ class Measures:
                 parts = tuple(Histogram(*(stored[f"{name}_{kind}"] for kind in _PARTS)) for name in PLANES)
                 quality: Any = [tuple(row) for row in stored["quality"].tolist()]
                 *psnr, ssim_, hue = stored["whole"].tolist()
-                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, hue, parts, stored["errors"], stored["hues"])
+                wrong = None if np.isnan(hue) else hue
+                return cls(Quality(*quality), (psnr[0], psnr[1], psnr[2]), ssim_, wrong, parts, stored["errors"], stored["hues"])
         except Exception as error:  # a damaged archive raises nearly everything
             raise InputError(f"is no result of a measurement ({error})") from None
 

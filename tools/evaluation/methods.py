@@ -18,14 +18,19 @@ from .rivals.denoising import denoise_bayer
 from .rivals.dlmmse import demosaic_dlmmse
 from .rivals.libraw import ALGORITHMS, demosaic_libraw
 from .rivals.packages import demosaic_malvar, demosaic_menon, demosaic_opencv
+from .rivals.plane_denoising import denoised_planes
+from .rivals.planes import planes
 
 DENOISING_SECONDS = 40  # per megapixel, once for all methods that begin with it
+PLANES, DENOISED_PLANES = "planes", "bm3d+planes"  # what anyone can do with the shot of any pattern
 # Distributions that all install the module cv2.
 _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-contrib-python", "opencv-python")
 # The code between the light of a scene and its figures: every result depends on it.
 MEASURING = (
     "shared",
-    *(f"tools/evaluation/{name}.py" for name in ("protocol", "rivals/bayer", "cameras", "hue", "measures", "metrics", "ssim")),
+    *(f"tools/scenes/{name}.py" for name in ("scene", "filters")),
+    *(f"tools/evaluation/{name}.py" for name in ("protocol", "rivals/bayer", "tiles", "cameras")),
+    *(f"tools/evaluation/{name}.py" for name in ("hue", "measures", "metrics", "ssim")),
 )
 
 
@@ -34,10 +39,11 @@ class Method:
     """A way from a shot to a picture.
 
     title: name for people.
-    function: makes the picture, from a Mosaic if the method is ours, from Bayer samples and their order if it is a rival.
+    function: makes the picture, from a Mosaic if the method is for any pattern, from Bayer samples and their order if it is not.
     code: all files and folders that results depend on besides MEASURING, relative to the repository. If one is missing here,
         results are kept although it has changed.
-    ours: whether it renders shots of the sparse-colour camera.
+    ours: whether it is Panchroma's.
+    sparse: whether it renders shots of the sparse-colour camera, of any pattern.
     balanced: a rival that gets white-balanced samples.
     denoise: applied to a rival's samples first.
     packages: distributions that it needs; their versions count too.
@@ -49,6 +55,7 @@ class Method:
     function: Callable[..., FloatArray]
     code: tuple[str, ...] = ()
     ours: bool = False
+    sparse: bool = False
     balanced: bool = False
     denoise: Denoise | None = None
     packages: tuple[str, ...] = ()
@@ -65,7 +72,7 @@ class Method:
         return next((package for package in self.packages if package_version(package) is None), None)
 
     def identity(self) -> tuple[str, ...]:
-        """What results depend on besides scene, noise and period; equal for methods that do the same."""
+        """What results depend on besides scene, noise and pattern; equal for methods that do the same."""
         call = self.function if isinstance(self.function, partial) else partial(self.function)
         return (
             f"{call.func.__module__}.{call.func.__qualname__} {call.args} {call.keywords}",
@@ -76,24 +83,44 @@ class Method:
         )
 
     def render(self, cameras: CameraPair) -> FloatArray:
-        """Render the shot of the camera that this method is for. Returns float32 (H, W, 3), scene units."""
-        if self.ours:
+        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
+        if self.sparse:
             return cameras.render_sparse(self.function)
         return cameras.render_bayer(self.function, balanced=self.balanced, denoise=self.denoise)
 
 
 @cache
 def methods() -> dict[str, Method]:
-    """All methods by name, ours first."""
+    """All methods by name: ours, then the others for any pattern, then those of a Bayer camera."""
     paper, best, unlearned = (partial(render_preset, each) for each in (PRESETS["paper"], PRESETS["best"], UNLEARNED))
     render_code = "tools/evaluation/presets.py", "offline"
     preview_code = "tools/evaluation/camera_preview.py", "device"
     ours = [
-        Method("paper", "Sparse colour, paper", paper, render_code, ours=True, seconds=0.3),
-        Method("best", "Sparse colour, best", best, render_code, ours=True, seconds=2),
-        Method("unlearned", "Sparse colour, best, unlearned", unlearned, render_code, ours=True, seconds=2),
+        Method("paper", "Sparse colour, paper", paper, render_code, ours=True, sparse=True, seconds=0.3),
+        Method("best", "Sparse colour, best", best, render_code, ours=True, sparse=True, seconds=2),
+        Method("unlearned", "Sparse colour, best, unlearned", unlearned, render_code, ours=True, sparse=True, seconds=2),
         Method(
-            "preview", "Sparse colour, preview", render_preview, preview_code, ours=True, packages=("onnxruntime",), seconds=0.1
+            "preview",
+            "Sparse colour, preview",
+            render_preview,
+            preview_code,
+            ours=True,
+            sparse=True,
+            packages=("onnxruntime",),
+            seconds=0.1,
+        ),
+    ]
+    plain = Method(PLANES, "Interpolated planes", planes, _rivals("planes"), sparse=True, seconds=0.1)
+    interpolated = [
+        plain,
+        replace(
+            plain,
+            name=DENOISED_PLANES,
+            title="BM3D + interpolated planes",
+            function=denoised_planes,
+            code=(*plain.code, *_rivals("plane_denoising", "denoising")),
+            packages=("bm3d",),
+            seconds=15,
         ),
     ]
     wrapped = _rivals("packages", "integers")
@@ -149,7 +176,7 @@ def methods() -> dict[str, Method]:
         ),
         *low_light,
     ]
-    return {method.name: method for method in (*ours, *rivals)}
+    return {method.name: method for method in (*ours, *interpolated, *rivals)}
 
 
 def _rivals(*modules: str) -> tuple[str, ...]:

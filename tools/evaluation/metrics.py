@@ -50,10 +50,10 @@ def quality(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border:
 def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> PatchPsnr:
     """PSNR, 10 log10(1 / MSE), at most CAP, of all patch x patch squares at least `border` pixels inside the frame.
 
-    Luminance is the mean of the three channels, chrominance is RGB minus luminance, MSE is the mean over all pixels and channels of
+    Luminance is the mean of the channels, chrominance is what remains of each, MSE is the mean over all pixels and channels of
     a square.
 
-    rendered, truth: (H, W, 3), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
+    rendered, truth: (H, W, N), linear, scene units, neither scaled nor clipped; 1.0 is the peak.
     patch, border: pixels.
     Raises InputError when the shapes differ, a value is not finite, or no patch fits.
     """
@@ -94,9 +94,9 @@ def _squares(error: DoubleArray) -> tuple[DoubleArray, DoubleArray, DoubleArray]
 
 
 def _error(rendered: FloatArray, truth: FloatArray) -> DoubleArray:
-    if rendered.shape != truth.shape or rendered.ndim != 3 or rendered.shape[2] != 3:
+    if rendered.shape != truth.shape or rendered.ndim != 3:
         raise InputError(
-            f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected two pictures (rows, columns, 3) alike"
+            f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected two pictures (rows, columns, channels) alike"
         )
     error: DoubleArray = rendered.astype(np.float64) - truth
     if not np.isfinite(error).all():

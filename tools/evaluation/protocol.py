@@ -10,6 +10,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor, typical_noise
+from tools.scenes.filters import Filters
 
 from .rivals.bayer import bayer_exposure, bayer_mosaic
 
@@ -42,7 +43,8 @@ class BayerShot:
 class Protocol:
     """Kind of noise, and its seed. A `level` is how strong the noise is.
 
-    paper: level = standard deviation of additive Gaussian noise on every sample, scene units. Nothing is clipped or quantised.
+    paper: level = standard deviation of additive Gaussian noise on every sample, scene units of a camera with red, green and blue
+        filters. Nothing is clipped or quantised.
     sensor: level = exposure, the fraction of the scene's light that arrives. Both cameras have the same pixels and exposure time:
     shot noise and read noise of a small modern sensor, clipping, 12 bits. A panchromatic pixel reads the sum of the channels and so
     gets more light; the Bayer camera has the gain that suits its smaller share.
@@ -68,15 +70,20 @@ class Protocol:
                 raise InputError(f"exposure is {level}, expected a positive factor")
         return tuple(sorted(set(levels), reverse=self.kind == "sensor"))
 
-    def sparse_shot(self, rgb: FloatArray, level: float, period: int) -> Mosaic:
-        """Shot of the sparse-colour sensor; its calibration states the noise. A render divided by `gain` is in the scene's units.
+    def sparse_shot(self, light: FloatArray, level: float, pattern: CfaPattern, filters: Filters) -> Mosaic:
+        """Shot of the sparse-colour sensor; its calibration states the noise. A render divided by `gain` is in the filters' units.
 
-        rgb: the scene, (H, W, 3), scene units.
+        Under the same light the noise is the same fraction of what a panchromatic pixel reads in white, whatever the filters are.
+
+        light: the scene, (H, W, N), scene units.
         level: of the noise.
-        period: of the pattern, pixels.
+        pattern, filters: of the sensor.
         """
-        simulate, camera = (simulate_additive, SensorCalibration()) if self.kind == "paper" else (simulate_sensor, _CAMERA)
-        return simulate(rgb, CfaPattern.bayer(period, ORDER), camera, level, self._rng())
+        read, channels, gamma = filters.of(light), filters.channels, filters.gamma
+        if self.kind == "paper":
+            return simulate_additive(read, pattern, SensorCalibration(channels, gamma), level * filters.unit, self._rng())
+        camera = SensorCalibration.of_bits(_BITS, headroom=False, channels=channels, gamma=gamma, noise=filters.noise)
+        return simulate_sensor(read, pattern, camera, level, self._rng())
 
     def bayer_shot(self, rgb: FloatArray, level: float) -> BayerShot:
         """Shot of the Bayer sensor, already divided by `gain`. rgb: the scene, (H, W, 3), scene units."""
@@ -117,7 +124,7 @@ def fraction(exposure: float) -> str:
 
 
 def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
-    """A scene (H, W, 3) cut to whole multiples of CROP pixels; with `largest` the middle, at most that many pixels each way."""
+    """A scene (H, W, N) cut to whole multiples of CROP pixels; with `largest` the middle, at most that many pixels each way."""
     rows, columns = (min(size, largest or size) // CROP * CROP for size in rgb.shape[:2])
     top, left = ((size - kept) // 2 if largest else 0 for size, kept in zip(rgb.shape[:2], (rows, columns), strict=True))
     return np.ascontiguousarray(rgb[top : top + rows, left : left + columns])

@@ -15,7 +15,7 @@ from shared.tiff_check import PLAIN
 from tools.host.folders import search
 from tools.scenes.camera_colour import estimate_neutral
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
-from tools.scenes.scene import Scene
+from tools.scenes.scene import RGB, Scene
 
 from .metrics import BORDER, PATCH
 from .protocol import CROP, cut
@@ -25,8 +25,9 @@ from .protocol import CROP, cut
 MEASURED = "linear photographs"
 DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
+SPECTRAL = "scenes with other channels"  # than red, green and blue: no Bayer camera is for them
 _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
-SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN)
+SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN, SPECTRAL)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
 _LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
 
@@ -42,6 +43,7 @@ class SceneInfo:
     rows, columns: after cutting.
     neutral: what white reads, one value per channel; None = unknown.
     notes: remarks for the user on how the file was interpreted.
+    channels: the letters of its channels.
     """
 
     source: str
@@ -52,6 +54,7 @@ class SceneInfo:
     columns: int
     neutral: tuple[float, ...] | None
     notes: tuple[str, ...] = ()
+    channels: str = RGB
 
     @property
     def megapixels(self) -> float:
@@ -76,15 +79,16 @@ class Reading:
         return replace(scene, rgb=rgb)
 
     def truth(self, source: str) -> FloatArray:
-        """Light of the scene after cutting, float32 (H, W, 3), read-only. Raises InputError as `scene` does."""
+        """Light of the scene after cutting, float32 (H, W, N), read-only. Raises InputError as `scene` does."""
         return _loaded(source, self)[1]
 
     def info(self, source: str) -> SceneInfo:
         """Facts about the scene. Raises InputError as `scene` does."""
         scene, rgb = _loaded(source, self)
         rows, columns = rgb.shape[:2]
-        group = MEASURED if self.linear else _group(source, scene)
-        return SceneInfo(source, scene.name, group, digest(rgb), rows, columns, _neutral(scene, group), scene.notes)
+        group = MEASURED if self.linear and scene.channels == RGB else _group(source, scene)
+        neutral = _neutral(scene, group)
+        return SceneInfo(source, scene.name, group, digest(rgb), rows, columns, neutral, scene.notes, scene.channels)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
@@ -141,6 +145,8 @@ def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
 
 
 def _group(source: str, scene: Scene) -> str:
+    if scene.channels != RGB:
+        return SPECTRAL
     if is_drawn(source):
         return BUILTIN
     if not _is_developed(Path(source)):

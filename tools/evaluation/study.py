@@ -6,7 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from shared.arrays import FloatArray
-from shared.errors import PanchromaError
+from shared.errors import InputError, PanchromaError
+from tools.scenes.scene import RGB
 
 from .cache import FOLDER, Cache, key
 from .cameras import CameraPair
@@ -14,6 +15,7 @@ from .measures import Measures
 from .methods import DENOISING_SECONDS, Method, choose, methods
 from .protocol import Protocol
 from .scene_sets import Reading, SceneInfo
+from .tiles import Tile, best_known, filters_of
 
 _MEASURING = 0.3  # seconds per megapixel, roughly
 
@@ -25,15 +27,20 @@ class Cell:
     scene: the scene.
     level: noise level, as in `Protocol`.
     method: its name.
-    period: of the sparse-colour pattern; 0 for a rival.
+    tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     name: of the result in the cache.
     """
 
     scene: SceneInfo
     level: float
     method: str
-    period: int
+    tile: Tile | None
     name: str
+
+    @property
+    def pattern(self) -> str:
+        """Name of the pattern; "" for a Bayer camera's method."""
+        return self.tile.name if self.tile else ""
 
 
 @dataclass(frozen=True)
@@ -43,42 +50,78 @@ class Study:
     scenes: all under different names.
     methods: names.
     levels: in order of rising noise.
-    periods: of the sparse-colour pattern, rising.
+    tiles: the patterns of the sparse-colour camera, under different names.
     protocol, reading: how scenes are photographed and read.
     """
 
     scenes: tuple[SceneInfo, ...]
     methods: tuple[str, ...]
     levels: tuple[float, ...]
-    periods: tuple[int, ...]
+    tiles: tuple[Tile, ...]
     protocol: Protocol
     reading: Reading
 
     @property
-    def period(self) -> int:
-        """The period at which our methods are compared with the rivals: the paper's, if it is among them."""
-        return 6 if 6 in self.periods else self.periods[0]
+    def tile(self) -> Tile:
+        """The pattern at which our methods are compared with the rivals: the paper's, if it is among them."""
+        return best_known(self.tiles)
+
+    def light(self, tile: Tile) -> float | None:
+        """Light that a pattern collects, as a multiple of a Bayer sensor's, of the first scene that it can photograph."""
+        return next((tile.light(scene.channels) for scene in self.scenes if tile.sees(scene.channels)), None)
+
+    @property
+    def periods(self) -> tuple[int, ...]:
+        """K of those patterns that are the paper's, rising."""
+        return tuple(tile.period for tile in self.tiles if tile.period)
 
     def cells(self) -> Iterator[Cell]:
-        """Every result, in the order of the report."""
+        """Every result, in the order of the report; a scene is left out for cameras whose filters it has no channels for."""
         for scene in self.scenes:
             for level in self.levels:
                 for method in choose(list(self.methods)):
-                    for period in self.periods if method.ours else (0,):
-                        yield self.cell(scene, level, method, period)
+                    for tile in self.cameras(method):
+                        if can_photograph(tile, scene.channels):
+                            yield self.cell(scene, level, method, tile)
 
-    def cell(self, scene: SceneInfo, level: float, method: Method, period: int) -> Cell:
-        """One result, with its name in the cache."""
+    def cameras(self, method: Method) -> tuple[Tile | None, ...]:
+        """The patterns whose shots a method renders; (None,) for a Bayer camera's method."""
+        return self.tiles if method.sparse else (None,)
+
+    def remarks(self) -> list[str]:
+        """What the user should know about scenes that a camera cannot photograph, and about filters that are made from others."""
+        found, by_channels = [], {scene.channels: scene.name for scene in self.scenes}
+        for channels, name in by_channels.items():
+            if channels != RGB and any(not methods()[method].sparse for method in self.methods):
+                found.append(f"scenes with the channels {channels}, such as {name}: no Bayer camera photographs them")
+            for tile in self.tiles:
+                try:
+                    found += [f"{tile.name}: {note}" for note in filters_of(tile.pattern, channels).notes]
+                except InputError as error:
+                    found.append(f"{name}, and others with these channels, without {tile.name}: {error}")
+        return found
+
+    def cell(self, scene: SceneInfo, level: float, method: Method, tile: Tile | None) -> Cell:
+        """One result, with its name in the cache. tile: None for a Bayer camera's method."""
+        other = {"pattern": tile.letters, "channels": tile.pattern.channels} if tile and not tile.period else {}
+        light = {"light": scene.channels} if scene.channels != RGB else {}
         name = key(
             scene=scene.digest,
             neutral=scene.neutral if method.balanced else None,
             protocol=self.protocol.kind,
             seed=self.protocol.seed if level or self.protocol.kind == "sensor" else 0,
             level=level,
-            period=period,
+            period=tile.pattern.period if tile else 0,
             method=method.identity(),
+            **other,
+            **light,
         )
-        return Cell(scene, level, method.name, period, name)
+        return Cell(scene, level, method.name, tile, name)
+
+
+def can_photograph(tile: Tile | None, channels: str) -> bool:
+    """Whether the sparse-colour camera with this pattern, None: the Bayer camera, can photograph scenes with these channels."""
+    return tile.sees(channels) if tile else channels == RGB
 
 
 @dataclass(frozen=True)
@@ -102,7 +145,7 @@ class Task:
     def title(self) -> str:
         """Name for people."""
         first = self.cells[0]
-        names = " ".join(dict.fromkeys(cell.method + (f" K={cell.period}" if cell.period else "") for cell in self.cells))
+        names = " ".join(dict.fromkeys(cell.method + (f" {cell.pattern}" if cell.tile else "") for cell in self.cells))
         return f"{first.scene.name}, {self.protocol.describe(first.level)}: {names}"
 
 
@@ -128,7 +171,7 @@ def work(task: Task) -> list[str]:
     for cell in task.cells:
         try:
             picture = render_cell(cell, task.protocol, task.reading)
-            measures = Measures.of(picture, task.reading.truth(cell.scene.source))
+            measures = Measures.of(picture, task.reading.truth(cell.scene.source), cell.scene.channels)
         except PanchromaError as error:
             failures.append(f"{cell.scene.source}: {cell.method}, {task.protocol.describe(cell.level)}: {error}")
         except MemoryError:
@@ -139,13 +182,13 @@ def work(task: Task) -> list[str]:
 
 
 def render_cell(cell: Cell, protocol: Protocol, reading: Reading) -> FloatArray:
-    """The picture behind a result, float32 (H, W, 3), scene units."""
-    return methods()[cell.method].render(_cameras(cell.scene, cell.level, cell.period, protocol, reading))
+    """The picture behind a result, float32 (H, W, N), scene units."""
+    return methods()[cell.method].render(_cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), protocol, reading))
 
 
 @lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest
-def _cameras(scene: SceneInfo, level: float, period: int, protocol: Protocol, reading: Reading) -> CameraPair:
-    return CameraPair(protocol, level, reading.truth(scene.source), period, scene.neutral)
+def _cameras(scene: SceneInfo, level: float, tile: Tile, protocol: Protocol, reading: Reading) -> CameraPair:
+    return CameraPair(protocol, level, reading.truth(scene.source), tile.pattern, scene.neutral, channels=scene.channels)
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:

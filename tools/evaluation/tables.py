@@ -15,6 +15,8 @@ from .measures import PLANES
 from .methods import methods
 from .metrics import BORDER, PATCH, QUANTILES
 from .protocol import CROP
+from .study import Study
+from .tiles import Tile
 from .verdict import caveats
 
 _COLUMNS = ("group", "scene", "level", "method", "period")
@@ -23,7 +25,7 @@ _POOLED = "all scenes"
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
     """One flat object per figure, pools (scene null) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
-    return [_row(figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
+    return [_row(figures.study, figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
 
 
 def encode_csv(figures: Figures) -> bytes:
@@ -50,18 +52,31 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
             "seed": study.protocol.seed,
             "level": "sigma, scene units" if study.protocol.kind == "paper" else "exposure",
             "levels": study.levels,
-            "period": study.period,
+            "period": study.tile.period,
             "periods": study.periods,
+            "pattern": study.tile.name,
+            "patterns": {tile.name: {"tile": tile.letters, **_facts(study, tile)} for tile in study.tiles},
             "patch": PATCH,
             "border": BORDER,
             "quantiles": QUANTILES,
             "scenes_cut_to_multiples_of": CROP,
         },
         "scenes": [
-            {"source": s.source, "name": s.name, "group": s.group, "rows": s.rows, "columns": s.columns, "notes": s.notes}
-            for s in study.scenes
+            {
+                "source": scene.source,
+                "name": scene.name,
+                "group": scene.group,
+                "rows": scene.rows,
+                "columns": scene.columns,
+                "channels": scene.channels,
+                "notes": scene.notes,
+            }
+            for scene in study.scenes
         ],
-        "methods": {name: {"title": methods()[name].title, "ours": methods()[name].ours} for name in study.methods},
+        "methods": {
+            name: {"title": methods()[name].title, "ours": methods()[name].ours, "bayer": not methods()[name].sparse}
+            for name in study.methods
+        },
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
         "failed": failures,
@@ -85,6 +100,11 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
                 "scenes_won": sum(lead >= EVEN for lead in by_scene),
                 "scenes": len(by_scene),
                 "best_period": best and best[0],
+                "best_pattern": {
+                    each.name: tile and tile.name
+                    for index, each in enumerate(CRITERIA)
+                    for tile in [figures.best_pattern(group, level, index)]
+                },
             }
         )
     return {
@@ -107,12 +127,25 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
     }
 
 
-def _row(figure: Figure) -> dict[str, Any]:
-    row: dict[str, Any] = {name: getattr(figure, name) for name in _COLUMNS}
-    row["period"] = figure.period or None
+def _facts(study: Study, tile: Tile | None) -> dict[str, Any]:
+    """What is known of a pattern; None in every place for a Bayer camera's method."""
+    light = tile and study.light(tile)
+    return {
+        "period": tile and tile.period,
+        "panchromatic_share": tile and round(tile.panchromatic_share, 6),
+        "light": light and round(light, 6),
+    }
+
+
+def _row(study: Study, figure: Figure) -> dict[str, Any]:
+    facts = _facts(study, figure.tile)
+    row: dict[str, Any] = {name: getattr(figure, name) for name in _COLUMNS if name != "period"}
+    row["period"] = facts.pop("period")
     for plane, quantiles in zip(PLANES, figure.quality, strict=True):
         for quantile, value in zip(QUANTILES, quantiles, strict=True):
             row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)
     for plane, value in zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), figure.psnr, strict=True):
         row[plane] = round(value, 4)
-    return {**row, "ssim": round(figure.ssim, 6), "wrong_hue": round(figure.wrong_hue, 6), "scenes": figure.scenes}
+    hue = None if figure.wrong_hue is None else round(figure.wrong_hue, 6)
+    row |= {"ssim": round(figure.ssim, 6), "wrong_hue": hue, "scenes": figure.scenes}
+    return {**row, "pattern": figure.tile and figure.tile.name, **facts}

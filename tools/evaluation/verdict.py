@@ -9,6 +9,8 @@ from .claims import FEW, ahead, claims
 from .criteria import CRITERIA, EVEN, HUE, RGB, TENTH, WHOLE
 from .figures import Comparison, Figures
 from .methods import methods, remedy
+from .pattern_verdict import best_patterns, pattern_table
+from .scene_sets import SPECTRAL
 
 # The strongest rivals in our figures, which need extra packages: name, what it is, whether noise is where it is strong.
 _STRONGEST = (("bm3d+dlmmse-wb", "denoises (BM3D does)", True), ("demosaicnet", "is learned (Gharbi 2016 is)", False))
@@ -35,7 +37,7 @@ def plain_text(figures: Figures) -> str:
     for group in figures.groups:
         levels = [study.protocol.describe(level) for level in study.levels]
         widths = [max(len(text), 8) for text in levels]
-        lines += [f"{heading(figures, group)}: median RGB PSNR of all 10 x 10 patches, dB, K = {study.period}"]
+        lines += [f"{heading(figures, group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
         lines += [" " * 30 + "  ".join(f"{text:>{width}}" for text, width in zip(levels, widths, strict=True))]
         for name in study.methods:
             cells = [figures.pooled(group, level, name) for level in study.levels]
@@ -51,6 +53,7 @@ def plain_text(figures: Figures) -> str:
         lines += [f"  {defeat_text(figures, group, each)}" for each in defeats(figures, group)]
         if best := periods(figures, group):
             lines.append(best)
+        lines += [*pattern_table(figures, group), *best_patterns(figures, group)]
         lines.append("")
     return "\n".join(map(one_line, lines)).rstrip()
 
@@ -64,6 +67,8 @@ def heading(figures: Figures, group: str) -> str:
 def headline(figures: Figures, group: str) -> str:
     """The verdict on a set: the levels at which we beat every rival in median RGB PSNR, and by how many other figures we do not."""
     margins = [(level, margin[1]) for level in figures.study.levels if (margin := figures.margin(group, level)) is not None]
+    if not margins and group == SPECTRAL:
+        return "A Bayer camera is left out: these scenes have other channels than red, green and blue."
     if not margins:
         return "There is nothing to compare: measure a method of ours and a rival."
     kinds = (
@@ -199,7 +204,7 @@ def periods(figures: Figures, group: str) -> str:
     if len(study.periods) < 2 or not found:
         return ""
     parts = [f"{study.protocol.describe(level)} K = {period} ({lead:+.1f} dB)" for level, (period, lead) in found]
-    return f"Best K of {figures.ours}, and its margin over K = {study.period}: {', '.join(parts)}."
+    return f"Best K of {figures.ours}, and its margin over {study.tile.title}: {', '.join(parts)}."
 
 
 def capital(text: str) -> str:

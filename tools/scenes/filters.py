@@ -82,27 +82,33 @@ class Filters:
 
 
 def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
-    """The filters of a pattern before a scene: the scene's own channels, and cyan, magenta and yellow made from R, G and B.
+    """The filters of a pattern before a scene: the scene's own channels, its mixtures, and C, M and Y made from R, G and B.
 
     Raises InputError for letters that are neither, and when no positive weights of the filters add up to what panchromatic pixels
     see.
     """
     channels, there = pattern.channels, scene.channels
-    sources = {letter: letter for letter in there} | {
-        letter: passed for letter, passed in _BROADBAND.items() if letter not in there and set(RGB) <= set(there)
-    }
+    sources = _mixtures(scene) | dict(zip(there, np.eye(len(there)), strict=True))
     if missing := [letter for letter in channels if letter not in sources]:
         raise InputError(
             f"the pattern has the filters {_listed(missing)}, and the scene only {_listed(there)}"
-            + (" (of which C, M and Y can be made)" if set(RGB) <= set(there) else "")
+            + (f" (of which {_listed(others)} can be made)" if (others := [each for each in sources if each not in there]) else "")
             + "; use a scene with these channels, or another pattern"
         )
-    matrix = np.array([[(letter in sources[each]) / len(sources[each]) for letter in there] for each in channels])
-    gamma, notes = _weights(channels, matrix, there)
+    passed = np.array([sources[each] for each in channels])
+    gamma, notes = _weights(channels, passed, there)
     if composed := [letter for letter in channels if letter not in there]:
-        made = f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's red, green and blue"
+        colours = "channels" if set(composed) <= set(scene.mixtures) else "red, green and blue"
+        made = f"{_listed(composed)} {'is' if len(composed) == 1 else 'are'} made from the scene's {colours}"
         notes = (made, *notes)
-    return Filters(channels, as_rows(matrix), gamma, notes)
+    return Filters(channels, as_rows(passed / passed.sum(axis=1, keepdims=True)), gamma, notes)
+
+
+def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
+    """What filters that the scene does not have let through of its channels, (N,) by letter."""
+    broadband = _BROADBAND if set(RGB) <= set(scene.channels) else {}
+    passed = {letter: tuple(float(each in through) for each in scene.channels) for letter, through in broadband.items()}
+    return {letter: np.array(each) for letter, each in (passed | dict(scene.mixtures)).items() if letter not in scene.channels}
 
 
 def scene_channels(channels: str) -> str:
@@ -116,8 +122,12 @@ def scene_channels(channels: str) -> str:
     return RGB + "".join(letter for letter in channels if letter not in (*RGB, *_BROADBAND))
 
 
-def _weights(channels: str, matrix: DoubleArray, there: str) -> tuple[tuple[float, ...], tuple[str, ...]]:
-    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in the units of the filters."""
+def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[tuple[float, ...], tuple[str, ...]]:
+    """gamma, and notes: the least-squares solution of "weighted filters add up to all channels", in the units of the filters.
+
+    passed: (C, N), what each filter lets through of each channel.
+    """
+    matrix = passed / passed.sum(axis=1, keepdims=True)
     weights = np.linalg.lstsq(matrix.T, np.ones(len(there)))[0]
     if weights.min() < _LEAST:
         figures = ", ".join(f"{letter} {weight:.3g}" for letter, weight in zip(channels, weights.round(3) + 0.0, strict=True))
@@ -130,8 +140,7 @@ def _weights(channels: str, matrix: DoubleArray, there: str) -> tuple[tuple[floa
     if np.abs(seen - 1).max() > _LEAST:
         parts = " + ".join(f"{share:.3g} {letter}" for letter, share in zip(there, seen, strict=True) if share > _LEAST)
         notes = (f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see {parts} of the scene",)
-    passed = np.mean(1 / (matrix**2).sum(axis=1))  # channels of the scene that a filter lets through
-    return tuple((weights / passed).round(_DIGITS).tolist()), notes
+    return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
 
 
 def _nominal(scene: Scene) -> DoubleArray:

@@ -19,6 +19,7 @@ from .decoders import Decoded, decode_exr, decode_jpeg, decode_npy, decode_png, 
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
+from .drawn.spectral import spectral_scene
 from .filters import scene_channels
 from .gehler_shi import gehler_shi_scene
 from .linear_dng import linear_dng_scene
@@ -31,6 +32,7 @@ _DRAWN: dict[str, Callable[[int, int], Scene]] = {
     "chart:": chart_scene,
     "flat:": flat_scene,
     "dark:": dark_scene,
+    "spectral:": spectral_scene,
 }
 _EVEN = ("flat:", "dark:")  # which are the same in every channel
 _TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -66,7 +68,8 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
         "chart:WxH" (see `chart_scene`),
-        "flat:WxH", "dark:WxH" (even light, no light: see `drawn.even`).
+        "flat:WxH", "dark:WxH" (even light, no light: see `drawn.even`),
+        "spectral:WxH" (eight bands, see `spectral_scene`).
     linear: take the values of any picture as linear light.
     max_pixels: larger scenes are refused.
     channels: those of the pattern that will see the scene. An EXR has them by their names, a TIFF or NPY in their order, if it

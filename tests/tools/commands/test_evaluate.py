@@ -75,11 +75,29 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> No
     assert [path.name for path in tmp_path.iterdir()] == ["mixed"]
 
 
+def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
+    mine = tmp_path / "mine.txt"
+    mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
+    options = ("--methods", "planes", "bilinear", "--sigma", "0.01", "-j", "1", "--json", "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
+    outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6")
+    assert outcome.code == 0
+    assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
+    document = json.loads((out / "evaluation.json").read_text())
+    assert list(document["protocol"]["patterns"]) == ["K=6", "mine", "Kodak"]
+    assert document["protocol"]["pattern"] == "K=6"
+    found = {(each["method"], each["pattern"], each["period"]) for each in document["figures"]}
+    assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
+    alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
+    assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         (("--methods", "magic"), "unknown method 'magic'; there are paper"),
         (("--period", "2"), "--period is 2, expected 3 to"),
+        (("--pattern", "RGW/GB"), "--pattern 'RGW/GB'"),
+        (("--pattern", "kodak"), "no file has this name"),
         (("--sigma", "-1"), "sigma is -1"),
         (("--light", "0.5"), "--light the amount of light of --protocol sensor"),
         (("--protocol", "sensor", "--exposure", "0.5"), "--exposure is called --light here, a factor"),

@@ -10,6 +10,7 @@ from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, collect, tasks, work
 from tools.evaluation.team import Team
+from tools.evaluation.tiles import Tile
 from tools.host.console import Console
 
 
@@ -34,7 +35,8 @@ def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlm
         if not path.exists():
             np.save(path, small_scene(78, 90 + 12 * seed, seed))
         scenes.append(Reading().info(str(path)))
-    parts: dict[str, object] = {"levels": (0.0, 0.03), "periods": (6,), "protocol": Protocol(), "reading": Reading(), **changes}
+    parts: dict[str, object] = {"levels": (0.0, 0.03), "tiles": (Tile.of_period(6),), "protocol": Protocol(), "reading": Reading()}
+    parts |= changes
     return Study(tuple(scenes), methods, **parts)  # type: ignore[arg-type]
 
 

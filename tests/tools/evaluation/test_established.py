@@ -7,6 +7,7 @@ from tools.evaluation.measures import Measures
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
+from tools.evaluation.tiles import Tile
 
 Triple = tuple[float, float, float]
 # K = 6; medians of RGB, luminance, chrominance at sigma 0, 0.01, 0.03, rounded to 0.1 dB, of its own draw of the noise.
@@ -22,7 +23,7 @@ TOLERANCE = 0.15  # dB
 def test_the_papers_method_scores_what_it_should(name: str) -> None:
     reading, protocol = Reading(), Protocol()
     scene = reading.info(str(photograph(name)))
-    study = Study((scene,), ("paper",), (0.0, 0.01, 0.03), (6,), protocol, reading)
+    study = Study((scene,), ("paper",), (0.0, 0.01, 0.03), (Tile.of_period(6),), protocol, reading)
     for cell, expected in zip(study.cells(), PAPER[name], strict=True):
         measures = Measures.of(render_cell(cell, protocol, reading), reading.truth(scene.source))
         assert measures.quality.median == pytest.approx(expected, abs=TOLERANCE)

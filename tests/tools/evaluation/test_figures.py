@@ -1,19 +1,26 @@
 import csv
 import io
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from shared import CfaPattern
 from shared.arrays import FloatArray
 from tests.tools.evaluation.examples import measured, study_of
 from tools.evaluation.claims import FEW, Claim, ahead, claims
 from tools.evaluation.criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH, WHOLE
 from tools.evaluation.figures import Comparison, Figures
 from tools.evaluation.measures import Measures
+from tools.evaluation.page.page import build_page
+from tools.evaluation.pattern_verdict import gains
+from tools.evaluation.scene_sets import SPECTRAL
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
+from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import caveats, comparisons, headline, losses, plain_text, worst_places
 
 SET = "linear photographs"
@@ -163,6 +170,7 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
     assert [figures.winner(SET, 0.0, criterion) for criterion in (TENTH, WHOLE, HUE)] == ["bilinear"] * 3
     own = figures.pooled(SET, 0.0, "paper")
     assert own is not None
+    assert own.wrong_hue is not None
     assert own.wrong_hue == pytest.approx(4 * 4 / 30**2, abs=0.005)  # of the pixels inside the border
     hue = figures.margin(SET, 0.0, HUE)
     assert hue is not None
@@ -174,10 +182,11 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
 
 
 def test_the_best_period_is_named(tmp_path: Path) -> None:
-    study = study_of(tmp_path, periods=(4, 6, 8))
-    error = {(0.0, 4): 0.01, (0.0, 6): 0.02, (0.0, 8): 0.04, (0.03, 4): 0.04, (0.03, 6): 0.02, (0.03, 8): 0.02}
+    study = study_of(tmp_path, tiles=chosen_tiles([4, 6, 8], ()))
+    error = {(0.0, "K=4"): 0.01, (0.0, "K=6"): 0.02, (0.0, "K=8"): 0.04, (0.03, "K=4"): 0.04}
+    error |= {(0.03, "K=6"): 0.02, (0.03, "K=8"): 0.02}
     results = {
-        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.period), 0.1)) * NOISE, TRUTH) for cell in study.cells()
+        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.pattern), 0.1)) * NOISE, TRUTH) for cell in study.cells()
     }
     figures = Figures(study, results)
     assert figures.best_period(SET, 0.0) == pytest.approx((4, 20 * np.log10(2)), abs=0.01)
@@ -265,7 +274,7 @@ def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
 
 
 def test_tables_hold_every_figure(tmp_path: Path) -> None:
-    figures = measured(study_of(tmp_path, periods=(4, 6)), tmp_path)
+    figures = measured(study_of(tmp_path, tiles=chosen_tiles([4, 6], ())), tmp_path)
     document = json.loads(encode_json(figures, "panchroma 1", ["a.txt: no picture"]))
     rows = list(csv.DictReader(io.StringIO(encode_csv(figures).decode())))
     # Two scenes and their pool, two levels, two rivals and ours at two periods.
@@ -273,7 +282,7 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert document["failed"] == ["a.txt: no picture"]
     assert document["protocol"]["levels"] == [0.0, 0.03]
     own = next(each for each in document["figures"] if (each["scene"], each["method"], each["level"]) == ("scene0", "paper", 0.03))
-    found = figures.of_scene("scene0", 0.03, "paper", own["period"])
+    found = figures.of_scene("scene0", 0.03, "paper", Tile.of_period(own["period"]))
     assert found is not None
     assert own["rgb_q50"] == pytest.approx(found.quality.median[RGB], abs=1e-4)
     assert own["luminance_q25"] == pytest.approx(found.quality.luminance[1], abs=1e-4)
@@ -287,3 +296,50 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert set(verdict["winner"]) == {each.name for each in CRITERIA}
     assert [own[name] for name in ("psnr", "psnr_luminance", "psnr_chrominance")] == pytest.approx(found.psnr, abs=1e-4)
     assert (LUMINANCE, CHROMINANCE) == (1, 2)
+
+
+def test_patterns_are_compared_with_each_other_and_with_their_planes(tmp_path: Path) -> None:
+    kodak = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
+    study = study_of(tmp_path, ("paper", "planes", "bilinear"), tiles=(*chosen_tiles([6], ()), kodak))
+    error = {("paper", "K=6"): 0.02, ("paper", "Kodak"): 0.01, ("planes", "K=6"): 0.08, ("planes", "Kodak"): 0.04}
+    results = {
+        cell: Measures.of(TRUTH + np.float32(error.get((cell.method, cell.pattern), 0.02)) * NOISE, TRUTH) for cell in study.cells()
+    }
+    figures = Figures(study, results)
+    assert figures.rivals == ["bilinear"]
+    assert figures.best_pattern(SET, 0.0, RGB) == kodak
+    assert list(gains(figures, SET, 0.0, "planes").values()) == pytest.approx([20 * np.log10(4)] * 2, abs=0.02)
+    text = plain_text(figures)
+    assert "Best pattern at no noise: median RGB Kodak (40." in text
+    assert "paper gains +12.0 to +12.0 dB over interpolated planes." in text
+    assert re.search(r"Kodak +50 %  2\.00x +40\.\d +40\.\d", text)
+    document = json.loads(encode_json(figures, "p", []))
+    assert document["verdict"][SET]["levels"][0]["best_pattern"]["rgb"] == "Kodak"
+    row = next(each for each in document["figures"] if (each["method"], each["pattern"]) == ("paper", "Kodak"))
+    assert (row["period"], row["panchromatic_share"], row["light"]) == (None, 0.5, 2.0)
+    assert {each["pattern"] for each in document["figures"] if each["method"] == "bilinear"} == {None}
+
+
+def test_scenes_of_other_channels_are_a_set_without_bayer_cameras(tmp_path: Path) -> None:
+    """Two channels: there is no wrong hue, no Bayer camera, and no pattern with other letters."""
+    study = study_of(tmp_path, tiles=(*chosen_tiles([6], ()), Tile("AB", CfaPattern.with_block(("AB",), 4))))
+    other = replace(study.scenes[0], group=SPECTRAL, channels="AB", name="bands")
+    study = replace(study, scenes=(*study.scenes, other))
+    truth = {scene.name: TRUTH[..., : len(scene.channels)] for scene in study.scenes}
+    results = {
+        cell: Measures.of(truth[cell.scene.name] + np.float32(0.01), truth[cell.scene.name], cell.scene.channels)
+        for cell in study.cells()
+    }
+    figures = Figures(study, results)
+    assert {(cell.method, cell.pattern) for cell in results if cell.scene is other} == {("paper", "AB")}
+    assert {cell.pattern for cell in results if cell.scene is not other} == {"K=6", ""}
+    assert [remark for remark in study.remarks() if "no Bayer camera" in remark]
+    assert any("without AB" in remark for remark in study.remarks())
+    assert any("without K=6" in remark for remark in study.remarks())
+    text = plain_text(figures)
+    assert "A Bayer camera is left out: these scenes have other channels than red, green and blue." in text
+    assert not re.search(r"\bnan\b", text)
+    assert "NaN" not in encode_json(figures, "p", []).decode()
+    rows = json.loads(encode_json(figures, "p", []))["figures"]
+    assert {row["wrong_hue"] for row in rows if row["group"] == SPECTRAL} == {None}
+    assert not re.search(r"\bnan\b", build_page(figures, [], "p", []))

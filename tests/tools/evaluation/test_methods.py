@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation import methods as module
@@ -64,7 +65,7 @@ def test_balanced_methods_see_white_as_grey() -> None:
         return demosaic_bilinear(samples, order)
 
     rgb = np.broadcast_to(np.array([0.3, 0.6, 0.15], np.float32), (30, 30, 3))
-    cameras = CameraPair(Protocol(), 0.0, rgb, 6, (0.5, 1.0, 0.25))
+    cameras = CameraPair(Protocol(), 0.0, rgb, CfaPattern.bayer(6), (0.5, 1.0, 0.25))
     picture = Method("spy", "", spy, balanced=True).render(cameras)
     np.testing.assert_allclose(seen[0], 0.6, atol=1e-6)
     np.testing.assert_allclose(picture, rgb, atol=1e-6)
@@ -80,7 +81,7 @@ def test_methods_that_denoise_share_the_denoised_samples() -> None:
         return samples * np.float32(0.5)
 
     rgb = np.full((30, 30, 3), 0.4, np.float32)
-    cameras = CameraPair(Protocol(), 0.0, rgb, 6, None)
+    cameras = CameraPair(Protocol(), 0.0, rgb, CfaPattern.bayer(6), None)
     for _ in range(2):
         picture = Method("spy", "", demosaic_bilinear, denoise=darken).render(cameras)
         np.testing.assert_allclose(picture, rgb / 2, atol=1e-6)
@@ -93,5 +94,5 @@ def test_methods_that_denoise_share_the_denoised_samples() -> None:
 def test_ours_give_a_flat_scene_back_in_scene_units(name: str, period: int) -> None:
     rgb = np.broadcast_to(np.array([0.2, 0.4, 0.3], np.float32), (48, 54, 3))
     for protocol, level, tolerance in ((Protocol(), 0.0, 2e-3), (Protocol("sensor"), 0.5, 0.02)):
-        picture = methods()[name].render(CameraPair(protocol, level, rgb, period, None))
+        picture = methods()[name].render(CameraPair(protocol, level, rgb, CfaPattern.bayer(period), None))
         np.testing.assert_allclose(picture.mean(axis=(0, 1)), rgb[0, 0], atol=tolerance)

@@ -1,11 +1,15 @@
 import numpy as np
 import pytest
 
+from shared import CfaPattern
 from shared.errors import InputError
 from tools.evaluation.protocol import CROP, Protocol, cut
 from tools.evaluation.rivals.bayer import sample_bayer
+from tools.evaluation.tiles import filters_of
 
 RGB = np.full((60, 66, 3), (0.2, 0.4, 0.3), np.float32)
+PATTERN = CfaPattern.bayer(6)
+FILTERS = filters_of(PATTERN, "RGB")
 
 
 def test_the_papers_protocol_adds_noise_and_nothing_else() -> None:
@@ -15,7 +19,7 @@ def test_the_papers_protocol_adds_noise_and_nothing_else() -> None:
     assert shot.samples.min() < -0.05
     assert shot.samples.std() == pytest.approx(0.03, rel=0.05)
     assert (shot.shot, shot.read) == (0.0, 0.03)
-    sparse = protocol.sparse_shot(RGB, 0.03, 6)
+    sparse = protocol.sparse_shot(RGB, 0.03, PATTERN, FILTERS)
     assert sparse.samples.dtype == np.float32
     assert sparse.calibration.noise is not None
     assert sparse.calibration.noise.sigma(0.5) == pytest.approx(0.03)
@@ -26,14 +30,15 @@ def test_seeds_fix_the_noise() -> None:
     for kind, level in (("paper", 0.01), ("sensor", 0.25)):
         first, again, other = (Protocol(kind, seed) for seed in (1, 1, 2))  # type: ignore[arg-type]
         np.testing.assert_array_equal(first.bayer_shot(RGB, level).samples, again.bayer_shot(RGB, level).samples)
-        np.testing.assert_array_equal(first.sparse_shot(RGB, level, 6).samples, again.sparse_shot(RGB, level, 6).samples)
+        once, twice = (each.sparse_shot(RGB, level, PATTERN, FILTERS).samples for each in (first, again))
+        np.testing.assert_array_equal(once, twice)
         assert (first.bayer_shot(RGB, level).samples != other.bayer_shot(RGB, level).samples).any()
 
 
 @pytest.mark.parametrize("exposure", [1.0, 0.25, 1 / 16])
 def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) -> None:
     protocol = Protocol("sensor", 0)
-    bayer, sparse = protocol.bayer_shot(RGB, exposure), protocol.sparse_shot(RGB, exposure, 6)
+    bayer, sparse = protocol.bayer_shot(RGB, exposure), protocol.sparse_shot(RGB, exposure, PATTERN, FILTERS)
     white = sparse.signal[sparse.pattern.panchromatic_mask(sparse.shape)] / protocol.gain(exposure)
     green = bayer.samples[::2, 1::2]
     assert green.mean() == pytest.approx(0.4, rel=0.02)
@@ -46,7 +51,7 @@ def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) 
 def test_sensors_clip_at_white() -> None:
     protocol = Protocol("sensor", 0)
     assert protocol.bayer_shot(RGB * 10, 1.0).samples.max() == pytest.approx(1.0)
-    assert protocol.sparse_shot(RGB * 10, 1.0, 6).signal.max() == pytest.approx(3.0)
+    assert protocol.sparse_shot(RGB * 10, 1.0, PATTERN, FILTERS).signal.max() == pytest.approx(3.0)
 
 
 def test_levels_are_ordered_by_noise_and_checked() -> None:

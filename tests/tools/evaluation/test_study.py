@@ -17,6 +17,7 @@ from tools.evaluation.protocol import Protocol
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.study import collect, tasks, work
+from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.host.code_digest import digest
 
 
@@ -58,14 +59,17 @@ def test_a_new_method_a_new_level_a_new_period_add_only_themselves(tmp_path: Pat
     study = study_of(tmp_path)
     measured(study, tmp_path)
 
-    def added(**changes: object) -> list[tuple[str, float, int]]:
+    def added(**changes: object) -> list[tuple[str, float, str]]:
         todo, _ = tasks(replace(study, **changes), tmp_path)  # type: ignore[arg-type]
-        return sorted({(cell.method, cell.level, cell.period) for task in todo for cell in task.cells})
+        return sorted({(cell.method, cell.level, cell.pattern) for task in todo for cell in task.cells})
 
-    assert added(methods=(*study.methods, "ea")) == [("ea", 0.0, 0), ("ea", 0.03, 0)]
-    assert added(levels=(0.0, 0.01, 0.03)) == [("bilinear", 0.01, 0), ("dlmmse", 0.01, 0), ("paper", 0.01, 6)]
-    assert added(periods=(4, 6)) == [("paper", 0.0, 4), ("paper", 0.03, 4)]
-    assert added(protocol=Protocol("paper", 1)) == [("bilinear", 0.03, 0), ("dlmmse", 0.03, 0), ("paper", 0.03, 6)]
+    assert added(methods=(*study.methods, "ea")) == [("ea", 0.0, ""), ("ea", 0.03, "")]
+    assert added(levels=(0.0, 0.01, 0.03)) == [("bilinear", 0.01, ""), ("dlmmse", 0.01, ""), ("paper", 0.01, "K=6")]
+    assert added(tiles=chosen_tiles([4, 6], ())) == [("paper", 0.0, "K=4"), ("paper", 0.03, "K=4")]
+    kodak = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
+    assert added(tiles=(study.tile, kodak)) == [("paper", 0.0, "Kodak"), ("paper", 0.03, "Kodak")]
+    assert added(tiles=(replace(study.tile, name="mine"),)) == []  # the same pattern under another name
+    assert added(protocol=Protocol("paper", 1)) == [("bilinear", 0.03, ""), ("dlmmse", 0.03, ""), ("paper", 0.03, "K=6")]
     assert len(added(protocol=Protocol("sensor"), levels=(1.0,))) == 3
     assert added(scenes=study.scenes[::-1]) == []
 

@@ -11,6 +11,7 @@ from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
 from tools.pictures.samples import quantise
+from tools.scenes.scene import RGB as RGB_CHANNELS
 
 from ..cameras import CameraPair
 from ..criteria import RGB
@@ -19,8 +20,9 @@ from ..measures import WINDOW, window_origins
 from ..methods import methods
 from ..metrics import BORDER, psnr
 from ..scene_sets import SceneInfo
-from ..study import Study
+from ..study import Study, can_photograph
 from ..team import Team
+from ..tiles import Tile
 
 # Nobody sees errors below this: crops that differ by many decibels there still look the same.
 _INVISIBLE = 0.004**2
@@ -34,6 +36,7 @@ WHY_AHEAD, WHY_BEHIND, WHY_WORST = "where we gain most", "where we lose most", "
 WHY_HUE = "where most of our hues are wrong"
 LEARNED, UNLEARNED = "best", "unlearned"
 WHY_LEARNED = "where learning changes most, for better or worse"
+WHY_PATTERNS = "where the patterns differ most"
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,13 @@ class Picture:
     method: name; "" for the truth.
     pixels: sRGB, uint8 (h, w, 3).
     psnr: of the crop, dB; None for the truth.
+    pattern: name, where patterns are compared; otherwise "".
     """
 
     method: str
     pixels: ByteArray
     psnr: float | None
+    pattern: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +87,10 @@ class Exhibit:
 
 
 def render_gallery(figures: Figures, team: Team) -> list[Exhibit]:
-    """Exhibits at the lowest and the highest level, rendered by the team. Empty without a method of ours or without a rival."""
+    """Exhibits at the lowest and the highest level, rendered by the team.
+
+    Empty without a method of ours, and without a rival or another pattern.
+    """
     crops = list(choose_crops(figures))
     if not crops:
         return []
@@ -96,8 +104,9 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
         taken: list[Crop] = []
-        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE, WHY_LEARNED):
-            found = sorted(_candidates(figures, level, why, taken), key=lambda candidate: -candidate[0])
+        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE, WHY_LEARNED, WHY_PATTERNS):
+            others = [crop for crop in taken if WHY_PATTERNS not in (why, crop.why)]  # shown in a section of their own
+            found = sorted(_candidates(figures, level, why, others), key=lambda candidate: -candidate[0])
             for score, crop in found[:_PER_KIND]:
                 if score > 0:
                     taken.append(crop)
@@ -105,30 +114,38 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
 
 
 def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit:
-    """Render a crop by the methods named."""
+    """Render a crop by the methods named, with each pattern if the crop is there for them."""
     crop, names = shown
     scene = study.reading.scene(crop.scene.source)
     transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
     stops = _stops(scene.rgb)
     truth = scene.rgb[crop.part]
     pictures = [Picture("", _display(truth, transform, stops), None)]
-    for name, rendered in render_crop(study, crop, scene.rgb, names):
-        pictures.append(Picture(name, _display(rendered, transform, stops), psnr(rendered, truth)))
+    several = crop.why == WHY_PATTERNS
+    tiles = [tile for tile in study.tiles if can_photograph(tile, scene.channels)] if several else [study.tile]
+    for tile in tiles:
+        for name, rendered in render_crop(study, crop, scene.rgb, names, tile):
+            label = tile.name if several else ""
+            pictures.append(Picture(name, _display(rendered, transform, stops), psnr(rendered, truth), label))
     return Exhibit(crop, tuple(pictures), stops)
 
 
-def render_crop(study: Study, crop: Crop, truth: FloatArray, names: Iterable[str]) -> Iterator[tuple[str, FloatArray]]:
+def render_crop(
+    study: Study, crop: Crop, truth: FloatArray, names: Iterable[str], tile: Tile | None = None
+) -> Iterator[tuple[str, FloatArray]]:
     """(method, its picture of a crop, float32 (h, w, 3), scene units): from the samples of the whole frame's shots.
 
     Only the crop and its surroundings are rendered.
 
     truth: light of the whole scene, (H, W, 3), scene units.
     names: of the methods.
+    tile: pattern of the sparse-colour camera, by default the study's.
     """
-    step = lcm(2, study.period)  # keeps the phase of both filter patterns
+    pattern = (tile or study.tile).pattern
+    step = lcm(2, pattern.period)  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
-    cameras = CameraPair(study.protocol, crop.level, truth, study.period, crop.scene.neutral, (rows, columns))
+    cameras = CameraPair(study.protocol, crop.level, truth, pattern, crop.scene.neutral, (rows, columns))
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in names:
         yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]
@@ -140,20 +157,26 @@ def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> 
         results = {
             cell.method: measures
             for cell, measures in figures.results.items()
-            if cell.scene == scene and cell.level == level and cell.period in (0, figures.study.period)
+            if cell.scene == scene and cell.level == level and cell.tile in (None, figures.study.tile)
         }
         own, rival = figures.ours, figures.rival_of_scene(scene.name, level)
-        if own is None or own not in results or rival is None:
+        if own is None or own not in results or scene.channels != RGB_CHANNELS or (rival is None and why != WHY_PATTERNS):
             continue
         errors = results[own].errors
-        ours, theirs = (np.maximum(results[name].errors, _INVISIBLE) for name in (own, rival))
+        ours, theirs = (np.maximum(results[name].errors, _INVISIBLE) for name in (own, rival or own))
         plain = np.maximum(results[UNLEARNED].errors, _INVISIBLE) if UNLEARNED in results else ours
+        by_pattern = [
+            np.maximum(measures.errors, _INVISIBLE)
+            for cell, measures in figures.results.items()
+            if cell.scene == scene and cell.level == level and cell.method == own
+        ]
         scores = {
             WHY_AHEAD: np.log10(theirs / ours),
             WHY_BEHIND: np.log10(ours / theirs),
             WHY_WORST: np.where(errors > _INVISIBLE, ours, 0.0),
             WHY_HUE: results[own].hues,
             WHY_LEARNED: np.abs(np.log10(plain / ours)) * (own == LEARNED),
+            WHY_PATTERNS: np.log10(np.max(by_pattern, axis=0) / np.min(by_pattern, axis=0)),
         }[why].copy()
         origins = [window_origins(size) for size in (scene.rows, scene.columns)]
         for row, column in np.argwhere(scores > 0).tolist():
@@ -165,7 +188,9 @@ def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> 
 
 
 def _shown(figures: Figures, crop: Crop) -> tuple[str, ...]:
-    """Methods shown: ours with the best first, the paper's rival, and the best rivals on this scene."""
+    """Methods shown: ours with the best first, the paper's rival, and the best rivals on this scene; of patterns our best only."""
+    if crop.why == WHY_PATTERNS:
+        return tuple(filter(None, [figures.ours]))
     scored = [
         (figure.quality.median[RGB], name)
         for name in figures.rivals

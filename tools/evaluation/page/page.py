@@ -5,7 +5,7 @@ from html import escape
 from importlib.resources import files
 from string import Template
 
-from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
+from tools.pictures.html import bullets, cell, row, row_title, table
 
 from ..claims import claims
 from ..criteria import CRITERIA
@@ -13,8 +13,11 @@ from ..figures import Figures
 from ..methods import methods
 from ..metrics import BORDER, PATCH
 from ..protocol import CROP
+from ..study import Study
 from ..verdict import capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
-from .gallery import Exhibit, Picture
+from .exhibits import exhibit_html, is_ours
+from .gallery import WHY_PATTERNS, Exhibit
+from .pattern_section import pattern_section
 from .sections import noise_section, period_section
 
 _HERE = files("tools.evaluation.page")
@@ -31,8 +34,12 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
     if len(figures.study.periods) > 1 and figures.ours:
         sections.append(("period", "Period", period_section(figures)))
-    if exhibits:
-        sections.append(("gallery", "Gallery", _gallery_section(exhibits, figures)))
+    of_patterns = [each for each in exhibits if each.crop.why == WHY_PATTERNS]
+    if len(figures.study.tiles) > 1 and figures.ours:
+        sections.append(("patterns", "Patterns", pattern_section(figures, of_patterns)))
+    if len(exhibits) > len(of_patterns):
+        others = [each for each in exhibits if each.crop.why != WHY_PATTERNS]
+        sections.append(("gallery", "Gallery", _gallery_section(others, figures)))
     sections.append(("scenes", "Scenes", _scenes_section(figures, failures)))
     sections.append(("method", "How it was measured", _method_section(figures)))
     slider = "vendor/img-comparison-slider"
@@ -62,10 +69,19 @@ def _lede(figures: Figures) -> str:
     )
     count, levels = len(study.scenes), ", ".join(_levels(figures))
     return (
-        f"{count} scene{'s' * (count != 1)}, photographed with a panchromatic sensor that has one Bayer block per {study.period} × "
-        f"{study.period} pixels, and with a Bayer sensor under the same light; {escape(light)}; {escape(levels)}. "
+        f"{count} scene{'s' * (count != 1)}, photographed with {_sensors(study)}, and with a Bayer sensor under the same light; "
+        f"{escape(light)}; {escape(levels)}. "
         f"Quality is the PSNR of every {PATCH} × {PATCH} patch."
     )
+
+
+def _sensors(study: Study) -> str:
+    if study.tile.period:
+        text = f"a panchromatic sensor that has one Bayer block per {study.tile.period} × {study.tile.period} pixels"
+    else:
+        text = f"a panchromatic sensor with the colour filters of {escape(study.tile.name)}"
+    others = len(study.tiles) - 1
+    return text + f", with {others} other pattern{'s' * (others != 1)} of it" * bool(others)
 
 
 def _levels(figures: Figures) -> list[str]:
@@ -120,7 +136,7 @@ def _pool_table(figures: Figures, group: str, index: int) -> str:
     rows = []
     for name in study.methods:
         found = [figures.pooled(group, level, name) for level in study.levels]
-        texts = [f"{figure.values[index]:.{CRITERIA[index].digits}f}" if figure else "–" for figure in found]
+        texts = [CRITERIA[index].text(figure.values[index]) if figure else "–" for figure in found]
         cells = [cell(text, best=name == winner, mark="★ ") for text, winner in zip(texts, winners, strict=True)]
         rows.append(_method_row(name, cells))
     margins = [figures.margin(group, level, index) for level in study.levels]
@@ -151,54 +167,10 @@ def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
 
 
 def _exhibit(exhibit: Exhibit, figures: Figures) -> str:
-    crop = exhibit.crop
-    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not _is_ours(p)), 0)
+    """An exhibit that shows the best rival of the scene beside our best render at first."""
+    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not is_ours(p)), 0)
     own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.ours), 0)
-    brighter = f", brightened by {exhibit.stops:.1f} stops" if exhibit.stops else ""
-    where = f"{crop.why}; row {crop.row}, column {crop.column}{brighter}"
-    strip = "".join(
-        f'<li{css_class("ours" * _is_ours(p))}><button type="button" title="show on the right side"><img src="{_data(p)}" '
-        f'alt="{escape(_name(p))}" width="{crop.width}" height="{crop.height}">{escape(_caption(p))}</button></li>'
-        for p in exhibit.pictures
-    )
-    return (
-        f'<article class="exhibit"><h4>{escape(crop.scene.name)}<span class="soft">{escape(where)}</span></h4>'
-        f'<div class="viewer" data-script hidden data-pixels="{crop.width}" style="--pixels:{crop.width};--zoom:4">'
-        '<img-comparison-slider><img slot="first" alt=""><img slot="second" alt=""></img-comparison-slider></div>'
-        f'<div class="controls" data-script hidden><label>Left <select>{_options(exhibit.pictures, rival)}</select></label>'
-        f"<label>Right <select>{_options(exhibit.pictures, own)}</select></label>"
-        '<span class="zoom" role="group" aria-label="Zoom"><button type="button" value="-1" aria-label="smaller">−</button>'
-        '<output>4×</output><button type="button" value="1" aria-label="larger">+</button></span></div>'
-        f'<ul class="strip">{strip}</ul></article>'
-    )
-
-
-def _options(pictures: Sequence[Picture], chosen: int) -> str:
-    return "".join(
-        f'<option value="{index}"{" selected" * (index == chosen)}>{escape(_caption(picture))}</option>'
-        for index, picture in enumerate(pictures)
-    )
-
-
-def _is_ours(picture: Picture) -> bool:
-    return bool(picture.method) and methods()[picture.method].ours
-
-
-def _name(picture: Picture) -> str:
-    if not picture.method:
-        return "truth"
-    method = methods()[picture.method]
-    return method.title if method.ours else method.short
-
-
-def _caption(picture: Picture) -> str:
-    return f"{_name(picture)}, {picture.psnr:.1f} dB" if picture.psnr is not None else "truth"
-
-
-def _data(picture: Picture) -> str:
-    from PIL import Image
-
-    return data_address(Image.fromarray(picture.pixels), "PNG", optimize=True)
+    return exhibit_html(exhibit, rival, own)
 
 
 def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:

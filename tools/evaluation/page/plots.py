@@ -10,6 +10,7 @@ from tools.pictures.plot import Plot, round_step, ticks
 _SIZE, _MARGINS = (400, 300), (40, 14, 30, 44)
 _INSET = 12 / 322  # from the frame to the first and the last point, of the distance between these
 _MOST_TICKS = 7
+_LEAST_LEAD = 0.2  # dB or %: a plot of leads spans this much at least
 
 Quartiles = tuple[float, float, float]
 
@@ -67,7 +68,42 @@ def line_plot(
     return plot.drawn(f"{title}, PSNR in dB over {axis}")
 
 
-def legend(series: Iterable[Series]) -> str:
+@dataclass(frozen=True)
+class Lead:
+    """A line of `lead_plot`. points: leads over what it is compared with, None where there is none; the rest as in `Series`."""
+
+    name: str
+    title: str
+    colour: str
+    points: tuple[float | None, ...]
+    dashed: bool = False
+    shown: bool = True
+
+
+def lead_plot(title: str, places: Sequence[float], labels: Sequence[str], lines: Sequence[Lead], axis: str) -> str:
+    """The SVG element of a plot of leads around 0; `title` names the figure with its unit, the rest as in `line_plot`."""
+    values = [0.0, *(value for each in lines for value in each.points if value is not None)]
+    step = round_step(max(max(values) - min(values), _LEAST_LEAD), _MOST_TICKS)
+    bottom, top = floor(min(values) / step) * step, ceil(max(values) / step) * step
+    beside = _INSET * (places[-1] - places[0]) or 1.0
+    plot = Plot((places[0] - beside, places[-1] + beside), (bottom, top if top > bottom else bottom + step), _SIZE, _MARGINS)
+    plot.text(plot.left, 16, title, "start", "title")
+    plot.rows(ticks((bottom, top), step))
+    for place, text in zip(places, labels, strict=True):
+        plot.text(plot.at(place, bottom)[0], plot.bottom + 16, text)
+    plot.text(plot.right, _SIZE[1] - 2, axis, "end", "tick soft")
+    for each in lines:
+        known = [(x, value, label) for x, value, label in zip(places, each.points, labels, strict=True) if value is not None]
+        plot.add(f'<g class="series" data-series="{escape(each.name)}" style="--line:{each.colour}">')
+        if len(known) > 1:
+            plot.line([(x, value) for x, value, _ in known], f"line{' dashed' * each.dashed}")
+        for x, value, label in known:
+            plot.dot(x, value, 3, f"{each.title}, {label}: {value:+.2f}")
+        plot.add("</g>")
+    return plot.drawn(f"{title}: lead over {axis}")
+
+
+def legend(series: Iterable[Series | Lead]) -> str:
     """Checkboxes that switch the lines of the plots beside them, as a fieldset that the page's script shows."""
     boxes = "".join(
         f'<label style="--line:{each.colour}"><input type="checkbox" value="{each.name}"{" checked" * each.shown}>'

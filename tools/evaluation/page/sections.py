@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from html import escape
 
-from shared import CfaPattern
 from tools.pictures.html import cell, row, row_title, table
 
 from ..criteria import RGB
 from ..figures import Figure, Figures
 from ..measures import TITLES
 from ..methods import methods
-from ..protocol import ORDER, fraction
+from ..protocol import fraction
+from ..tiles import Tile
 from ..verdict import capital, heading, periods
 from .plots import Quartiles, Series, legend, line_plot
 
@@ -57,7 +57,7 @@ def period_section(figures: Figures) -> str:
     study, own = figures.study, figures.ours
     if own is None:
         return ""
-    light = [f"{CfaPattern.bayer(period, ORDER).light_efficiency:.2f}×" for period in study.periods]
+    light = [f"{Tile.of_period(period).pattern.light_efficiency:.2f}×" for period in study.periods]
     parts = [
         "<h2>How sparse should colour be?</h2><p>Few colour blocks (large K) collect more light and leave luminance sharper; many "
         f"give finer colour. Median RGB PSNR of {escape(methods()[own].title)}; below each K the light it collects, as a multiple "
@@ -83,7 +83,9 @@ def _period_lines(figures: Figures, group: str, own: str, plane: int) -> list[Se
     """One line per level, with its best period marked."""
     lines = []
     for index, level in enumerate(figures.study.levels):
-        points = tuple(_quartiles(figures.pooled(group, level, own, period), plane) for period in figures.study.periods)
+        points = tuple(
+            _quartiles(figures.pooled(group, level, own, Tile.of_period(period)), plane) for period in figures.study.periods
+        )
         medians = [point[1] for point in points if point]
         best = max(((median, place) for place, median in enumerate(medians)), default=(0.0, None))[1]
         title = capital(figures.study.protocol.describe(level))
@@ -114,12 +116,17 @@ def _colour(figures: Figures, name: str) -> str:
     if name in ours:
         ours.sort(key=lambda each: each != figures.ours)
         return f"var({_OURS[ours.index(name) % len(_OURS)]})"
-    return f"var(--r{figures.rivals.index(name) % _RIVALS})"
+    return f"var(--r{_others(figures).index(name) % _RIVALS})"
 
 
 def _dashed(figures: Figures, name: str) -> bool:
-    """Whether a rival's colour is that of another one, too."""
-    return name in figures.rivals and figures.rivals.index(name) >= _RIVALS
+    """Whether a colour is that of another method, too."""
+    return not methods()[name].ours and _others(figures).index(name) >= _RIVALS
+
+
+def _others(figures: Figures) -> list[str]:
+    """The methods that are not ours, those of the Bayer sensor first."""
+    return sorted((name for name in figures.study.methods if not methods()[name].ours), key=lambda name: methods()[name].sparse)
 
 
 def _quartiles(figure: Figure | None, plane: int) -> Quartiles | None:

@@ -11,7 +11,7 @@ from shared.arrays import DoubleArray, FloatArray
 
 from .bayer import check_mosaic
 
-_LEAST = 8  # pixels of a plane each way: BM3D's block
+LEAST = 8  # pixels of a plane each way: BM3D's block
 
 
 def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
@@ -26,12 +26,17 @@ def denoise_bayer(mosaic: FloatArray, shot: float, read: float) -> FloatArray:
     """
     check_mosaic(mosaic)
     denoised = mosaic.copy()
-    if min(mosaic.shape) < 2 * _LEAST or (shot == 0 and read == 0):
+    if min(mosaic.shape) < 2 * LEAST or (shot == 0 and read == 0):
         return denoised
     for row, column in product((0, 1), repeat=2):
-        plane = mosaic[row::2, column::2].astype(np.float64)
-        denoised[row::2, column::2] = _stabilised_bm3d(plane, shot, read) if shot else _bm3d(plane, read)
+        denoised[row::2, column::2] = denoise_plane(mosaic[row::2, column::2], shot, read)
     return denoised
+
+
+def denoise_plane(plane: FloatArray, shot: float, read: float) -> DoubleArray:
+    """BM3D of samples of one colour on a regular grid (h, w), as in `denoise_bayer`; one of shot and read is more than 0."""
+    values = plane.astype(np.float64)
+    return _stabilised_bm3d(values, shot, read) if shot else _bm3d(values, read)
 
 
 def _bm3d(plane: DoubleArray, sigma: float) -> DoubleArray:

@@ -1,6 +1,6 @@
 """The built-in scene: fallen leaves and a row of test charts, to try everything without a photograph."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ
 
 from ..scene import Scene
-from .charts import CARD, colour_star, detail_chart, grey_star, patches_chart
+from .charts import CARD, Paints, colour_star, detail_chart, grey_star, patches_chart, rgb_paints
 from .color_checker import BRIGHTEST, DARKEST
-from .dead_leaves import dead_leaves
+from .dead_leaves import STRIP, Materials, dead_leaves, rgb_materials
 
 SAMPLES = 3  # per pixel and axis of a chart
 ASPECT = 1.5  # width over height of the frame that the layout is made for; in others only the gaps differ
@@ -18,7 +18,7 @@ HEIGHT, GAP, BORDER = 0.26, 0.05, 0.011  # chart, space below it, card around it
 LEAST_HEIGHT = 24  # pixels: smaller charts would only be mush, so there are none
 CORNER = 0.02  # radius of the card's corners, part of the frame's scale
 
-Drawing = Callable[[DoubleArray, DoubleArray, float], DoubleArray]
+Drawing = Callable[[DoubleArray, DoubleArray, float, Paints], DoubleArray]
 """Draws a chart, see `charts`."""
 
 # From left to right: width over height, drawing.
@@ -31,11 +31,25 @@ def builtin_scene(width: int, height: int) -> Scene:
     It shows dead leaves (see `dead_leaves`) under a soft light. Frames of about 140 x 95 pixels and more have charts in front of
     them: a ColorChecker, a Siemens star in luminance, one in chromaticity, and slanted edges with lettering (see `charts`).
     """
+    rgb = leaves_and_charts(width, height, rgb_materials(), CHARTS, rgb_paints())
+    return Scene(rgb, f"builtin-{width}x{height}", SRGB_TO_XYZ, (1.0, 1.0, 1.0))
+
+
+def leaves_and_charts(
+    width: int, height: int, materials: Materials, charts: Sequence[tuple[float, Drawing]], paints: Paints
+) -> FloatArray:
+    """Draw the test scene with any number C of channels: reflectances under a soft light, float32 (height, width, C), 0.01 to 0.95.
+
+    materials: of the leaves.
+    charts: width over height and drawing of each, from left to right.
+    paints: of the charts.
+    """
     scale = min(width / ASPECT, height)
-    rgb = dead_leaves(width, height, scale) * _light(width, height)[..., None]
+    picture = dead_leaves(width, height, scale, materials=materials)
+    picture *= _light(width, height)[..., None]
     if HEIGHT * scale >= LEAST_HEIGHT:
-        _add_charts(rgb, scale)
-    return Scene(np.clip(rgb, DARKEST, BRIGHTEST), f"builtin-{width}x{height}", SRGB_TO_XYZ, (1.0, 1.0, 1.0))
+        _add_charts(picture, scale, charts, paints)
+    return np.clip(picture, DARKEST, BRIGHTEST, out=picture)
 
 
 def _light(width: int, height: int) -> FloatArray:
@@ -44,20 +58,20 @@ def _light(width: int, height: int) -> FloatArray:
     return (1.25 - 0.55 * (0.5 * right + 0.5 * down) ** 1.2).astype(np.float32)
 
 
-def _add_charts(rgb: FloatArray, scale: float) -> None:
-    """Draw the charts into `rgb`, in a row along the lower border."""
-    height, width = rgb.shape[:2]
+def _add_charts(picture: FloatArray, scale: float, charts: Sequence[tuple[float, Drawing]], paints: Paints) -> None:
+    """Draw the charts into the picture, in a row along the lower border."""
+    height, width = picture.shape[:2]
     size = round(HEIGHT * scale)
-    widths = [round(size * aspect) for aspect, _ in CHARTS]
-    gap = (width - sum(widths)) / (len(CHARTS) + 1)
+    widths = [round(size * aspect) for aspect, _ in charts]
+    gap = (width - sum(widths)) / (len(charts) + 1)
     top = height - size - round(GAP * scale)
     left = gap
-    for (_, draw), across in zip(CHARTS, widths, strict=True):
-        _lay(rgb, round(left), top, across, size, scale, draw)
+    for (_, draw), across in zip(charts, widths, strict=True):
+        _lay(picture, round(left), top, across, size, scale, draw, paints)
         left += across + gap
 
 
-def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing) -> None:
+def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: float, draw: Drawing, paints: Paints) -> None:
     """Draw one chart of width x size pixels into `rgb` at (left, top), antialiased, with its card and a soft shadow."""
     margin = round(BORDER * scale)
     shadow, reach = 1.6 * margin, 3 * margin
@@ -69,14 +83,18 @@ def _lay(rgb: FloatArray, left: int, top: int, width: int, size: int, scale: flo
 
     # Each pixel of the card is the mean of SAMPLES x SAMPLES points.
     x, y = _grid(-margin, width + margin, SAMPLES), _grid(-margin, size + margin, SAMPLES)
-    card = np.full((y.size, x.size, 3), CARD)
-    inner = (slice(margin * SAMPLES, (margin + size) * SAMPLES), slice(margin * SAMPLES, (margin + width) * SAMPLES))
-    card[inner] = draw(*np.meshgrid(x[inner[1]] / size, y[inner[0]] / size), 1 / size)
-    covered = (_outside(x[None, :], y[:, None], width, size, CORNER * scale) < margin).astype(np.float64)
-    alpha = _mean(covered[..., None])
-    target = rgb[top - margin : top + size + margin, left - margin : left + width + margin]
-    target *= (1 - alpha).astype(np.float32)
-    target += _mean(card * covered[..., None]).astype(np.float32)
+    inner = (x > 0) & (x < width)
+    for first in range(0, size + 2 * margin, STRIP):
+        below = y[first * SAMPLES : (first + STRIP) * SAMPLES]
+        card = np.full((below.size, x.size, rgb.shape[2]), CARD)
+        drawn = (below > 0) & (below < size)
+        if drawn.any():
+            card[np.ix_(drawn, inner)] = draw(*np.meshgrid(x[inner] / size, below[drawn] / size), 1 / size, paints)
+        covered = (_outside(x[None, :], below[:, None], width, size, CORNER * scale) < margin).astype(np.float64)[..., None]
+        card *= covered
+        target = rgb[top - margin + first :, left - margin : left + width + margin][: below.size // SAMPLES]
+        target *= (1 - _mean(covered)).astype(np.float32)
+        target += _mean(card).astype(np.float32)
 
 
 def _grid(start: int, stop: int, samples: int) -> DoubleArray:

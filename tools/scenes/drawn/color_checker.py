@@ -26,12 +26,13 @@ def color_checker() -> DoubleArray:
     return np.clip(xyz @ np.linalg.inv(np.array(SRGB_TO_XYZ)).T, DARKEST, BRIGHTEST)
 
 
-def draw_patches(u: DoubleArray, v: DoubleArray, ground: DoubleArray) -> DoubleArray:
-    """Draw the patches over `ground`.
+def draw_patches(u: DoubleArray, v: DoubleArray, ground: DoubleArray, patches: DoubleArray) -> DoubleArray:
+    """Draw 24 patches over `ground`.
 
     u, v: (h, w), positions in cells: the chart covers 0..6 and 0..4, each patch is in the middle of a cell.
-    ground: broadcasts to (h, w, 3), colours between and around the patches.
+    ground: broadcasts to (h, w, C), colours between and around the patches.
+    patches: (4, 6, C), such as `color_checker`.
     """
     column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
     inside = (np.abs(column % 1 - 0.5) < PATCH / 2) & (np.abs(row % 1 - 0.5) < PATCH / 2)
-    return np.where(inside[..., None], color_checker()[row.astype(int), column.astype(int)], ground)
+    return np.where(inside[..., None], patches[row.astype(int), column.astype(int)], ground)

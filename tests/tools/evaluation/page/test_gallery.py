@@ -41,7 +41,7 @@ def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, kind: str, l
     assert tuple(parts) == study.methods
     for name, part in parts.items():
         method = methods()[name]
-        whole = render_cell(study.cell(scene, level, method, 6 if method.ours else 0), study.protocol, study.reading)
+        whole = render_cell(study.cell(scene, level, method, study.tile if method.sparse else None), study.protocol, study.reading)
         assert part.shape == (WINDOW, WINDOW, 3)
         difference = np.abs(part - whole[crop.part])
         assert np.quantile(difference, 0.99) < INVISIBLE, name
@@ -55,9 +55,9 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
     assert {crop.level for crop in crops} == {0.0, 0.03}
     worst = next(crop for crop in crops if crop.why == WHY_WORST and crop.level == 0.03)
     taken = [crop for crop in crops if crop.level == 0.03 and crop is not worst]
-    own = figures.results[study.cell(study.scenes[0], 0.03, methods()["preview"], 6)].errors
+    own = figures.results[study.cell(study.scenes[0], 0.03, methods()["preview"], study.tile)].errors
     truth = study.reading.truth(study.scenes[0].source)
-    rendered = render_cell(study.cell(study.scenes[0], 0.03, methods()["preview"], 6), study.protocol, study.reading)
+    rendered = render_cell(study.cell(study.scenes[0], 0.03, methods()["preview"], study.tile), study.protocol, study.reading)
     assert np.mean((rendered[worst.part] - truth[worst.part]) ** 2) <= own.max() * 1.001
     for crop in taken:  # no two squares of a level show the same
         assert max(abs(crop.row - worst.row), abs(crop.column - worst.column)) >= WINDOW

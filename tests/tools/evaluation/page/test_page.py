@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from shared import CfaPattern
 from tests.browser import Browser
 from tests.tools.evaluation.examples import alone, measured, study_of
 from tools.evaluation.figures import Figures
@@ -15,14 +16,16 @@ from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import render_gallery
 from tools.evaluation.page.page import build_page
 from tools.evaluation.page.sections import noise_section
+from tools.evaluation.tiles import Tile, chosen_tiles
 
 FAILURE = "<b>odd</b>.png: cannot be read"
+KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
-    figures = measured(study_of(folder, periods=(4, 6), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
+    figures = measured(study_of(folder, tiles=chosen_tiles([4, 6], [KODAK]), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
     path = folder / "evaluation.html"
     path.write_text(build_page(figures, render_gallery(figures, alone()), "panchroma 1", [FAILURE]), "utf-8")
     return path
@@ -67,7 +70,7 @@ def test_the_page_is_one_whole_file(written: Path) -> None:
 
 
 def test_no_two_methods_look_alike(tmp_path: Path) -> None:
-    study = study_of(tmp_path, methods=tuple(methods()), periods=(6,))
+    study = study_of(tmp_path, methods=tuple(methods()), tiles=chosen_tiles([6], ()))
     text = noise_section(Figures(study, measured(study_of(tmp_path), tmp_path).results))
     looks = re.findall(r'<label style="--line:(.*?)"><input.*?<span class="(.*?)">', text)
     assert len(looks) == len(set(looks)) == len(methods())
@@ -96,12 +99,12 @@ def test_all_pictures_decode(browser: Browser) -> None:
 
 
 def value(browser: Browser) -> float:
-    return float(browser.evaluate("document.querySelector('img-comparison-slider').value"))
+    return float(browser.evaluate("document.querySelector('#gallery img-comparison-slider').value"))
 
 
 def place(browser: Browser) -> tuple[float, float, float]:
     left, top, width, height = browser.evaluate(
-        "(() => { const s = document.querySelector('img-comparison-slider'); s.scrollIntoView({block: 'center'});"
+        "(() => { const s = document.querySelector('#gallery img-comparison-slider'); s.scrollIntoView({block: 'center'});"
         " const r = s.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; })()"
     )
     return left, top + height / 2, width
@@ -112,28 +115,41 @@ def test_the_slider_moves_by_mouse_and_by_keys(browser: Browser) -> None:
     browser.drag((left + width / 2, middle), (left + 0.8 * width, middle))
     time.sleep(0.3)
     assert value(browser) == pytest.approx(80, abs=3)
-    browser.evaluate("document.querySelector('img-comparison-slider').focus()")
+    browser.evaluate("document.querySelector('#gallery img-comparison-slider').focus()")
     before = value(browser)
     browser.key("ArrowLeft", seconds=0.4)
     assert value(browser) < before - 3
 
 
 def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> None:
-    same = (
-        "(() => { const e = document.querySelector('.exhibit'); return [...e.querySelectorAll('.viewer img')].map(i => i.alt); })()"
-    )
+    same = "[...document.querySelector('#gallery .exhibit').querySelectorAll('.viewer img')].map(i => i.alt)"
     first, second = browser.evaluate(same)
     assert second == "Sparse colour, paper"
     assert first in ("bilinear", "DLMMSE 2005", "OpenCV edge-aware")
-    browser.evaluate("document.querySelector('.exhibit .strip button').click()")
+    browser.evaluate("document.querySelector('#gallery .exhibit .strip button').click()")
     assert browser.evaluate(same) == [first, "truth"]
     browser.evaluate(
-        "(() => { const s = document.querySelector('.exhibit select'); s.value = '1'; s.dispatchEvent(new Event('change')); })()"
+        "(() => { const s = document.querySelector('#gallery select'); s.value = '1'; s.dispatchEvent(new Event('change')); })()"
     )
     assert browser.evaluate(same) == ["Sparse colour, paper", "truth"]
     width = place(browser)[2]
-    browser.evaluate("document.querySelector('.exhibit .zoom button[value=\"1\"]').click()")
+    browser.evaluate("document.querySelector('#gallery .exhibit .zoom button[value=\"1\"]').click()")
     assert place(browser)[2] > width
+
+
+def test_patterns_are_shown_with_pictures_plots_and_figures(browser: Browser) -> None:
+    facts = "[t.querySelectorAll('rect').length, t.querySelector('b').innerText]"
+    tiles = f"[...document.querySelectorAll('#patterns .tile')].map(t => {facts})"
+    assert browser.evaluate(tiles) == [[16, "K=4"], [36, "K=6"], [16, "Kodak"]]
+    assert browser.evaluate("document.querySelectorAll('#patterns .plot').length") == 4
+    rows = browser.evaluate("[...document.querySelectorAll('#patterns tbody th')].map(t => t.innerText)")
+    assert rows == ["K=4", "K=6", "Kodak"] * 2
+    places = browser.evaluate("document.querySelectorAll('#patterns .exhibit').length")
+    assert places >= 2
+    drawn = "getComputedStyle(document.querySelector('#patterns [data-series=pattern-2]')).display"
+    assert browser.evaluate(drawn) != "none"
+    browser.evaluate("document.querySelector('#patterns input[value=pattern-2]').click()")
+    assert browser.evaluate(drawn) == "none"
 
 
 def test_tables_and_lines_are_switched(browser: Browser) -> None:
@@ -158,5 +174,5 @@ def test_it_fits_a_phone_in_light_and_dark(tmp_path: Path, written: Path, dark: 
         light = [sum(map(int, each.removeprefix("rgb(").rstrip(")").split(","))) for each in (ink, paper)]
         assert (light[0] > light[1]) == dark
         assert abs(light[0] - light[1]) > 450
-        assert phone.evaluate("document.querySelector('img-comparison-slider').getBoundingClientRect().width") <= 340
+        assert phone.evaluate("document.querySelector('#gallery img-comparison-slider').getBoundingClientRect().width") <= 340
         assert phone.errors == []

@@ -1,0 +1,68 @@
+"""Try the proposals of the paper's section 5: python -m tests.benchmarks.section_5 SCENE... [--study STUDY...] [--sigma S...]
+
+Studies, each a table in Markdown:
+
+steps    other steps of the reconstruction, cheaper and dearer
+filters  broadband filters at the colour sites, cyan, magenta and yellow, against red, green and blue
+bands    eight narrow bands, against three channels and a guess, and against a mosaic of bands; takes spectral:WIDTHxHEIGHT
+
+The first two take photographs, and print means over all of them. PSNR is in dB: of 10 x 10 patches the median or the 10 % quantile,
+or that of the whole image, always in the scene's red, green and blue, whatever the filters are. All cameras get the same light.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+
+from shared.errors import InputError
+from tools.scenes.drawn.spectral import BANDS
+from tools.scenes.load import load_scene
+from tools.scenes.scene import Scene
+
+from . import bands, broadband, steps
+from .cameras import Level, Rows, middle, print_table
+
+Study = Callable[[Scene, Level], Iterator[tuple[str, list[float]]]]
+# Title, names of the figures, study.
+STUDIES: dict[str, tuple[str, tuple[str, ...], Study]] = {
+    "steps": ("Steps of the reconstruction", steps.MEASURES, steps.steps),
+    "filters": ("Filters at the colour sites", broadband.MEASURES, broadband.broadband),
+    "bands": ("Eight bands", bands.MEASURES, bands.bands),
+}
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+", metavar="SCENE")
+    parser.add_argument("--study", nargs="+", choices=STUDIES, default=list(STUDIES))
+    parser.add_argument("--sigma", nargs="*", type=float, default=[0, 0.01, 0.03], help="additive noise, as in the paper")
+    parser.add_argument("--light", nargs="*", type=float, default=[], help="noise of a sensor in this part of the scene's light")
+    parser.add_argument("--size", type=int, default=600, metavar="PIXELS", help="of each scene, the middle (default: %(default)s)")
+    arguments = parser.parse_args()
+    levels = [*map(Level, arguments.sigma), *(Level(light=light) for light in arguments.light)]
+    photographs: dict[str, Rows] = {}
+    for source in arguments.scenes:
+        try:
+            scene = middle(load_scene(source), arguments.size)
+        except InputError as error:
+            raise SystemExit(f"{source}: {error}") from None
+        drawn: dict[str, Rows] = {}
+        for study in arguments.study:
+            if (study == "bands") == (scene.channels == BANDS):
+                rows = (drawn if study == "bands" else photographs).setdefault(study, {})
+                for level in levels:
+                    for name, figures in STUDIES[study][2](scene, level):
+                        rows.setdefault((str(level), name), []).append(figures)
+        print_tables(drawn, source)
+    print_tables(photographs, "means over the photographs")
+
+
+def print_tables(tables: dict[str, Rows], what: str) -> None:
+    """Print the tables of some scenes."""
+    for study, rows in tables.items():
+        title, measures, _ = STUDIES[study]
+        print_table(f"{title}: {what}", measures, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Eight narrow bands: sparse blocks of them, against three channels and a guess, and against a mosaic of bands without sparse W."""
+
+from collections.abc import Iterator
+from functools import cached_property, partial
+from itertools import product
+
+import numpy as np
+
+from shared.arrays import BoolArray, DoubleArray, FloatArray
+from tools.evaluation.metrics import BORDER, quality
+from tools.evaluation.presets import UNLEARNED, render_preset
+from tools.evaluation.rivals.plane_denoising import denoised_planes
+from tools.evaluation.rivals.planes import planes
+from tools.scenes.scene import Scene
+
+from .cameras import Camera, Level
+
+MEASURES = "luminance", "median RGB", "chrominance", "RMS of bands", "mean angle", "angle where RGB errs"
+BLOCKS = "HIJ/KWL/NOP", "HIJK/LNOP"
+PERIODS = 6, 8, 10
+MOSAIC = "HIJ/KWL/NOP"  # the tile of the traditional mosaic
+_ERRS = 10.0  # degrees from the truth, of what is guessed from perfect red, green and blue
+
+
+def bands(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
+    """Name and MEASURES of each way to the bands: of the picture in red, green and blue (PSNR, dB), and of the spectra."""
+    truth, unlearned = Truth(scene), partial(render_preset, UNLEARNED)
+    yield "perfect R, G, B; bands guessed", truth.measured(truth.rgb @ truth.guess)
+    for period in (4, 6):
+        camera = Camera.of("RG/GB", period, scene)
+        yield (
+            f"sparse `RG/GB`, K = {period}; bands guessed",
+            truth.measured(camera.render(scene.rgb, level, unlearned) @ truth.guess),
+        )
+    for block, period in product(BLOCKS, PERIODS):
+        picture = Camera.of(block, period, scene).render(scene.rgb, level, unlearned)
+        yield f"sparse `{block}`, K = {period}", truth.measured(picture)
+    dense = Camera.of(MOSAIC, 3, scene)
+    yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(dense.render(scene.rgb, level, planes))
+    if level != Level():
+        yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(dense.render(scene.rgb, level, denoised_planes))
+
+
+class Truth:
+    """A scene of eight bands, and what can be known of it from red, green and blue alone."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.bands = scene.rgb
+        self.filters = np.array(Camera.of("RG/GB", 6, scene).filters.matrix, np.float32).T
+
+    @cached_property
+    def rgb(self) -> FloatArray:
+        """What red, green and blue filters read, (H, W, 3)."""
+        return self.bands @ self.filters
+
+    @cached_property
+    def guess(self) -> FloatArray:
+        """Matrix (3, 8) from R, G, B to bands: least squares over this very scene, the best case for three channels."""
+        return np.linalg.lstsq(self.rgb.reshape(-1, 3), self.bands.reshape(-1, 8))[0]
+
+    @cached_property
+    def _mistaken(self) -> BoolArray:
+        """Pixels whose spectrum three channels do not tell from others that are more frequent."""
+        return self._angles(self.rgb @ self.guess) > _ERRS
+
+    def measured(self, picture: FloatArray) -> list[float]:
+        """The MEASURES of a picture of the bands, (H, W, 8)."""
+        found = quality(picture @ self.filters, self.rgb)
+        angles = self._angles(picture)
+        error = (picture - self.bands)[BORDER:-BORDER, BORDER:-BORDER]
+        rms = float(np.sqrt(np.mean(error.astype(np.float64) ** 2)))
+        return [
+            found.luminance[2],
+            found.rgb[2],
+            found.chrominance[2],
+            rms,
+            float(angles.mean()),
+            float(angles[self._mistaken].mean()),
+        ]
+
+    def _angles(self, picture: FloatArray) -> DoubleArray:
+        """Angles between spectra, degrees: how different they are whatever their brightness."""
+        one, two = (each[BORDER:-BORDER, BORDER:-BORDER].astype(np.float64) for each in (picture, self.bands))
+        cosine = (one * two).sum(axis=2) / np.maximum(np.linalg.norm(one, axis=2) * np.linalg.norm(two, axis=2), 1e-12)
+        angles: DoubleArray = np.rad2deg(np.arccos(np.clip(cosine, -1, 1)))
+        return angles

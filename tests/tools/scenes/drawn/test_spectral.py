@@ -1,0 +1,92 @@
+import hashlib
+
+import numpy as np
+import pytest
+
+from shared import CfaPattern
+from shared.colorimetry import D50
+from tools.scenes.drawn.builtin import ASPECT, GAP, HEIGHT
+from tools.scenes.drawn.spectral import BANDS, CHARTS, MIXTURES, PATCHES, light, metamers, spectral_scene
+from tools.scenes.filters import Filters, filters_for
+from tools.scenes.load import load_scene
+from tools.scenes.scene import Scene
+
+ROUNDING = 2e-6  # of sums of float32
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return spectral_scene(600, 400)
+
+
+def filters(block: tuple[str, ...], scene: Scene) -> Filters:
+    return filters_for(CfaPattern.with_block(block, period=6), scene)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (143, 96), (144, 96), (61, 300)])
+def test_any_size_works_and_repeats(width: int, height: int) -> None:
+    first, second = spectral_scene(width, height), load_scene(f"spectral:{width}x{height}")
+    assert (first.shape, first.channels, first.name) == ((height, width), BANDS, f"spectral-{width}x{height}")
+    assert hashlib.sha256(first.rgb.tobytes()).digest() == hashlib.sha256(second.rgb.tobytes()).digest()
+    assert 0 < first.rgb.min() <= first.rgb.max() < 1
+
+
+def test_no_band_has_the_letter_of_another_filter() -> None:
+    assert len(BANDS) == len(set(BANDS)) == 8
+    assert not set(BANDS) & set("RGBCMYWE")
+
+
+@pytest.mark.parametrize(("block", "gamma"), [(("RG", "GB"), 1.0), (("CM", "YC"), 0.5), (("HIJ", "KWL", "NOP"), 1.0)])
+def test_filters_share_out_all_light(block: tuple[str, ...], gamma: float, scene: Scene) -> None:
+    """Eq. 7 holds exactly: what the filters read adds up to what a panchromatic pixel reads."""
+    made = filters(block, scene)
+    assert made.gamma == pytest.approx([gamma] * len(made.channels), abs=1e-12)
+    panchromatic = made.of(scene.rgb) @ np.array(made.gamma)
+    assert panchromatic == pytest.approx(scene.rgb.sum(axis=2) * sum(made.gamma) / len(BANDS), abs=ROUNDING)
+
+
+def test_mixtures_are_a_partition_of_light() -> None:
+    passed = {letter: np.array(each) for letter, each in MIXTURES.items()}
+    assert sum(passed[each] for each in "RGB") == pytest.approx(np.ones(8), abs=1e-15)
+    for letter, two in {"C": "GB", "M": "RB", "Y": "RG"}.items():
+        assert passed[letter] == pytest.approx(passed[two[0]] + passed[two[1]], abs=1e-15)
+
+
+def test_metamers_differ_in_bands_alone(scene: Scene) -> None:
+    for block in (("RG", "GB"), ("CM", "YC")):
+        matrix = np.array(filters(block, scene).matrix)
+        for one, other in metamers():
+            assert min(one.min(), other.min()) > 0
+            assert max(one.max(), other.max()) < 1
+            assert matrix @ (light() * (one - other)) == pytest.approx(np.zeros(3), abs=1e-12)
+            cosine = one @ other / np.sqrt(one @ one * (other @ other))
+            assert np.rad2deg(np.arccos(cosine)) > 20
+
+
+def test_the_metamers_are_in_the_picture(scene: Scene) -> None:
+    """Where the layout puts the chart, red, green and blue filters see even surfaces."""
+    size = round(HEIGHT * min(600 / ASPECT, 400))
+    gap = (600 - sum(round(size * aspect) for aspect, _ in CHARTS)) / (len(CHARTS) + 1)
+    top, left = 400 - size - round(GAP * 400), round(gap + round(size * CHARTS[0][0]) + gap)
+    lettering = scene.rgb[top + round(0.72 * size) : top + size - 1, left + 1 : left + size - 1]
+    assert np.ptp(lettering, axis=(0, 1)).max() > 0.5
+    assert np.ptp(filters(("RG", "GB"), scene).of(lettering), axis=(0, 1)).max() < ROUNDING
+
+
+def test_it_knows_its_colours(scene: Scene) -> None:
+    assert scene.neutral == tuple(light())
+    assert scene.camera_to_xyz is not None
+    to_xyz = np.array(scene.camera_to_xyz)
+    assert to_xyz @ light() == pytest.approx(D50, abs=1e-12)
+    x, y, z = to_xyz @ (PATCHES[[12, 13, 14]] * light()).T  # blue, green, red
+    assert np.argmax(x / y) == 2
+    assert np.argmax(z / y) == 0
+
+
+def test_three_channels_do_not_know_the_bands(scene: Scene) -> None:
+    """Spectra have more than three dimensions, and nearly all of their power in five, as natural ones do."""
+    spectra = scene.rgb[::3, ::3].reshape(-1, 8).astype(np.float64)
+    power = np.linalg.svd(spectra, compute_uv=False) ** 2
+    explained = np.cumsum(power) / power.sum()
+    assert explained[2] < 0.995
+    assert explained[4] > 0.997
