@@ -7,6 +7,9 @@ summation, gives the same bits.
 
 A smaller picture reads the sites of a channel as one, by their mean, and has one difference per axis. Then at most 16 probes read a
 Bayer block, which takes half the time of 17.
+
+Where colour sites are scattered the tile is the block, and panchromatic pixels lie between its sites. Luminance at a site then comes
+from the nearest of them alone, and the differences are those across the sites.
 """
 
 from dataclasses import dataclass
@@ -26,6 +29,8 @@ _CUBIC = 0.5
 """Share of cubic interpolation; the rest is linear. Half has the smallest error on photographs: cubic alone overshoots at edges."""
 _CORNER = 1 / 8
 """Weight of each corner in a difference of smaller pictures. More would trust the direction too much where there is noise."""
+_NEAR = 2
+"""Pixels from a scattered site to the samples that interpolate it along an axis, at most: others, not on the axis, are nearer."""
 
 Place = tuple[int, int]
 
@@ -238,24 +243,63 @@ class Geometry:
         def at(step: int) -> Place:
             return (site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1])
 
-        before = next(step for step in range(1, self.pattern.period) if self._is_clear(at(-step)))
-        after = next(step for step in range(1, self.pattern.period) if self._is_clear(at(step)))
-        steps = [-before, after]
+        steps = self._sides(site, axis)
+        if self.pattern.is_scattered and (not steps or max(map(abs, steps)) > _NEAR):
+            return self._surface(site)
+        before, after = steps
         weights = _lagrange(steps)
-        wide = [-before - 1, -before, after, after + 1]
+        wide = [before - 1, before, after, after + 1]
         if all(self._is_clear(at(step)) for step in wide):
             steps, weights = wide, _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
         return {at(step): weight for step, weight in zip(steps, _exact(weights), strict=True)}
+
+    def _sides(self, site: Place, axis: int) -> list[int]:
+        """Steps along an axis from a site to the panchromatic pixels before it and after it; empty if its line has none."""
+        period = self.pattern.period
+        steps = range(1, period)
+        clear = [step for step in steps if self._is_clear((site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1]))]
+        return [clear[-1] - period, clear[0]] if clear else []
+
+    def _surface(self, site: Place) -> dict[Place, float]:
+        """Weights of the nearest panchromatic samples around a site that give the value there of any plane; their sum is exactly 1."""
+        steps, weights = np.empty((0, 2)), np.empty(0)
+        for reach in range(1, self.pattern.period):
+            square = product(range(-reach, reach + 1), repeat=2)
+            steps = np.array([(0, 0), *(step for step in square if self._is_clear((site[0] + step[0], site[1] + step[1])))])[1:]
+            near = 1 / np.hypot(*steps.T)  # of all solutions the one in which near samples count most
+            plane = np.column_stack([np.ones(len(steps)), steps]).T * near
+            weights = np.linalg.pinv(plane) @ (1, 0, 0) * near
+            if np.allclose(plane @ (weights / near), (1, 0, 0)):
+                break
+        places = ((site[0] + down, site[1] + right) for down, right in steps.tolist())
+        return {place: weight for place, weight in zip(places, _exact(weights), strict=True) if weight}
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
         """Weights of the differences along an axis; for a smaller picture one, between the panchromatic pixels at the corners."""
         if self.scale == 1:
             return [{after: 1.0, before: -1.0} for before, after in self._differences(axis)]
+        if self.pattern.is_scattered:
+            return [self._slope(axis)]
         height, width = self.pattern.block_shape
         return [{place: _CORNER if place[axis] >= 0 else -_CORNER for place in product((-1, height), (-1, width))}]
 
+    def _slope(self, axis: int) -> dict[Place, float]:
+        """Weights of the sum of all differences across scattered sites, in which many cancel each other."""
+        ends: dict[Place, float] = {}
+        for before, after in self._differences(axis):
+            ends[before] = ends.get(before, 0.0) - 1
+            ends[after] = ends.get(after, 0.0) + 1
+        ends = {place: sign for place, sign in ends.items() if sign}
+        unit = max(round(4 * _CORNER / len(ends) * _UNIT), 1) / _UNIT  # as much in all as four corners
+        return {place: sign * unit for place, sign in ends.items()}
+
     def _differences(self, axis: int) -> list[tuple[Place, Place]]:
-        """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it."""
+        """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it.
+
+        Where sites are scattered: of the panchromatic pixels on both sides of each, or along the other axis if no line has any.
+        """
+        if self.pattern.is_scattered:
+            return self._across_sites(axis) or self._across_sites(1 - axis)
         height, width = self.pattern.block_shape
         pairs = []
         for row in range(-1, height + 1 if axis == 1 else height):
@@ -264,6 +308,14 @@ class Geometry:
                 if self._is_clear((row, column)) and self._is_clear(other):
                     pairs.append(((row, column), other))
         return pairs
+
+    def _across_sites(self, axis: int) -> list[tuple[Place, Place]]:
+        pairs = []
+        for row, column, _ in self.sites:
+            if sides := self._sides((row, column), axis):
+                before, after = ((row, column + step) if axis == 1 else (row + step, column) for step in sides)
+                pairs.append((before, after))
+        return list(dict.fromkeys(pairs))  # sites side by side have the same
 
 
 def _exact(weights: DoubleArray) -> list[float]:
