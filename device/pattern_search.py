@@ -91,7 +91,7 @@ def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
     if not pattern.is_scattered:  # every other pixel may be a scattered site
         bayer, certainty = _bayer(tiles)
         if certainty > _CERTAIN:
-            certain.append((bayer / variance, _BAYER, ((0, 0),), certainty))
+            certain.append((bayer / variance, _BAYER, [(0, 0)], certainty))
     for period in [pattern.period] if pattern.is_scattered else PERIODS:
         if period > tiles.parts.shape[1]:
             continue
@@ -101,7 +101,9 @@ def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
         explained, certainties = _explained(tiles.folded(period), block)
         place = np.unravel_index(int(explained.argmax()), explained.shape)
         best, certainty = float(explained[place]) / variance, float(certainties[place])
-        places = _alike(block, (int(place[0]), int(place[1])))
+        places = [(int(place[0]), int(place[1]))]
+        if pattern.is_scattered:
+            places = _alike(block, places[0])
         explained[tuple(np.transpose(places))] = 0.0
         rival = max(rival, float(explained.max()) / variance)
         if certainty > _CERTAIN:
@@ -118,11 +120,11 @@ def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
     return Found(period, places[0], frozenset(places), best, sure) if best > _BETTER * rival else None
 
 
-def _alike(block: DoubleArray, place: tuple[int, int]) -> tuple[tuple[int, int], ...]:
+def _alike(block: DoubleArray, place: tuple[int, int]) -> list[tuple[int, int]]:
     """`place`, and all other places at which the block would have its sites where it has them there."""
-    steps = [step for step in np.ndindex(block.shape) if np.array_equal(np.roll(block, step, (0, 1)), block)]
-    period = len(block)
-    return tuple(((place[0] + down) % period, (place[1] + right) % period) for down, right in steps)
+    period, every = len(block), np.ndindex(block.shape)
+    steps = (step for step in every if np.array_equal(np.roll(block, step, (0, 1)), block))
+    return [((place[0] + down) % period, (place[1] + right) % period) for down, right in steps]
 
 
 def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
