@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shared.arrays import CodeArray, DoubleArray
+from shared.arrays import BoolArray, CodeArray, DoubleArray
 from shared.pattern import CfaPattern
 
 from .block_order import exceeds
@@ -46,17 +46,18 @@ def likely_place(codes: CodeArray, pattern: CfaPattern, places: Iterable[tuple[i
     return best if all(exceeds(energies[place], limit) for place in rivals) else None
 
 
-def _sharing(pattern: CfaPattern) -> DoubleArray:
-    """Which of the first K x K pixels share a colour filter: 0 or 1, (K K, K K), 0 for panchromatic ones."""
+def _sharing(pattern: CfaPattern) -> BoolArray:
+    """Which of the first K x K pixels share a colour filter, bool (K K, K K); False for panchromatic ones."""
     planes = pattern.filter_map((pattern.period, pattern.period)).ravel()
-    return ((planes[:, None] == planes) & (planes < len(pattern.channels))).astype(np.float64)
+    sharing: BoolArray = (planes[:, None] == planes) & (planes < len(pattern.channels))
+    return sharing
 
 
-def _energy(folded: DoubleArray, sharing: DoubleArray) -> DoubleArray:
+def _energy(folded: DoubleArray, sharing: BoolArray) -> DoubleArray:
     """Variance, in each tile (N,), of the samples of sites that share a filter, about their mean."""
     sites = sharing.any(axis=1)
     samples, within = folded.reshape(len(folded), -1)[:, sites], sharing[np.ix_(sites, sites)]
-    means = samples @ (within / within.sum(axis=1, keepdims=True)).T
-    freedom = len(within) - float((1 / within.sum(axis=1)).sum())
-    energy: DoubleArray = np.square(samples - means).sum(axis=1) / freedom
+    shares = within / within.sum(axis=1, keepdims=True)
+    freedom = len(within) - float(np.trace(shares))
+    energy: DoubleArray = np.square(samples - samples @ shares.T).sum(axis=1) / freedom
     return energy

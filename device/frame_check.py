@@ -84,7 +84,7 @@ class FrameCheck:
         return greens is True
 
     def _found(self, frame: RawFrame, codes: CodeArray, levels: Levels, *, rarely: bool) -> Found | None:
-        """The pattern if the frame shows it where it is said to be; None if the frame does not show it. InputError if it is wrong."""
+        """The pattern, if the frame shows it where it is said to be; None if it does not show it. InputError if it is wrong."""
         pattern, layout = self._sensor.pattern, self._sensor.layout
         proven = levels.wrong()
         wrong_levels = _misfit(*proven) if proven else None
@@ -127,7 +127,7 @@ class FrameCheck:
             if levels.show_no_filters(pattern):
                 raise _misfit(
                     "the samples at the places of the colour filters are as bright as their neighbours",
-                    "a sensor without colour filters, or another --period and --origin",
+                    "a sensor without colour filters, or another --pattern, --period or --origin",
                 )
         return None
 

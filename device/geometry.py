@@ -8,7 +8,7 @@ summation, gives the same bits.
 A smaller picture reads the sites of a channel as one, by their mean, and has one difference per axis. Then at most 16 probes read a
 Bayer block, which takes half the time of 17.
 
-Where colour sites are scattered the tile is the block, and panchromatic pixels lie between its sites. Luminance at a site then comes
+Where colour sites are scattered the tile is the block, with panchromatic pixels between its sites. There luminance at a site comes
 from the nearest of them alone, and the differences are those across the sites.
 """
 
@@ -203,6 +203,10 @@ class Geometry:
         return luminance[np.ix_(order, order)]  # type: ignore[no-any-return]
 
     @cached_property
+    def _coloured(self) -> set[Place]:
+        return {(row, column) for row, column, _ in self.pattern.sites}
+
+    @cached_property
     def _probes(self) -> list[dict[Place, float]]:
         readings = [[(row, column) for row, column, _ in sites] for sites in self.readings]
         return [
@@ -227,7 +231,7 @@ class Geometry:
     def _is_clear(self, place: Place) -> bool:
         """Whether a place, counted from the origin of a block, is panchromatic."""
         period = self.pattern.period
-        return (place[0] % period, place[1] % period) not in {(row, column) for row, column, _ in self.pattern.sites}
+        return (place[0] % period, place[1] % period) not in self._coloured
 
     def _mean_interpolation(self, sites: list[Place], axis: int) -> dict[Place, float]:
         """Weights whose sum of samples is the mean of the values that are interpolated at some sites."""
@@ -261,17 +265,19 @@ class Geometry:
         return [clear[-1] - period, clear[0]] if clear else []
 
     def _surface(self, site: Place) -> dict[Place, float]:
-        """Weights of the nearest panchromatic samples around a site that give the value there of any plane; their sum is exactly 1."""
-        steps, weights = np.empty((0, 2)), np.empty(0)
+        """Weights of the nearest panchromatic samples around a site that interpolate any plane there; their sum is exactly 1."""
+        places: list[Place] = []
+        weights = np.empty(0)
         for reach in range(1, self.pattern.period):
-            square = product(range(-reach, reach + 1), repeat=2)
-            steps = np.array([(0, 0), *(step for step in square if self._is_clear((site[0] + step[0], site[1] + step[1])))])[1:]
+            rows, columns = (range(place - reach, place + reach + 1) for place in site)
+            places = [place for place in product(rows, columns) if self._is_clear(place)]
+            steps = np.array(places).reshape(-1, 2) - site
             near = 1 / np.hypot(*steps.T)  # of all solutions the one in which near samples count most
             plane = np.column_stack([np.ones(len(steps)), steps]).T * near
-            weights = np.linalg.pinv(plane) @ (1, 0, 0) * near
-            if np.allclose(plane @ (weights / near), (1, 0, 0)):
+            scaled = np.linalg.pinv(plane) @ (1, 0, 0)
+            weights = scaled * near
+            if np.allclose(plane @ scaled, (1, 0, 0)):
                 break
-        places = ((site[0] + down, site[1] + right) for down, right in steps.tolist())
         return {place: weight for place, weight in zip(places, _exact(weights), strict=True) if weight}
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
@@ -289,9 +295,9 @@ class Geometry:
         for before, after in self._differences(axis):
             ends[before] = ends.get(before, 0.0) - 1
             ends[after] = ends.get(after, 0.0) + 1
-        ends = {place: sign for place, sign in ends.items() if sign}
-        unit = max(round(4 * _CORNER / len(ends) * _UNIT), 1) / _UNIT  # as much in all as four corners
-        return {place: sign * unit for place, sign in ends.items()}
+        left = {place: sign for place, sign in ends.items() if sign}
+        unit = max(round(4 * _CORNER / len(left) * _UNIT), 1) / _UNIT  # as much in all as four corners
+        return {place: sign * unit for place, sign in left.items()}
 
     def _differences(self, axis: int) -> list[tuple[Place, Place]]:
         """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it.

@@ -191,8 +191,8 @@ def find_model(pattern: CfaPattern, scale: int, *, linear: bool) -> Path | bytes
     except ImportError:
         raise InputError(
             f"this program comes without a preview graph for the pattern {'/'.join(pattern.tile)} at scale {scale}, and builds one "
-            "only with the package onnx: pip install onnx, or let panchroma export-preview write it on a machine with onnx, and give "
-            "the file with --graph"
+            "only where the package onnx is: pip install onnx, or run panchroma export-preview on a machine with onnx and give its "
+            "file with --graph"
         ) from None
     graph: bytes = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
     return graph

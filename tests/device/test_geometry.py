@@ -62,7 +62,7 @@ def test_interpolations_give_lines_exactly(pattern: CfaPattern) -> None:
 
 @pytest.mark.parametrize("pattern", SCATTERED)
 def test_scattered_sites_are_interpolated_from_around_them(pattern: CfaPattern) -> None:
-    """Along the site's line where that has a panchromatic sample on both sides; elsewhere from all around, so that planes are kept."""
+    """Along the site's line where that has panchromatic samples on both sides; elsewhere from all around; planes are kept."""
     geometry = Geometry(pattern)
     along, down, *_ = by_kind(geometry)
     for axis, probes in ((0, along), (1, down)):
@@ -72,7 +72,8 @@ def test_scattered_sites_are_interpolated_from_around_them(pattern: CfaPattern) 
             steps = np.array(list(probe)) - site
             middle = np.array(list(probe.values())) @ steps
             assert np.abs(middle).max() <= np.abs(steps).sum() / 128  # the weights are rounded
-            line = [letter(pattern, *(site[0], site[1] + step) if axis == 0 else (site[0] + step, site[1])) for step in range(-2, 3)]
+            along_line = [(0, step) if axis == 0 else (step, 0) for step in range(-2, 3)]
+            line = [letter(pattern, site[0] + down, site[1] + right) for down, right in along_line]
             is_on_line = "W" in line[:2] and "W" in line[3:]
             assert (not steps[:, axis].any()) >= is_on_line
             assert np.abs(steps).max() <= (3 if is_on_line else 5)

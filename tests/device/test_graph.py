@@ -82,7 +82,8 @@ SMALL = [(CfaPattern.bayer(6, "GRBG", (1, 4)), 3), (CfaPattern.bayer(6, origin=(
 
 
 @pytest.mark.parametrize(
-    ("pattern", "scale"), [*SMALL, (CfaPattern.bayer(8, origin=(3, 1)), 2), (SIX, 4), (SEVEN, 7), (KODAK, 2), (CROWDED, 4), (FOUR, 5)]
+    ("pattern", "scale"),
+    [*SMALL, (CfaPattern.bayer(8, origin=(3, 1)), 2), (SIX, 4), (SEVEN, 7), (KODAK, 2), (CROWDED, 4), (FOUR, 5)],
 )
 def test_a_smaller_one_is_the_literal_one(pattern: CfaPattern, scale: int) -> None:
     mosaic = Mosaic(codes((37, 52)), pattern, calibration_of(pattern))

@@ -28,7 +28,7 @@ CASES: list[tuple[Mosaic, Layout]] = [
     (mosaic(CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0)), (33, 40), calibration("YCM", camera_to_xyz=None)), "cfa"),
     (mosaic(CfaPattern.of_letters("RWWWW/WBWWW/WWWWW/WWWWW/WWWWW")), "auto"),
     (mosaic(CfaPattern.of_letters("ABCDW/EFGHW/WWWWW/WWWWW/WWWWW", (2, 2)), (50, 61)), "auto"),
-    (mosaic(CfaPattern(tuple("RWGWBWGWBW" if row % 2 else "WGWRWBWRWG" for row in range(9)) + ("WBWRWGWRWB",))), "auto"),
+    (mosaic(CfaPattern((*["RWGWBWGWBW", "WGWRWBWRWG"] * 4, "RWGWBWGWBW", "WBWRWGWRWB"))), "auto"),
 ]
 
 
