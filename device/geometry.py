@@ -24,15 +24,10 @@ from shared.errors import InputError
 from shared.pattern import CfaPattern
 from shared.site_errors import error_correlation
 
-_UNIT = 64
-_CUBIC = 0.5
-"""Share of cubic interpolation; the rest is linear. Half has the smallest error on photographs: cubic alone overshoots at edges."""
+from .surroundings import UNIT, Place, Surroundings, exact
+
 _CORNER = 1 / 8
 """Weight of each corner in a difference of smaller pictures. More would trust the direction too much where there is noise."""
-_NEAR = 2
-"""Pixels from a scattered site to the samples that interpolate it along an axis, at most: others, not on the axis, are nearer."""
-
-Place = tuple[int, int]
 
 
 class Hole(NamedTuple):
@@ -203,8 +198,8 @@ class Geometry:
         return luminance[np.ix_(order, order)]  # type: ignore[no-any-return]
 
     @cached_property
-    def _coloured(self) -> set[Place]:
-        return {(row, column) for row, column, _ in self.pattern.sites}
+    def _around(self) -> Surroundings:
+        return Surroundings(self.pattern)
 
     @cached_property
     def _probes(self) -> list[dict[Place, float]]:
@@ -228,62 +223,18 @@ class Geometry:
         down, right = (half - self.pattern.period * far for half, far in zip(self.half, self.corner(number), strict=True))
         return {(down + row, right + column): 1.0 for row, column in np.argwhere(self.pixels[number]).tolist()}
 
-    def _is_clear(self, place: Place) -> bool:
-        """Whether a place, counted from the origin of a block, is panchromatic."""
-        period = self.pattern.period
-        return (place[0] % period, place[1] % period) not in self._coloured
-
     def _mean_interpolation(self, sites: list[Place], axis: int) -> dict[Place, float]:
         """Weights whose sum of samples is the mean of the values that are interpolated at some sites."""
         weights: dict[Place, float] = {}
         for site in sites:
-            for place, weight in self._interpolation(site, axis).items():
+            for place, weight in self._around.interpolation(site, axis).items():
                 weights[place] = weights.get(place, 0.0) + weight / len(sites)
-        return dict(zip(weights, _exact(np.array([*weights.values()])), strict=True))
-
-    def _interpolation(self, site: Place, axis: int) -> dict[Place, float]:
-        """Weights of the panchromatic samples along an axis that interpolate the value at a site; their sum is exactly 1."""
-
-        def at(step: int) -> Place:
-            return (site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1])
-
-        steps = self._sides(site, axis)
-        if self.pattern.is_scattered and (not steps or max(map(abs, steps)) > _NEAR):
-            return self._surface(site)
-        before, after = steps
-        weights = _lagrange(steps)
-        wide = [before - 1, before, after, after + 1]
-        if all(self._is_clear(at(step)) for step in wide):
-            steps, weights = wide, _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
-        return {at(step): weight for step, weight in zip(steps, _exact(weights), strict=True)}
-
-    def _sides(self, site: Place, axis: int) -> list[int]:
-        """Steps along an axis from a site to the panchromatic pixels before it and after it; empty if its line has none."""
-        period = self.pattern.period
-        steps = range(1, period)
-        clear = [step for step in steps if self._is_clear((site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1]))]
-        return [clear[-1] - period, clear[0]] if clear else []
-
-    def _surface(self, site: Place) -> dict[Place, float]:
-        """Weights of the nearest panchromatic samples around a site that interpolate any plane there; their sum is exactly 1."""
-        places: list[Place] = []
-        weights = np.empty(0)
-        for reach in range(1, self.pattern.period):
-            rows, columns = (range(place - reach, place + reach + 1) for place in site)
-            places = [place for place in product(rows, columns) if self._is_clear(place)]
-            steps = np.array(places).reshape(-1, 2) - site
-            near = 1 / np.hypot(*steps.T)  # of all solutions the one in which near samples count most
-            plane = np.column_stack([np.ones(len(steps)), steps]).T * near
-            scaled = np.linalg.pinv(plane) @ (1, 0, 0)
-            weights = scaled * near
-            if np.allclose(plane @ scaled, (1, 0, 0)):
-                break
-        return {place: weight for place, weight in zip(places, _exact(weights), strict=True) if weight}
+        return dict(zip(weights, exact(np.array([*weights.values()])), strict=True))
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
         """Weights of the differences along an axis; for a smaller picture one, between the panchromatic pixels at the corners."""
         if self.scale == 1:
-            return [{after: 1.0, before: -1.0} for before, after in self._differences(axis)]
+            return [{after: 1.0, before: -1.0} for before, after in self._around.differences(axis)]
         if self.pattern.is_scattered:
             return [self._slope(axis)]
         height, width = self.pattern.block_shape
@@ -292,49 +243,12 @@ class Geometry:
     def _slope(self, axis: int) -> dict[Place, float]:
         """Weights of the sum of all differences across scattered sites, in which many cancel each other."""
         ends: dict[Place, float] = {}
-        for before, after in self._differences(axis):
+        for before, after in self._around.differences(axis):
             ends[before] = ends.get(before, 0.0) - 1
             ends[after] = ends.get(after, 0.0) + 1
         left = {place: sign for place, sign in ends.items() if sign}
-        unit = max(round(4 * _CORNER / len(left) * _UNIT), 1) / _UNIT  # as much in all as four corners
+        unit = max(round(4 * _CORNER / len(left) * UNIT), 1) / UNIT  # as much in all as four corners
         return {place: sign * unit for place, sign in left.items()}
-
-    def _differences(self, axis: int) -> list[tuple[Place, Place]]:
-        """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it.
-
-        Where sites are scattered: of the panchromatic pixels on both sides of each, or along the other axis if no line has any.
-        """
-        if self.pattern.is_scattered:
-            return self._across_sites(axis) or self._across_sites(1 - axis)
-        height, width = self.pattern.block_shape
-        pairs = []
-        for row in range(-1, height + 1 if axis == 1 else height):
-            for column in range(-1, width + 1 if axis == 0 else width):
-                other = (row, column + 1) if axis == 1 else (row + 1, column)
-                if self._is_clear((row, column)) and self._is_clear(other):
-                    pairs.append(((row, column), other))
-        return pairs
-
-    def _across_sites(self, axis: int) -> list[tuple[Place, Place]]:
-        pairs = []
-        for row, column, _ in self.sites:
-            if sides := self._sides((row, column), axis):
-                before, after = ((row, column + step) if axis == 1 else (row + step, column) for step in sides)
-                pairs.append((before, after))
-        return list(dict.fromkeys(pairs))  # sites side by side have the same
-
-
-def _exact(weights: DoubleArray) -> list[float]:
-    """Weights rounded to multiples of 1/64 whose sum is exactly 1."""
-    exact = np.rint(weights * _UNIT)
-    exact[np.argmax(exact)] += _UNIT - exact.sum()
-    return (exact / _UNIT).tolist()  # type: ignore[no-any-return]
-
-
-def _lagrange(steps: list[int]) -> DoubleArray:
-    """Weights of samples at `steps` that give the value at 0 of the polynomial through them."""
-    nodes = np.array(steps, float)
-    return np.array([np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes])
 
 
 def _masks(pattern: CfaPattern, side: int) -> FloatArray:
