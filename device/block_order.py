@@ -41,12 +41,13 @@ def greens_are_on_their_diagonal(codes: CodeArray, pattern: CfaPattern, black_le
     greens = alike.index(True)
     # Whatever makes the greens differ, an edge or the sensor, is at most as large as this.
     for diagonal, answer in ((1 - greens, True), (greens, False)):
-        if _exceeds(energies[diagonal], np.maximum.reduce([energies[1 - diagonal], scenes[diagonal], imbalance])):
+        if exceeds(energies[diagonal], np.maximum.reduce([energies[1 - diagonal], scenes[diagonal], imbalance])):
             return answer
     return None
 
 
-def _exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
+def exceeds(ours: DoubleArray, others: DoubleArray) -> bool:
+    """Whether energies of groups are certainly larger than others, by enough for a difference of filters."""
     if ours.mean() <= _LARGER * max(float(others.mean()), 0.0):
         return False
     # Of each group at most 1, so that a few strong colours do not hide how certain the many are.

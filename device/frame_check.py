@@ -6,6 +6,7 @@ period and one place only, the two greens of a block are equal, and no picture i
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from math import gcd
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from shared.arrays import CodeArray
 from shared.errors import InputError
 
 from .block_order import greens_are_on_their_diagonal
+from .colour_places import likely_place
 from .frames import RawFrame
 from .layout_search import BIG_ENDIAN, BYTES, CLEARER, Reading, best_reading, refined
 from .level_check import Levels
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
 _GREENS = f"the frame does not show whether the greens are on the diagonal that --order says (it has little colour){_NEXT}"
+_COLOURS = f"the frame does not show whether each colour is where --pattern says (it has little colour){_NEXT}"
 _TRIED = 2  # strides; the right one is the likeliest or the next
 _TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
 
@@ -39,10 +42,9 @@ class FrameCheck:
 
     def __init__(self, sensor: "Sensor") -> None:
         self._sensor = sensor
-        self._sites = tuple((row, column) for row, column, _ in sensor.pattern.sites)
         self._seen = 0
         self._confirmed = 0
-        self._greens = self._bits = False
+        self._order = self._bits = False
 
     def look(self, frame: RawFrame) -> list[str]:
         """What the frame leaves open, a sentence each.
@@ -52,34 +54,46 @@ class FrameCheck:
         """
         self._seen += 1
         rarely = self._seen & (self._seen - 1) == 0
-        if self._confirmed >= _TWICE and (not rarely or (self._greens and self._bits)):
+        if self._confirmed >= _TWICE and (not rarely or (self._order and self._bits)):
             return []
         layout, calibration = self._sensor.layout, self._sensor.calibration
         codes = layout.unpack(frame.data)
         levels = Levels(codes, calibration, are_words=layout.format == "u16")
-        if not self._shows_pattern(frame, codes, levels, rarely=rarely):
+        found = self._found(frame, codes, levels, rarely=rarely)
+        if not found:
             return [_UNPROVEN]
         self._confirmed += 1
-        black = float(np.mean(calibration.black_level))
-        greens = greens_are_on_their_diagonal(codes, self._sensor.pattern, black, calibration.white_level)
-        if greens is False:
-            raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
-        self._greens |= greens is True
+        self._order |= self._shows_order(codes, found)
         unsettled = levels.unsettled()
         self._bits |= not unsettled
-        left = [] if self._greens else [_GREENS]
+        left = [] if self._order else [_COLOURS if self._sensor.pattern.is_scattered else _GREENS]
         return left if self._bits else [*left, f"{unsettled}{_NEXT}"]
 
-    def _shows_pattern(self, frame: RawFrame, codes: CodeArray, levels: Levels, *, rarely: bool) -> bool:
+    def _shows_order(self, codes: CodeArray, found: Found) -> bool:
+        """Whether the frame shows that the colours are where they are said to be; InputError if they are elsewhere."""
+        pattern, calibration = self._sensor.pattern, self._sensor.calibration
+        if pattern.is_scattered:
+            place = likely_place(codes, pattern, found.places)
+            if place and place != pattern.block_origin:
+                raise _misfit("its colours are at other sites of the tile", f"--origin {place[0]} {place[1]}")
+            return place is not None
+        black = float(np.mean(calibration.black_level))
+        greens = greens_are_on_their_diagonal(codes, pattern, black, calibration.white_level)
+        if greens is False:
+            raise _misfit("the two greens of a block lie on the other diagonal", self._other_orders())
+        return greens is True
+
+    def _found(self, frame: RawFrame, codes: CodeArray, levels: Levels, *, rarely: bool) -> Found | None:
+        """The pattern, if the frame shows it where it is said to be; None if it does not show it. InputError if it is wrong."""
         pattern, layout = self._sensor.pattern, self._sensor.layout
         proven = levels.wrong()
         wrong_levels = _misfit(*proven) if proven else None
-        found = find_pattern(codes, self._sites)
+        found = find_pattern(codes, pattern)
         confirmed = self._is_declared(found)
         if found and not (confirmed or found.sure):
             found = None
         if not found and levels.are_dark():
-            return False
+            return None
         # The stride is searched for where it may matter; a frame that shows nothing is searched rarely.
         if self._confirmed or not (found or wrong_levels or rarely):
             strides = [layout.stride]
@@ -93,17 +107,17 @@ class FrameCheck:
         if others and not (confirmed and aligned):
             self._check_stride(frame, found, others, aligned=aligned)
         if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
-            swapped = find_pattern(codes.byteswap(), self._sites)
+            swapped = find_pattern(codes.byteswap(), pattern)
             if swapped and swapped.explained > CLEARER * found.explained:
                 raise self._misread(frame, Reading(BIG_ENDIAN, layout.stride, 0, layout.width, swapped))
         if wrong_levels and (confirmed or not aligned):
             raise wrong_levels
         if confirmed:
             self._check_below(codes)
-            return True
+            return found
         if found:
-            raise self._elsewhere(frame, found)
-        if self._is_declared(find_pattern(codes[: len(codes) // 2], self._sites)):
+            raise self._elsewhere(frame, codes, found)
+        if self._is_declared(find_pattern(codes[: len(codes) // 2], pattern)):
             self._check_below(codes)
         if aligned:
             if reading := best_reading(frame.data, layout, pattern, [layout.stride]):
@@ -113,25 +127,25 @@ class FrameCheck:
             if levels.show_no_filters(pattern):
                 raise _misfit(
                     "the samples at the places of the colour filters are as bright as their neighbours",
-                    "a sensor without colour filters, or another --period and --origin",
+                    "a sensor without colour filters, or another --pattern, --period or --origin",
                 )
-        return False
+        return None
 
     def _is_declared(self, found: Found | None) -> bool:
         pattern = self._sensor.pattern
-        return found is not None and (found.period, found.block_origin) == (pattern.period, pattern.block_origin)
+        return found is not None and found.period == pattern.period and pattern.block_origin in found.places
 
     def _check_below(self, codes: CodeArray) -> None:
         """Refuse a frame in whose lower part the pattern is at another row: the next frame begins in this one."""
         pattern = self._sensor.pattern
         for part in (2, 4):
             top = len(codes) * (part - 1) // part
-            found = find_pattern(codes[top:], self._sites)
+            found = find_pattern(codes[top:], pattern)
             if (
                 found
                 and found.sure
                 and found.period == pattern.period
-                and (found.block_origin[0] + top) % found.period != pattern.block_origin[0]
+                and pattern.block_origin[0] not in {(row + top) % found.period for row, _ in found.places}
             ):
                 raise self._too_tall()
 
@@ -146,12 +160,18 @@ class FrameCheck:
         if reading and (found is None or reading.found.explained > clearer * found.explained):
             raise self._misread(frame, reading)
 
-    def _elsewhere(self, frame: RawFrame, found: Found) -> InputError:
+    def _elsewhere(self, frame: RawFrame, codes: CodeArray, found: Found) -> InputError:
         if self._confirmed:
             return self._too_tall()
         if found.period == 2:
-            return _misfit("its colours repeat every 2 pixels", "an ordinary Bayer sensor, whose raw files other programs develop")
+            return _misfit(
+                "its colours repeat every 2 pixels",
+                "an ordinary Bayer sensor, whose raw files other programs develop, or one with scattered colours, which --pattern "
+                "describes",
+            )
         layout, pattern = self._sensor.layout, self._sensor.pattern
+        if pattern.is_scattered and (place := likely_place(codes, pattern, found.places)):
+            found = replace(found, block_origin=place)
         reading = refined(frame.data, layout, pattern, Reading(layout.format, layout.stride, 0, layout.width, found))
         if reading.stride != layout.stride:
             return self._misread(frame, reading)

@@ -7,6 +7,9 @@ summation, gives the same bits.
 
 A smaller picture reads the sites of a channel as one, by their mean, and has one difference per axis. Then at most 16 probes read a
 Bayer block, which takes half the time of 17.
+
+Where colour sites are scattered the tile is the block, with panchromatic pixels between its sites. There luminance at a site comes
+from the nearest of them alone, and the differences are those across the sites.
 """
 
 from dataclasses import dataclass
@@ -21,13 +24,10 @@ from shared.errors import InputError
 from shared.pattern import CfaPattern
 from shared.site_errors import error_correlation
 
-_UNIT = 64
-_CUBIC = 0.5
-"""Share of cubic interpolation; the rest is linear. Half has the smallest error on photographs: cubic alone overshoots at edges."""
+from .surroundings import UNIT, Place, Surroundings, exact
+
 _CORNER = 1 / 8
 """Weight of each corner in a difference of smaller pictures. More would trust the direction too much where there is noise."""
-
-Place = tuple[int, int]
 
 
 class Hole(NamedTuple):
@@ -198,6 +198,10 @@ class Geometry:
         return luminance[np.ix_(order, order)]  # type: ignore[no-any-return]
 
     @cached_property
+    def _around(self) -> Surroundings:
+        return Surroundings(self.pattern)
+
+    @cached_property
     def _probes(self) -> list[dict[Place, float]]:
         readings = [[(row, column) for row, column, _ in sites] for sites in self.readings]
         return [
@@ -219,64 +223,32 @@ class Geometry:
         down, right = (half - self.pattern.period * far for half, far in zip(self.half, self.corner(number), strict=True))
         return {(down + row, right + column): 1.0 for row, column in np.argwhere(self.pixels[number]).tolist()}
 
-    def _is_clear(self, place: Place) -> bool:
-        """Whether a place, counted from the origin of a block, is panchromatic."""
-        period = self.pattern.period
-        return (place[0] % period, place[1] % period) not in {(row, column) for row, column, _ in self.pattern.sites}
-
     def _mean_interpolation(self, sites: list[Place], axis: int) -> dict[Place, float]:
         """Weights whose sum of samples is the mean of the values that are interpolated at some sites."""
         weights: dict[Place, float] = {}
         for site in sites:
-            for place, weight in self._interpolation(site, axis).items():
+            for place, weight in self._around.interpolation(site, axis).items():
                 weights[place] = weights.get(place, 0.0) + weight / len(sites)
-        return dict(zip(weights, _exact(np.array([*weights.values()])), strict=True))
-
-    def _interpolation(self, site: Place, axis: int) -> dict[Place, float]:
-        """Weights of the panchromatic samples along an axis that interpolate the value at a site; their sum is exactly 1."""
-
-        def at(step: int) -> Place:
-            return (site[0], site[1] + step) if axis == 1 else (site[0] + step, site[1])
-
-        before = next(step for step in range(1, self.pattern.period) if self._is_clear(at(-step)))
-        after = next(step for step in range(1, self.pattern.period) if self._is_clear(at(step)))
-        steps = [-before, after]
-        weights = _lagrange(steps)
-        wide = [-before - 1, -before, after, after + 1]
-        if all(self._is_clear(at(step)) for step in wide):
-            steps, weights = wide, _CUBIC * _lagrange(wide) + (1 - _CUBIC) * np.array([0, *weights, 0])
-        return {at(step): weight for step, weight in zip(steps, _exact(weights), strict=True)}
+        return dict(zip(weights, exact(np.array([*weights.values()])), strict=True))
 
     def _steps(self, axis: int) -> list[dict[Place, float]]:
         """Weights of the differences along an axis; for a smaller picture one, between the panchromatic pixels at the corners."""
         if self.scale == 1:
-            return [{after: 1.0, before: -1.0} for before, after in self._differences(axis)]
+            return [{after: 1.0, before: -1.0} for before, after in self._around.differences(axis)]
+        if self.pattern.is_scattered:
+            return [self._slope(axis)]
         height, width = self.pattern.block_shape
         return [{place: _CORNER if place[axis] >= 0 else -_CORNER for place in product((-1, height), (-1, width))}]
 
-    def _differences(self, axis: int) -> list[tuple[Place, Place]]:
-        """Pairs of panchromatic neighbours along an axis, within the block and one pixel around it."""
-        height, width = self.pattern.block_shape
-        pairs = []
-        for row in range(-1, height + 1 if axis == 1 else height):
-            for column in range(-1, width + 1 if axis == 0 else width):
-                other = (row, column + 1) if axis == 1 else (row + 1, column)
-                if self._is_clear((row, column)) and self._is_clear(other):
-                    pairs.append(((row, column), other))
-        return pairs
-
-
-def _exact(weights: DoubleArray) -> list[float]:
-    """Weights rounded to multiples of 1/64 whose sum is exactly 1."""
-    exact = np.rint(weights * _UNIT)
-    exact[np.argmax(exact)] += _UNIT - exact.sum()
-    return (exact / _UNIT).tolist()  # type: ignore[no-any-return]
-
-
-def _lagrange(steps: list[int]) -> DoubleArray:
-    """Weights of samples at `steps` that give the value at 0 of the polynomial through them."""
-    nodes = np.array(steps, float)
-    return np.array([np.prod([other / (other - node) for other in nodes if other != node]) for node in nodes])
+    def _slope(self, axis: int) -> dict[Place, float]:
+        """Weights of the sum of all differences across scattered sites, in which many cancel each other."""
+        ends: dict[Place, float] = {}
+        for before, after in self._around.differences(axis):
+            ends[before] = ends.get(before, 0.0) - 1
+            ends[after] = ends.get(after, 0.0) + 1
+        left = {place: sign for place, sign in ends.items() if sign}
+        unit = max(round(4 * _CORNER / len(left) * UNIT), 1) / UNIT  # as much in all as four corners
+        return {place: sign * unit for place, sign in left.items()}
 
 
 def _masks(pattern: CfaPattern, side: int) -> FloatArray:

@@ -198,8 +198,12 @@ def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], fill
     share = g(
         "Div", g("Mul", g("Relu", g("Sub", power, noise)), contrast), g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12)
     )
-    shares = [g.total(g("Mul", missed, row[:, None, None]), count, axis=0) for row in geometry.settling]
-    return g("Add", filled, g("Mul", g("Concat", *shares, axis=0), share))
+    if geometry.pattern.is_scattered:  # of many sites: two nodes each, not one per pair
+        parts = zip(g.split(missed, [1] * count, axis=0), geometry.settling.T, strict=True)
+        errors = g.sum([g("Mul", part, column[:, None, None]) for part, column in parts])
+    else:
+        errors = g("Concat", *(g.total(g("Mul", missed, row[:, None, None]), count, axis=0) for row in geometry.settling), axis=0)
+    return g("Add", filled, g("Mul", errors, share))
 
 
 def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tuple[list[str], str]:

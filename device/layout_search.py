@@ -52,13 +52,13 @@ def best_reading(
         reading = _reading(data, layout, pattern, name, stride, skipped)
         if reading is None:
             continue
-        place = reading.found.block_origin
+        is_there = pattern.block_origin in reading.found.places
         # Stripes may repeat in a wrong format too, but hardly at the declared place.
-        if name != layout.format and place != pattern.block_origin:
+        if name != layout.format and not is_there:
             continue
         if best is None or reading.found.explained > best.found.explained:
             best = reading
-        if name == layout.format and place == pattern.block_origin:
+        if name == layout.format and is_there:
             break
     return best
 
@@ -90,13 +90,12 @@ def _reading(
     data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: CfaPattern, name: str, stride: int, skipped: int
 ) -> Reading | None:
     """The frame in one format and stride, if it shows the pattern's period there."""
-    sites = tuple((row, column) for row, column, _ in pattern.sites)
     codes = _unpacked(memoryview(data)[skipped:], name, stride, layout.width)
     # In a wrong layout the next frame may begin below the middle, with its pattern at another place.
     parts = [codes[: len(codes) // 2]] if codes.size > _ENOUGH else [codes, codes[: len(codes) // 2]]
     for part in parts:
         if min(part.shape, default=0) > pattern.period:
-            found = find_pattern(part, sites)
+            found = find_pattern(part, pattern)
             if found and found.sure:
                 return Reading(name, stride, skipped, codes.shape[1], found) if found.period == pattern.period else None
     return None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import CodeArray, DoubleArray, FloatArray
-from shared.pattern import PERIODS
+from shared.pattern import PERIODS, CfaPattern
 
 _SIDE = range(16, 65)  # pixels: side of a tile; four blocks of the largest period fit into the largest
 _TILES = 64  # enough for a frame of any size, and folded in a tenth of a second
@@ -22,6 +22,7 @@ _CERTAIN = 6.0  # standard errors
 _FEW = 8  # tiles: with so few the standard error is itself uncertain, and among 1,500 places twice as many are asked for
 _BETTER = 1.5  # the best place explains this many times the variance that the next one does; in photographs 2.7 times and more
 _BAYER = 2
+_NOTHING = 1e-9  # what rounding leaves of stripes without the means of their rows and columns
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,14 @@ class Found:
 
     period: K; 2 for an ordinary Bayer sensor.
     block_origin: sensor (row, column) of the top left pixel of a block, each 0 to K - 1; (0, 0) for period 2.
+    places: `block_origin` and all other places at which the colour sites would be the same; scattered ones have several.
     explained: part of the variance of the samples, about their local mean, that this explains.
     sure: whether it is certain even if it was not expected here, one place among many that were tried.
     """
 
     period: int
     block_origin: tuple[int, int]
+    places: frozenset[tuple[int, int]]
     explained: float
     sure: bool
 
@@ -74,51 +77,68 @@ class Tiles:
         return folded
 
 
-def find_pattern(codes: CodeArray, sites: tuple[tuple[int, int], ...]) -> Found | None:
-    """Find a block of colour sites of this shape, at any period; None if no place is certain.
+def find_pattern(codes: CodeArray, pattern: CfaPattern) -> Found | None:
+    """Find a block of colour sites of this shape, at any period, or scattered sites at theirs; None if no place is certain.
 
     codes: a frame, (H, W).
-    sites: (row, column) of each colour site of a block, counted from the block's origin.
+    pattern: the expected pattern.
     """
     tiles = Tiles.of(codes).flattened()
     variance = float(np.square(tiles.parts).mean())
     if len(tiles.parts) < 4 or not variance:  # the spread over the tiles is what certainty is measured by
         return None
-    bayer, certainty = _bayer(tiles)
-    certain = [(bayer / variance, _BAYER, (0, 0), certainty)] if certainty > _CERTAIN else []
-    rival = 0.0
-    for period in (period for period in PERIODS if period <= tiles.parts.shape[1]):
-        explained, certainties = _explained(tiles.folded(period), sites)
-        row, column = np.unravel_index(int(explained.argmax()), explained.shape)
-        best = float(explained[row, column]) / variance
-        explained[row, column] = 0.0
+    certain, rival = [], 0.0
+    if not pattern.is_scattered:  # every other pixel may be a scattered site
+        bayer, certainty = _bayer(tiles)
+        if certainty > _CERTAIN:
+            certain.append((bayer / variance, _BAYER, [(0, 0)], certainty))
+    for period in [pattern.period] if pattern.is_scattered else PERIODS:
+        if period > tiles.parts.shape[1]:
+            continue
+        block = np.zeros((period, period))
+        for row, column, _ in pattern.sites:
+            block[row % period, column % period] = 1.0
+        explained, certainties = _explained(tiles.folded(period), block)
+        place = np.unravel_index(int(explained.argmax()), explained.shape)
+        best, certainty = float(explained[place]) / variance, float(certainties[place])
+        places = [(int(place[0]), int(place[1]))]
+        if pattern.is_scattered:
+            places = _alike(block, places[0])
+        explained[tuple(np.transpose(places))] = 0.0
         rival = max(rival, float(explained.max()) / variance)
-        if certainties[row, column] > _CERTAIN:
-            certain.append((best, period, (int(row), int(column)), float(certainties[row, column])))
+        if certainty > _CERTAIN:
+            certain.append((best, period, places, certainty))
         else:
             rival = max(rival, best)
     if not certain:
         return None
     # A Bayer sensor has no place where 2 x 2 samples are darker; a scene of fine checks may have its period as well.
     certain = [each for each in certain if each[1] != _BAYER] or certain
-    *others, (best, period, origin, certainty) = sorted(certain)
+    *others, (best, period, places, certainty) = sorted(certain)
     rival = max([rival, *(each[0] for each in others)])
     sure = certainty > _CERTAIN * (1 + _FEW / len(tiles.parts))
-    return Found(period, origin, best, sure) if best > _BETTER * rival else None
+    return Found(period, places[0], frozenset(places), best, sure) if best > _BETTER * rival else None
 
 
-def _explained(folded: DoubleArray, sites: tuple[tuple[int, int], ...]) -> tuple[DoubleArray, DoubleArray]:
-    """Variance that a block at each place explains, (K, K), 0 where it is not darker; its contrast in standard errors."""
-    period = folded.shape[1]
-    block = np.zeros((period, period))
-    for row, column in sites:
-        block[row % period, column % period] = 1.0
+def _alike(block: DoubleArray, place: tuple[int, int]) -> list[tuple[int, int]]:
+    """`place`, and all other places at which the block would have its sites where it has them there."""
+    period, every = len(block), np.ndindex(block.shape)
+    steps = (step for step in every if np.array_equal(np.roll(block, step, (0, 1)), block))
+    return [((place[0] + down) % period, (place[1] + right) % period) for down, right in steps]
+
+
+def _explained(folded: DoubleArray, block: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    """Variance that a block explains at each place, (K, K), 0 where it is not darker; its contrast in standard errors.
+
+    block: 1 at the colour sites, (K, K).
+    """
+    period = len(block)
     if block.all():
         return np.zeros((period, period)), np.zeros((period, period))
     contrasts, certainties = [], []
     # Once as it is, and once without the means of rows and columns, so that stripes of the same period are not taken for blocks.
     for means, model in ((folded, block - block.mean()), (_centred(folded), _centred(block))):
-        if not np.square(model).sum():
+        if np.square(model).sum() < _NOTHING:
             continue
         here = [np.roll(means, (-row, -column), axis=(1, 2)) for row, column in np.argwhere(block)]
         contrast = np.sum(here, axis=0) / np.square(model).sum()

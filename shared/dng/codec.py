@@ -12,10 +12,10 @@ from ..calibration import BITS, SensorCalibration
 from ..errors import ForeignFileError, InputError
 from ..jpeg_check import read_header
 from ..mosaic import Mosaic
-from ..pattern import CfaPattern
+from ..pattern import PANCHROMATIC, CfaPattern
 from ..reading import MAX_PIXELS
 from ..tiff import Fields, FieldType, encode_tiff
-from .colour_tags import colour_fields
+from .colour_tags import colour_fields, has_colours
 from .container import main_directory, picture_id, raw_digest, raw_directory
 from .reader import DngReader, damaged, opened
 from .record import Record, decode_record, encode_record, is_record, preview_digest, record_id
@@ -51,7 +51,7 @@ def encode_dng(mosaic: Mosaic, preview: ByteArray, layout: Layout = "auto") -> b
     main = main_directory(preview, mosaic.metadata, camera, raw, digest)
     if photometric is Photometric.CFA:
         raw.fields.update(_cfa(pattern))
-        main.fields.update(colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma))
+        main.fields.update(colour_fields(calibration.camera_to_xyz, calibration.neutral, calibration.gamma, pattern.channels))
     raw.fields.update(_noise(calibration, photometric))
     record = encode_record(mosaic, digest, main.strips[0])
     main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
@@ -168,8 +168,11 @@ def decode_preview(data: bytes | IO[bytes]) -> bytes:
 
 def _photometric(pattern: CfaPattern, layout: Layout) -> Photometric:
     obstacle = ""
-    if set(pattern.planes) != set(CFA_CODES):
-        obstacle = f"DNG has no colour codes for the channels {pattern.channels}, only for RGB and panchromatic"
+    if not has_colours(pattern.channels):
+        obstacle = (
+            f"DNG has no colour codes for the channels {pattern.channels}, only for panchromatic and three of "
+            f"{''.join(CFA_CODES).replace(PANCHROMATIC, '')}, none of which is a mixture of the others"
+        )
     elif pattern.period > LONGEST_CFA_PERIOD:
         obstacle = f"the period is {pattern.period}; DNG readers accept at most {LONGEST_CFA_PERIOD}"
     if layout not in ("auto", "cfa", "linear"):

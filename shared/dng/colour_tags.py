@@ -10,16 +10,32 @@ from ..errors import InputError
 from ..tiff import Fields, FieldType
 from .tags import Light, Tag
 
+_MIXTURES = {"R": (1, 0, 0), "G": (0, 1, 0), "B": (0, 0, 1), "C": (0, 0.5, 0.5), "M": (0.5, 0, 0.5), "Y": (0.5, 0.5, 0)}
+"""What a filter reads, from red, green and blue: the nominal one, and all that DNG has codes for."""
 
-def colour_fields(camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, panchromatic: ArrayLike | None = None) -> Fields:
-    """Fields ColorMatrix, CalibrationIlluminant (1: D50, 2: D65) and AsShotNeutral of a camera with red, green and blue.
+
+def has_colours(channels: str) -> bool:
+    """Whether DNG can state the colours of these channels: three that it knows, none of them a mixture of the others.
+
+    With more, or with two, beside the panchromatic plane readers of DNG find no way from camera to colours.
+    """
+    known = [_MIXTURES[letter] for letter in channels if letter in _MIXTURES]
+    return len(channels) == len(known) == 3 and bool(np.linalg.matrix_rank(np.array(known)) == 3)
+
+
+def colour_fields(
+    camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, panchromatic: ArrayLike | None = None, channels: str = "RGB"
+) -> Fields:
+    """Fields ColorMatrix, CalibrationIlluminant (1: D50, 2: D65) and AsShotNeutral of a camera with three channels.
 
     Both matrices describe the same camera. DNG asks for the one under D50, which the calibration has. But LibRaw, darktable and
     similar programs take any matrix for one under D65, and show saturated colours wrong by a tenth unless they find such a matrix.
 
-    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one: sRGB primaries.
+    camera_to_xyz: 3 x 3, camera RGB -> XYZ (D50 white); None = a nominal matrix, because DNG requires one: sRGB primaries,
+        and of them cyan, magenta and yellow.
     neutral: reading of white in the 3 channels; None = the reading that the matrix maps to D50.
     panchromatic: the 3 weights of Eq. 7 if the file has a panchromatic plane; it comes last and reads the weighted sum.
+    channels: letters of the channels, for which `has_colours` is true.
     Raises InputError when the matrix cannot be inverted, or the neutral is not three positive numbers.
     """
     seen = None if neutral is None else np.asarray(neutral, np.float64)
@@ -27,7 +43,10 @@ def colour_fields(camera_to_xyz: ArrayLike | None, neutral: ArrayLike | None, pa
         raise InputError(f"the neutral is {neutral!r}, expected three positive readings")
     if camera_to_xyz is None:
         # Adapted to the neutral; otherwise a converter would take the light of the shot for coloured.
-        camera_to_xyz = np.array(SRGB_TO_XYZ) if seen is None else np.array(SRGB_TO_XYZ) / seen * seen.max()
+        nominal = np.array(SRGB_TO_XYZ)
+        if channels != "RGB":
+            nominal = nominal @ np.linalg.inv([_MIXTURES[letter] for letter in channels])
+        camera_to_xyz = nominal if seen is None else nominal / seen * seen.max()
     matrix = np.asarray(camera_to_xyz, np.float64)
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or np.linalg.matrix_rank(matrix) < 3:
         raise InputError(f"camera_to_xyz is {camera_to_xyz!r}, expected a 3 x 3 matrix with an inverse")

@@ -15,8 +15,8 @@ LONGEST_CFA_PERIOD = 8
 # Rows or columns of one JPEG: JPEG_MAX_DIMENSION of libjpeg.
 LONGEST_SIDE = 65500
 
-# Codes of colours in CFAPattern and CFAPlaneColor. 3, 4, 5 (cyan, magenta, yellow) are not used.
-CFA_CODES = {"R": 0, "G": 1, "B": 2, PANCHROMATIC: 6}
+# Codes of colours in CFAPattern and CFAPlaneColor.
+CFA_CODES = {"R": 0, "G": 1, "B": 2, "C": 3, "M": 4, "Y": 5, PANCHROMATIC: 6}
 
 PICTURE_PLANES = 3  # of a rendered picture: red, green, blue
 PREVIEW_SRGB = 2  # PreviewColorSpace

@@ -1,6 +1,7 @@
 """Frames whose description is right are believed, wrong ones are refused with the right value, and dark ones prove nothing."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
@@ -54,11 +55,13 @@ def refusal(data: bytes, described: Sensor) -> str:
     return message
 
 
-@pytest.mark.parametrize("name", FORMATS)
-@pytest.mark.parametrize("period", [3, 4, 5, 6, 8, 16])
-@pytest.mark.parametrize(("light", "sigma"), [(1.0, 0.0), (1.0, 0.03), (0.2, 0.01), (5.0, 0.01)])
-def test_what_is_described_rightly_is_believed(name: str, period: int, light: float, sigma: float) -> None:
-    pattern = CfaPattern.bayer(period, "GBRG", (1, 2))
+LIGHTS = [(1.0, 0.0), (1.0, 0.03), (0.2, 0.01), (5.0, 0.01)]
+
+
+@pytest.mark.parametrize(("number", "period"), list(enumerate([3, 4, 5, 6, 8, 16])))
+@pytest.mark.parametrize(("light", "sigma"), LIGHTS)
+def test_what_is_described_rightly_is_believed(number: int, period: int, light: float, sigma: float) -> None:
+    pattern, name = CfaPattern.bayer(period, "GBRG", (1, 2)), list(FORMATS)[(number + LIGHTS.index((light, sigma))) % len(FORMATS)]
     layout = FrameLayout(SIZE[1], SIZE[0], name, 544)
     frame = pack(codes(pattern, min(layout.bits, 12), light, sigma), name, 544)
     remarks = look(frame * 3, sensor(layout, pattern))
@@ -231,3 +234,70 @@ def test_a_file_is_named() -> None:
     frame = RawFrame(pack(codes(), "u16"), RawFrame.now(b"").taken, 0.0, "frames/0001.raw")
     with pytest.raises(InputError, match=r"^frames/0001\.raw: the frame is not as described"):
         list(checked([frame], sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(5)), print))
+
+
+KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
+TWO_BLOCKS = CfaPattern.of_letters("RGWWWWWW/GBWWWWWW/WWWWWWWW/WWWWWWWW/WWWWBGWW/WWWWGRWW/WWWWWWWW/WWWWWWWW", (3, 1))
+SCATTERED = [
+    KODAK,
+    CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"),
+    CfaPattern.of_letters("RG/BW", (1, 0)),
+    TWO_BLOCKS,
+]
+
+
+@pytest.mark.parametrize("pattern", SCATTERED)
+@pytest.mark.parametrize(("light", "sigma"), LIGHTS)
+def test_scattered_patterns_are_believed(pattern: CfaPattern, light: float, sigma: float) -> None:
+    name = "u16" if light == 1.0 else "raw10"
+    layout = FrameLayout(SIZE[1], SIZE[0], name, 544)
+    remarks = look(pack(codes(pattern, min(layout.bits, 12), light, sigma), name, 544) * 2, sensor(layout, pattern))
+    assert not any(OPEN in remark for remark in remarks)
+
+
+def test_scattered_patterns_at_another_place() -> None:
+    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
+    frame = pack(codes(KODAK), "u16")
+    # At these places panchromatic pixels or colours differ; two rows and two columns further only red and blue are exchanged.
+    for row, column in (KODAK.origin, (3, 0), (1, 0), (3, 2), (0, 1), (1, 1)):
+        described = sensor(layout, CfaPattern(KODAK.tile, (row, column)))
+        if (row, column) in (KODAK.origin, (3, 0)):
+            assert look(frame, described) == []
+            continue
+        message = refusal(frame, described)
+        assert "likely --origin 1 2." in message or "likely --origin 3 0." in message
+        assert ("its colours are at other sites of the tile" in message) == ((row + column) % 2 == 1)
+    two = pack(codes(TWO_BLOCKS), "u16")
+    assert "likely --origin 3 1." in refusal(two, sensor(layout, CfaPattern(TWO_BLOCKS.tile, (3, 2))))
+
+
+def test_colours_that_a_scene_does_not_show_are_told() -> None:
+    grey = np.repeat(builtin_scene(SIZE[1], SIZE[0]).rgb.mean(axis=2, keepdims=True), 3, axis=2).astype(np.float32)
+    calibration = SensorCalibration.of_bits(12, headroom=False)
+    frame = pack(simulate_additive(grey, KODAK, calibration, 0.01, np.random.default_rng(0)).codes, "raw12")
+    layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
+    (note,) = look(frame * 6, sensor(layout, KODAK))
+    assert "whether each colour is where --pattern says" in note
+    with pytest.raises(InputError, match="likely --origin"):
+        look(frame * 3 + pack(codes(KODAK), "raw12"), sensor(layout, CfaPattern(KODAK.tile, (1, 0))))
+
+
+def test_a_wrong_layout_of_a_scattered_pattern() -> None:
+    frame = pack(codes(KODAK), "raw12", 400)
+    assert "likely --stride 400." in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "raw12", 416), KODAK))
+    assert "--stride 400" in refusal(frame * 3, sensor(FrameLayout(250, SIZE[0], "raw12"), KODAK))
+    assert "likely another --height" in refusal(frame * 4, sensor(FrameLayout(SIZE[1], 191, "raw12", 400), KODAK))
+    assert "--format raw12 --stride 400" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), KODAK))
+
+
+def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
+    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
+    assert "or one with scattered colours, which --pattern describes" in refusal(pack(codes(KODAK), "u16"), sensor(layout))
+    assert "a sensor without colour filters, or another --pattern, --period or --origin" in refusal(
+        pack(codes(), "u16"), sensor(layout, KODAK)
+    )
+    scene, bayer = builtin_scene(SIZE[1], SIZE[0]).rgb, np.empty(SIZE)
+    for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
+        bayer[row::2, column::2] = scene[row::2, column::2, channel]
+    with suppress(InputError):  # its greens are where panchromatic pixels would be
+        assert look(pack((256 + 3000 * bayer.clip(0, 1)).astype(np.uint16), "u16"), sensor(layout, KODAK))

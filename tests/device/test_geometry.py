@@ -15,6 +15,15 @@ PATTERNS = [
     CfaPattern.with_block(("WRW", "GGG", "WBW"), 6),
     CfaPattern.with_block(("RGB",), 4),
 ]
+SCATTERED = [
+    CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)),
+    CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"),
+    CfaPattern.of_letters("RG/BW"),
+    CfaPattern.of_letters("RGBWW/WWWWW/WWWWW/WWCMY/WWWWW", (3, 0)),
+    CfaPattern.of_letters("RGB/WWW/WWW"),
+    CfaPattern.of_letters("RGBRG/GBRGB/BRWRG/RGBRG/GBGRB"),
+]
+EVERY = [*PATTERNS, *SCATTERED]
 
 
 def letter(pattern: CfaPattern, row: int, column: int) -> str:
@@ -51,6 +60,48 @@ def test_interpolations_give_lines_exactly(pattern: CfaPattern) -> None:
             assert abs(middle) <= max(map(abs, steps)) / 64  # the weights are rounded
 
 
+@pytest.mark.parametrize("pattern", SCATTERED)
+def test_scattered_sites_are_interpolated_from_around_them(pattern: CfaPattern) -> None:
+    """Along the site's line where that has panchromatic samples on both sides; elsewhere from all around; planes are kept."""
+    geometry = Geometry(pattern)
+    along, down, *_ = by_kind(geometry)
+    for axis, probes in ((0, along), (1, down)):
+        for (*site, _), probe in zip(geometry.sites, probes, strict=True):
+            assert {letter(pattern, *place) for place in probe} == {"W"}
+            assert sum(probe.values()) == 1
+            steps = np.array(list(probe)) - site
+            middle = np.array(list(probe.values())) @ steps
+            assert np.abs(middle).max() <= np.abs(steps).sum() / 128  # the weights are rounded
+            along_line = [(0, step) if axis == 0 else (step, 0) for step in range(-2, 3)]
+            line = [letter(pattern, site[0] + down, site[1] + right) for down, right in along_line]
+            is_on_line = "W" in line[:2] and "W" in line[3:]
+            assert (not steps[:, axis].any()) >= is_on_line
+            assert np.abs(steps).max() <= (3 if is_on_line else 5)
+
+
+@pytest.mark.parametrize("pattern", SCATTERED)
+def test_differences_are_across_scattered_sites(pattern: CfaPattern) -> None:
+    _, _, *both, _ = by_kind(Geometry(pattern))
+    for probes in both:
+        assert probes
+        for probe in probes:
+            (first, before), (second, after) = sorted(probe.items())
+            assert (before, after) == (-1, 1)
+            axis = int(first[0] == second[0])
+            between = [(first[0], place) if axis else (place, first[1]) for place in range(first[axis] + 1, second[axis])]
+            assert letter(pattern, *first) == letter(pattern, *second) == "W"
+            assert between
+            assert "W" not in {letter(pattern, *place) for place in between}
+    for scale in Geometry.scales(pattern)[1:]:
+        _, _, *both, _ = by_kind(Geometry(pattern, scale))[:5]
+        for (probe,) in both:
+            assert {letter(pattern, *place) for place in probe} == {"W"}
+            assert sum(probe.values()) == 0
+            assert len({abs(value) for value in probe.values()}) == 1
+            unit = abs(next(iter(probe.values())))
+            assert unit == 1 / 64 or unit * len(probe) < 3 / 4
+
+
 def test_interpolations_are_halfway_between_linear_and_cubic() -> None:
     """The published figures of both, for a gap of two: at the nearer of the two."""
     along = by_kind(Geometry(CfaPattern.bayer(6)))[0][0]
@@ -76,7 +127,7 @@ def test_differences_are_of_panchromatic_neighbours_beside_the_block(pattern: Cf
     assert min(along, down) >= 2 * (min(height, width) + 1)
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("pattern", EVERY)
 def test_samples_are_the_sites_channel_by_channel(pattern: CfaPattern) -> None:
     geometry = Geometry(pattern)
     (*_, samples) = by_kind(geometry)
@@ -105,7 +156,7 @@ def test_a_smaller_picture_reads_each_channel_as_one(pattern: CfaPattern) -> Non
             assert {(place[axis] >= 0, value) for place, value in probe.items()} == {(True, 1 / 8), (False, -1 / 8)}
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("pattern", EVERY)
 def test_holes_are_where_the_filters_are(pattern: CfaPattern) -> None:
     for scale in Geometry.scales(pattern):
         geometry = Geometry(pattern, scale)
@@ -117,7 +168,7 @@ def test_holes_are_where_the_filters_are(pattern: CfaPattern) -> None:
                 assert inside == value - half + further * period  # the patch begins `half` into its first corner's block
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("pattern", EVERY)
 def test_pixels_share_out_the_panchromatic_samples(pattern: CfaPattern) -> None:
     clear = np.array([[letter(pattern, row, column) == "W" for column in range(pattern.period)] for row in range(pattern.period)])
     for scale in Geometry.scales(pattern):
@@ -132,7 +183,7 @@ def test_pixels_share_out_the_panchromatic_samples(pattern: CfaPattern) -> None:
             assert scale == 1 or len(places)
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("pattern", EVERY)
 def test_the_halo_is_what_the_outermost_probes_read(pattern: CfaPattern) -> None:
     geometry, period = Geometry(pattern), pattern.period
     above, below, left, right = geometry.halo

@@ -30,12 +30,19 @@ CALIBRATION = SensorCalibration(
 )
 SIX = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8, (3, 6))
 SEVEN = CfaPattern.with_block(("GR", "BG", "RG"), 7, (1, 5))
+KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2))
+CROWDED = CfaPattern.of_letters("RG/BW", (0, 3))
+KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", (2, 5))
+FOUR = CfaPattern.of_letters("WCWMW/WWCWY/YWWWW/WMWWW/WWYWK")
 PATTERNS = {
     "rggb": CfaPattern.bayer(6),
     "moved": CfaPattern.bayer(4, "GBRG", (3, 1)),
     "narrow": CfaPattern.bayer(3),
     "odd": SEVEN,
     "six channels": SIX,
+    "scattered": KODAK,
+    "scattered, few panchromatic": CROWDED,
+    "scattered, other channels": FOUR,
 }
 
 
@@ -74,7 +81,10 @@ def test_it_is_the_literal_preview(name: str) -> None:
 SMALL = [(CfaPattern.bayer(6, "GRBG", (1, 4)), 3), (CfaPattern.bayer(6, origin=(2, 5)), 2), (CfaPattern.bayer(6), 6)]
 
 
-@pytest.mark.parametrize(("pattern", "scale"), [*SMALL, (CfaPattern.bayer(8, origin=(3, 1)), 2), (SIX, 4), (SEVEN, 7)])
+@pytest.mark.parametrize(
+    ("pattern", "scale"),
+    [*SMALL, (CfaPattern.bayer(8, origin=(3, 1)), 2), (SIX, 4), (SEVEN, 7), (KODAK, 2), (CROWDED, 4), (FOUR, 5)],
+)
 def test_a_smaller_one_is_the_literal_one(pattern: CfaPattern, scale: int) -> None:
     mosaic = Mosaic(codes((37, 52)), pattern, calibration_of(pattern))
     assert_close(linear(mosaic, scale), small_preview(mosaic, scale), SINGLE)
@@ -93,7 +103,7 @@ def test_the_comparison_can_fail() -> None:
 
 
 @pytest.mark.parametrize("scale", [1, 2, 3, 6])
-@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6, order, (1, 4)) for order in ("RGGB", "GRBG")])
+@pytest.mark.parametrize("pattern", [*(CfaPattern.bayer(6, order, (1, 4)) for order in ("RGGB", "GRBG")), KAIZU])
 def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
     colour = np.array([0.31, 0.22, 0.47], np.float32)
     calibration = SensorCalibration(gamma=(0.9, 1.1, 0.8))
@@ -214,7 +224,10 @@ EXACT = {
 }
 
 
-@pytest.mark.parametrize(("pattern", "scale"), [(CfaPattern.bayer(6), 1), (CfaPattern.bayer(6), 3), (SIX, 1), (SIX, 2)])
+@pytest.mark.parametrize(
+    ("pattern", "scale"),
+    [(CfaPattern.bayer(6), 1), (CfaPattern.bayer(6), 3), (SIX, 1), (SIX, 2), (KODAK, 1), (CROWDED, 1), (FOUR, 1), (KODAK, 2)],
+)
 def test_nothing_in_it_depends_on_the_processor(pattern: CfaPattern, scale: int) -> None:
     """But for the colour matrix, convolutions add 16-bit codes times small multiples of 1/64: exact in single precision."""
     model = build_preview(pattern, scale)

@@ -8,6 +8,7 @@ import pytest
 from tifffile import TiffFile, TiffPage
 
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.colorimetry import D50
 from shared.dng import Layout, decode_dng, decode_preview, encode_dng
 from shared.dng.container import raw_digest
 from shared.dng.record import RECORD_ID, decode_record, encode_record
@@ -80,6 +81,30 @@ def test_a_bare_calibration_and_no_metadata_survive() -> None:
 
 def test_other_channels_survive_as_a_grey_picture() -> None:
     original = mosaic(FIVE)
+    assert_survives(original)
+    assert pages(encode_dng(original, preview()))[1][262] == 34892
+
+
+def test_cyan_magenta_and_yellow_have_codes_too() -> None:
+    pattern = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW")
+    for calibrated in (calibration(pattern.channels), SensorCalibration.of_bits(12, channels=pattern.channels)):
+        original = mosaic(pattern, calibrated=calibrated)
+        assert_survives(original)
+        main, raw = pages(encode_dng(original, preview()))
+        assert raw[262] == 32803
+        assert bytes(raw[50710]) == bytes([5, 3, 4, 6])
+        assert bytes(raw[33422])[:8] == bytes([6, 5, 6, 3, 5, 6, 3, 6])
+        assert (len(main[50721]), len(main[50728])) == (2 * 12, 2 * 4)
+    # Uncalibrated, a filter reads half of two primaries: of the D50 white as much as of each.
+    matrix = np.array(main[50721]).reshape(4, 3, 2)
+    seen = (matrix[..., 0] / matrix[..., 1]) @ D50
+    np.testing.assert_allclose(seen / seen[-1], [1 / 3, 1 / 3, 1 / 3, 1], rtol=1e-3)
+
+
+@pytest.mark.parametrize("letters", ["RWW/WBW/WWW", "GBW/CWW/WWW", "RGW/BCW/WWW", "RGW/KWW/WWW"])
+def test_what_dng_cannot_tell_colours_of_survives_as_a_grey_picture(letters: str) -> None:
+    """Two channels or four, a mixture of the other two, a letter without a code."""
+    original = mosaic(CfaPattern.of_letters(letters))
     assert_survives(original)
     assert pages(encode_dng(original, preview()))[1][262] == 34892
 

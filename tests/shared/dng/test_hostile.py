@@ -84,9 +84,17 @@ def test_the_helper_makes_good_files() -> None:
     assert same(decode_dng(tampered({})), mosaic(CfaPattern.bayer(9)))
 
 
-@pytest.mark.parametrize("layout", ["cfa", "linear"])
-def test_a_flipped_bit_is_told_or_harmless(layout: codec.Layout) -> None:
-    original = mosaic(shape=(13, 17))
+@pytest.mark.parametrize(
+    ("layout", "pattern"),
+    [
+        ("cfa", CfaPattern.bayer(6)),
+        ("linear", CfaPattern.bayer(6)),
+        ("cfa", CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW")),
+        ("auto", CfaPattern.of_letters("ABCDW/EFGHW/WWWWW/WWWWW/WWWWW")),
+    ],
+)
+def test_a_flipped_bit_is_told_or_harmless(layout: codec.Layout, pattern: CfaPattern) -> None:
+    original = mosaic(pattern, (13, 17))
     data = encode_dng(original, preview(8, 8), layout)
     random = np.random.default_rng(300)
     # Half of them in the directories, which are a small part of the file and the dangerous one.

@@ -23,6 +23,12 @@ CASES: list[tuple[Mosaic, Layout]] = [
     (mosaic(CfaPattern.bayer(8, "GBRG"), (33, 31), calibration(bits=16)), "cfa"),
     (mosaic(CfaPattern.bayer(16), (33, 50), calibration(black_level=SensorCalibration.of_bits(12).black_level)), "auto"),
     (mosaic(CfaPattern.with_block(("ABC", "DEA"), 7, (3, 2))), "auto"),
+    (mosaic(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (3, 2)), (45, 33)), "cfa"),
+    (mosaic(CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG"), (64, 51)), "linear"),
+    (mosaic(CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (1, 0)), (33, 40), calibration("YCM", camera_to_xyz=None)), "cfa"),
+    (mosaic(CfaPattern.of_letters("RWWWW/WBWWW/WWWWW/WWWWW/WWWWW")), "auto"),
+    (mosaic(CfaPattern.of_letters("ABCDW/EFGHW/WWWWW/WWWWW/WWWWW", (2, 2)), (50, 61)), "auto"),
+    (mosaic(CfaPattern((*["RWGWBWGWBW", "WGWRWBWRWG"] * 4, "RWGWBWGWBW", "WBWRWGWRWB"))), "auto"),
 ]
 
 
