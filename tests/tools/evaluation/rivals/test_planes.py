@@ -66,7 +66,7 @@ def test_on_a_square_lattice_it_is_bilinear() -> None:
 
 def test_a_frame_smaller_than_the_tile_is_refused() -> None:
     with pytest.raises(InputError, match="5 x 9 pixels is smaller than the tile of 6 x 6"):
-        planes(Mosaic(np.zeros((9, 5)), CfaPattern.bayer(6), SensorCalibration()))
+        planes(Mosaic(np.zeros((9, 5), np.float32), CfaPattern.bayer(6), SensorCalibration()))
 
 
 def test_denoising_first_lowers_noise() -> None:
@@ -90,7 +90,7 @@ def test_samples_on_one_grid_are_denoised_together(letters: str, grids: list[Any
     def darken(plane: FloatArray, shot: float, read: float) -> FloatArray:
         assert (shot, read) == (0.0, 0.1)
         seen.append(plane.shape)
-        return plane / 2
+        return plane * np.float32(0.5)
 
     monkeypatch.setattr(plane_denoising, "denoise_plane", darken)
     mosaic = shot(ramp(48, 48, 3), pattern, 0.1)
