@@ -82,6 +82,11 @@ def _pictures() -> list[Sample]:
         buffer = io.BytesIO()
         tifffile.imwrite(buffer, (rgb * 65535).astype(np.uint16), photometric="rgb", tile=tile, compression=compression)
         samples.append(Sample("TIF", ".tif", buffer.getvalue(), _read_scene))
+    bands = (rgb[..., [0, 1, 2, 0, 1]] * 65535).astype(np.uint16)
+    stack, array = io.BytesIO(), io.BytesIO()
+    tifffile.imwrite(stack, np.moveaxis(bands, -1, 0).copy(), photometric="minisblack", compression="zlib")
+    np.save(array, bands)
+    samples += [Sample("TIF", ".tif", stack.getvalue(), _read_bands), Sample("NPY", ".npy", array.getvalue(), _read_bands)]
     return samples
 
 
@@ -97,9 +102,13 @@ _KINDS = (
 )
 
 
-def _read_scene(path: Path) -> bytes:
-    scene = load_scene(str(path))
-    return repr(scene.shape).encode() + scene.rgb.tobytes()
+def _read_scene(path: Path, channels: str = "RGB") -> bytes:
+    scene = load_scene(str(path), channels=channels)
+    return repr(scene.rgb.shape).encode() + scene.rgb.tobytes()
+
+
+def _read_bands(path: Path) -> bytes:
+    return _read_scene(path, "VRGNU")
 
 
 def _linear() -> list[Sample]:

@@ -4,6 +4,9 @@ A SCENE is a camera RAW (each 2 x 2 Bayer quad becomes one pixel with all three 
 render or a raw developer), a 16- or 32-bit linear picture (TIFF, PNG, EXR, NPY), an 8-bit picture (sRGB, made linear), or drawn:
 builtin:WIDTHxHEIGHT; chart:WIDTHxHEIGHT, a ColorChecker to calibrate with; flat:WIDTHxHEIGHT, even light; dark:WIDTHxHEIGHT, none.
 
+With --pattern a scene may have other channels than red, green and blue: an EXR by their names, a TIFF (samples or pages) or NPY in
+the order of the pattern's letters. Filters C, M and Y are made from red, green and blue.
+
 --burst N makes a hand-held series of each scene, STEM-1.dng, STEM-2.dng ...; the first frame is the reference, which has not moved.
 """
 

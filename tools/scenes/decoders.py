@@ -191,7 +191,7 @@ def decode_tiff(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) -
         check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
         offsets, lengths = ([each for page in pages for each in getattr(page, name)] for name in ("dataoffsets", "databytecounts"))
         check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
-        pixels = np.concatenate([_page_pixels(page) for page in pages], axis=-1)
+        pixels = _page_pixels(first) if len(pages) == 1 else np.concatenate([_page_pixels(page) for page in pages], axis=-1)
         if not found:
             pixels, remarks = _without_alpha(pixels)
             notes += remarks

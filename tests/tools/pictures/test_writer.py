@@ -334,7 +334,7 @@ def test_every_space_has_a_format() -> None:
 @pytest.mark.parametrize(
     ("kind", "calibration", "shape", "exposure", "message"),
     [
-        (PictureKind.of("tif"), SensorCalibration(channels="RGBE"), (4, 4), 0.0, "no colour matrix"),
+        (PictureKind.of("tif"), SensorCalibration(channels="VGBE"), (4, 4), 0.0, "no colour matrix"),
         (PictureKind.of("dng"), SensorCalibration(channels="CMY"), (4, 4), 0.0, "no colour matrix"),
         (PictureKind.of("dng"), FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
         (PictureKind.of("jpg"), CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),

@@ -1,5 +1,7 @@
 """Filters before a scene: what they read, what they add up to, and which colours they see."""
 
+import doctest
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
 from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.sensor import sample, typical_noise
+from tools.scenes import filters as module
 from tools.scenes.filters import Filters, filters_for, scene_channels
 from tools.scenes.scene import Scene
 
@@ -20,6 +23,10 @@ def scene_of(channels: str = "RGB", **fields: object) -> Scene:
 
 def pattern_of(block: str) -> CfaPattern:
     return CfaPattern.with_block(tuple(block.split("/")), 6)
+
+
+def test_the_examples() -> None:
+    assert doctest.testmod(module, optionflags=doctest.ELLIPSIS).failed == 0
 
 
 def test_a_scene_s_own_channels_pass_as_they_are() -> None:
