@@ -22,7 +22,7 @@ def best_patterns(figures: Figures, group: str) -> list[str]:
     found = []
     for level in figures.study.levels:
         winners = [(index, tile) for index in COMPARED if (tile := figures.best_pattern(group, level, index)) is not None]
-        if not winners or len(figures.study.tiles) < 2:
+        if len(figures.by_pattern(group, level, RGB)) < 2:
             continue
         parts = [_winner(figures, group, level, index, tile) for index, tile in winners]
         found.append(
