@@ -2,11 +2,15 @@
 
 from .criteria import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE
 from .figures import Figures
-from .methods import DENOISED_PLANES, PLANES, methods
+from .methods import DENOISED_PLANES, PLANES, SHARPENED_PLANES, methods
 from .tiles import Tile
 
 COMPARED = (RGB, TENTH_CHROMINANCE, WHOLE, HUE)  # criteria: how most of a picture looks, and its worst places
-BASELINES = {PLANES: "interpolated planes", DENOISED_PLANES: "BM3D + interpolated planes"}
+BASELINES = {
+    PLANES: "interpolated planes",
+    SHARPENED_PLANES: "these sharpened by W",
+    DENOISED_PLANES: "interpolated planes after BM3D",
+}
 
 
 def gains(figures: Figures, group: str, level: float, baseline: str) -> dict[Tile, float]:
