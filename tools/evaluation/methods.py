@@ -19,10 +19,10 @@ from .rivals.dlmmse import demosaic_dlmmse
 from .rivals.libraw import ALGORITHMS, demosaic_libraw
 from .rivals.packages import demosaic_malvar, demosaic_menon, demosaic_opencv
 from .rivals.plane_denoising import denoised_planes
-from .rivals.planes import planes
+from .rivals.planes import planes, sharpened_planes
 
 DENOISING_SECONDS = 40  # per megapixel, once for all methods that begin with it
-PLANES, DENOISED_PLANES = "planes", "bm3d+planes"  # what anyone can do with the shot of any pattern
+PLANES, SHARPENED_PLANES, DENOISED_PLANES = "planes", "planes+w", "bm3d+planes"  # what anyone can do with the shot of any pattern
 # Distributions that all install the module cv2.
 _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-contrib-python", "opencv-python")
 # The code between the light of a scene and its figures: every result depends on it.
@@ -113,6 +113,7 @@ def methods() -> dict[str, Method]:
     plain = Method(PLANES, "Interpolated planes", planes, _rivals("planes"), sparse=True, seconds=0.1)
     interpolated = [
         plain,
+        replace(plain, name=SHARPENED_PLANES, title="Interpolated planes + W", function=sharpened_planes),
         replace(
             plain,
             name=DENOISED_PLANES,

@@ -2,11 +2,15 @@
 
 from .criteria import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE
 from .figures import Figures
-from .methods import DENOISED_PLANES, PLANES, methods
+from .methods import DENOISED_PLANES, PLANES, SHARPENED_PLANES, methods
 from .tiles import Tile
 
 COMPARED = (RGB, TENTH_CHROMINANCE, WHOLE, HUE)  # criteria: how most of a picture looks, and its worst places
-BASELINES = {PLANES: "interpolated planes", DENOISED_PLANES: "BM3D + interpolated planes"}
+BASELINES = {
+    PLANES: "interpolated planes",
+    SHARPENED_PLANES: "these sharpened by W",
+    DENOISED_PLANES: "interpolated planes after BM3D",
+}
 
 
 def gains(figures: Figures, group: str, level: float, baseline: str) -> dict[Tile, float]:
@@ -22,7 +26,7 @@ def best_patterns(figures: Figures, group: str) -> list[str]:
     found = []
     for level in figures.study.levels:
         winners = [(index, tile) for index in COMPARED if (tile := figures.best_pattern(group, level, index)) is not None]
-        if not winners or len(figures.study.tiles) < 2:
+        if len(figures.by_pattern(group, level, RGB)) < 2:
             continue
         parts = [_winner(figures, group, level, index, tile) for index, tile in winners]
         found.append(

@@ -68,10 +68,12 @@ class Reading:
 
     linear: the numbers in the pictures are light, whatever the files say.
     largest: longest side, pixels; None = whole scenes.
+    channels: those of the scenes for which the patterns are, each once; files that do not name theirs have the first that fit.
     """
 
     linear: bool = False
     largest: int | None = None
+    channels: tuple[str, ...] = (RGB,)
 
     def scene(self, source: str) -> Scene:
         """Load a scene and cut it. Raises InputError, without the name of the source, if it cannot be read or is too small."""
@@ -93,13 +95,23 @@ class Reading:
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
 def _loaded(source: str, reading: Reading) -> tuple[Scene, FloatArray]:
-    scene = load_scene(source, linear=reading.linear)
+    scene = _load(source, reading)
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST:
         rows, columns = scene.shape
         raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
     rgb.flags.writeable = False
     return scene, rgb
+
+
+def _load(source: str, reading: Reading) -> Scene:
+    *others, last = reading.channels
+    for channels in others:
+        try:
+            return load_scene(source, linear=reading.linear, channels=channels)
+        except InputError:
+            continue  # a file of another number of channels
+    return load_scene(source, linear=reading.linear, channels=last)
 
 
 def digest(rgb: FloatArray) -> str:

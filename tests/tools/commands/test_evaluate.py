@@ -13,6 +13,8 @@ from PIL import Image
 from tests.tools.command import run, spawn, start
 from tests.tools.evaluation.examples import small_scene
 
+FIVE = "ABDWWW/EFWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
+
 
 @pytest.fixture
 def mixed(tmp_path: Path) -> Path:
@@ -87,6 +89,15 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     assert document["protocol"]["pattern"] == "K=6"
     found = {(each["method"], each["pattern"], each["period"]) for each in document["figures"]}
     assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
+    # A scene of five channels beside RGB ones: each pattern photographs what it has filters for.
+    np.save(tmp_path / "bands.npy", np.repeat(small_scene(60, 60, 0), 2, axis=2)[..., :5])
+    five = ("--methods", "planes", "--sigma", "0.01", "-j", "1", "--json", "--overwrite", "--no-report")
+    outcome = run("evaluate", tmp_path / "bands.npy", "builtin:60x60", "-o", out, *five, "--pattern", FIVE, "--period", "6")
+    assert outcome.code == 0
+    assert "bands, and others with these channels, without K=6: the pattern has the filters R and G" in outcome.err
+    document = json.loads((out / "evaluation.json").read_text())
+    found = {(each["scene"], each["pattern"], each["wrong_hue"] is None) for each in document["figures"] if each["scene"]}
+    assert found == {("bands", "ABDWWW/... (6 x 6)", True), ("builtin-60x60", "K=6", False)}
     alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
     assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
 

@@ -116,17 +116,15 @@ def _colour(figures: Figures, name: str) -> str:
     if name in ours:
         ours.sort(key=lambda each: each != figures.ours)
         return f"var({_OURS[ours.index(name) % len(_OURS)]})"
-    return f"var(--r{_others(figures).index(name) % _RIVALS})"
+    if name not in figures.rivals:  # what is for any pattern: few enough for the colours of the levels
+        others = [each for each in figures.study.methods if each not in ours and each not in figures.rivals]
+        return f"var(--l{others.index(name) % _LEVELS})"
+    return f"var(--r{figures.rivals.index(name) % _RIVALS})"
 
 
 def _dashed(figures: Figures, name: str) -> bool:
-    """Whether a colour is that of another method, too."""
-    return not methods()[name].ours and _others(figures).index(name) >= _RIVALS
-
-
-def _others(figures: Figures) -> list[str]:
-    """The methods that are not ours, those of the Bayer sensor first."""
-    return sorted((name for name in figures.study.methods if not methods()[name].ours), key=lambda name: methods()[name].sparse)
+    """Whether a rival's colour is that of another one, too."""
+    return name in figures.rivals and figures.rivals.index(name) >= _RIVALS
 
 
 def _quartiles(figure: Figure | None, plane: int) -> Quartiles | None:

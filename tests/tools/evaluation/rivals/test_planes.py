@@ -12,7 +12,7 @@ from shared.sensor import simulate_additive, simulate_sensor
 from tools.evaluation.rivals import plane_denoising
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.rivals.plane_denoising import denoised_planes
-from tools.evaluation.rivals.planes import planes
+from tools.evaluation.rivals.planes import planes, sharpened_planes
 
 PATTERNS = {
     "K=6": CfaPattern.bayer(6),
@@ -45,6 +45,8 @@ def test_a_linear_scene_comes_back(name: str) -> None:
     assert picture.dtype == np.float32
     np.testing.assert_allclose(picture[edge:-edge, edge:-edge], scene[edge:-edge, edge:-edge], atol=NOISE_FREE)
     assert np.abs(picture - scene).max() < 0.3  # and sensible at the border
+    sharpened = sharpened_planes(shot(scene, pattern))
+    np.testing.assert_allclose(sharpened[edge:-edge, edge:-edge], scene[edge:-edge, edge:-edge], atol=NOISE_FREE)
 
 
 @pytest.mark.parametrize("name", PATTERNS)
@@ -54,6 +56,15 @@ def test_measured_samples_are_kept(name: str) -> None:
     picture = planes(mosaic)
     for channel, rows, columns in pattern.lattices:
         np.testing.assert_allclose(picture[rows, columns, channel], mosaic.signal[rows, columns], rtol=1e-6)
+
+
+def test_detail_that_only_panchromatic_pixels_see_sharpens_every_channel() -> None:
+    scene = ramp(48, 48, 3)
+    scene[20:23] += 0.2  # a stroke between two rows of blocks
+    inner = (slice(20, 23), slice(8, -8))
+    mosaic = shot(scene, PATTERNS["K=6"])
+    assert np.abs(planes(mosaic)[inner] - scene[inner]).min() > 0.05
+    np.testing.assert_allclose(sharpened_planes(mosaic)[inner], scene[inner], atol=1e-4)
 
 
 def test_on_a_square_lattice_it_is_bilinear() -> None:
@@ -66,7 +77,7 @@ def test_on_a_square_lattice_it_is_bilinear() -> None:
 
 def test_a_frame_smaller_than_the_tile_is_refused() -> None:
     with pytest.raises(InputError, match="5 x 9 pixels is smaller than the tile of 6 x 6"):
-        planes(Mosaic(np.zeros((9, 5)), CfaPattern.bayer(6), SensorCalibration()))
+        planes(Mosaic(np.zeros((9, 5), np.float32), CfaPattern.bayer(6), SensorCalibration()))
 
 
 def test_denoising_first_lowers_noise() -> None:
@@ -90,7 +101,7 @@ def test_samples_on_one_grid_are_denoised_together(letters: str, grids: list[Any
     def darken(plane: FloatArray, shot: float, read: float) -> FloatArray:
         assert (shot, read) == (0.0, 0.1)
         seen.append(plane.shape)
-        return plane / 2
+        return plane * np.float32(0.5)
 
     monkeypatch.setattr(plane_denoising, "denoise_plane", darken)
     mosaic = shot(ramp(48, 48, 3), pattern, 0.1)
