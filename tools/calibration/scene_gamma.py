@@ -1,4 +1,5 @@
-"""Gamma from an ordinary scene: every colour block is compared with the panchromatic samples around it.
+"""Gamma from an ordinary scene: every colour block is compared with the panchromatic samples around it,
+in a scattered tile with those among it.
 
 A single block is noisy, so its own colour must not decide its weight: least squares would treat noise as colour, and its gamma
 would be too small. The colours of the eight neighbour blocks, whose noise is independent, serve as *instruments* z (O. Reiersøl,
@@ -9,17 +10,20 @@ would be too small. The colours of the eight neighbour blocks, whose noise is in
 holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block come from its neighbours.
 """
 
+from itertools import count
+
 import numpy as np
 from scipy.ndimage import convolve
 
-from shared import Mosaic
+from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
-from .gamma import INSTEAD, GammaFit
+from .gamma import INSTEAD, GammaFit, too_few_colours
 from .samples import CLIPPED, levels_of, robust_deviation
 
 _REACH = 2  # pixels: width of the ring of panchromatic samples around a block
+_LEAST_RING = 8  # panchromatic samples, through which a linear surface is fitted
 _DARK = 0.0015  # of full scale: in darker places an error of the black level is large
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], float)
 _LEAST_NEIGHBOURS = 6
@@ -80,14 +84,11 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     """
     pattern, levels = mosaic.pattern, levels_of(mosaic).astype(np.float64)
     grid, (high, wide) = pattern.grid(mosaic.shape), pattern.block_shape
-    reach = min(_REACH, pattern.period - max(high, wide))
+    reach, ring = _ring(pattern)
     rows, columns = (
         origins[(origins >= reach) & (origins + size + reach <= length)]
         for origins, size, length in zip((grid.rows, grid.columns), (high, wide), mosaic.shape, strict=True)
     )
-    site = {(row, column): channel for row, column, channel in pattern.sites}
-    around = [(row, column) for row in range(-reach, high + reach) for column in range(-reach, wide + reach)]
-    ring = [place for place in around if place not in site]
     middle = np.array([(high - 1) / 2, (wide - 1) / 2])
 
     def at(row: int, column: int) -> DoubleArray:
@@ -100,7 +101,7 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     level = plane[..., 0]
     colours, shading = np.zeros((*level.shape, len(pattern.channels))), np.zeros((*level.shape, len(pattern.channels)))
     brightest = white.max(axis=-1, initial=0)
-    for (row, column), channel in site.items():
+    for row, column, channel in pattern.sites:
         slope = plane[..., 1:] @ (np.array([row, column]) - middle)
         sample = at(row, column)
         colours[..., channel] += sample
@@ -112,6 +113,19 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     if excluded is not None:
         usable &= ~excluded[np.ix_(rows, columns)]
     return level, colours / shading, texture, usable
+
+
+def _ring(pattern: CfaPattern) -> tuple[int, list[tuple[int, int]]]:
+    """Return the panchromatic pixels in and around a block, (row, column) from its first pixel, and how far from it they reach.
+
+    A scattered tile has most of them inside; where these are few, others around it count too.
+    """
+    (top, left), (high, wide) = pattern.block_origin, pattern.block_shape
+    for reach in count(min(_REACH, pattern.period - max(high, wide)), _REACH):
+        mask = pattern.panchromatic_mask((high + 2 * reach, wide + 2 * reach), (top - reach, left - reach))
+        if mask.sum() >= _LEAST_RING:
+            break
+    return reach, [(row - reach, column - reach) for row, column in np.argwhere(mask).tolist()]
 
 
 def _chosen(
@@ -162,5 +176,5 @@ def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: D
     if min(strengths) < LEAST_STRENGTH:
         raise InputError(
             f"gamma: in their weakest direction the scene's colours are {max(min(strengths), 0):.1f} standard deviations above the "
-            f"noise, and {LEAST_STRENGTH:.0f} are needed: greys, or too few colours; {INSTEAD}"
+            f"noise, and {LEAST_STRENGTH:.0f} are needed: {too_few_colours(colours.shape[1])}"
         )
