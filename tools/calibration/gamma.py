@@ -22,7 +22,7 @@ def too_few_colours(channels: int) -> str:
     """Return why colours do not determine gamma of so many channels, and what to shoot instead."""
     why = "greys, or too few colours"
     if channels > _VISIBLE:
-        why += f", or {channels} channels that are mixtures of fewer, as in light that three primaries make up (a screen, an RGB picture)"
+        why += f", or {channels} channels that are mixtures of fewer, as in light of three primaries (a screen, an RGB picture)"
     return f"{why}; {INSTEAD}"
 
 
