@@ -1,13 +1,14 @@
 """The noise of a mosaic: from its calibration, or estimated from its own smooth parts.
 
-Estimation looks at rows and columns that are panchromatic throughout (every pattern has them). A high-pass filter along them leaves
-noise and texture. To leave out texture, the filtered lines are cut into small tiles, and of tiles of similar brightness only those
-that vary least count. A line through their (brightness, variance) is the Poisson-Gaussian model.
+Estimation looks at rows and columns that are panchromatic throughout or, where colour sites are scattered, at every second (third,
+...) pixel of them. A high-pass filter along them leaves noise and texture. To leave out texture, the filtered lines are cut into
+small tiles, and of tiles of similar brightness only those that vary least count. A line through their (brightness, variance) is the
+Poisson-Gaussian model.
 """
 
 import numpy as np
 
-from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
@@ -39,15 +40,27 @@ def estimate_noise(mosaic: Mosaic) -> NoiseModel | None:
     rows, columns = (mosaic.pattern.panchromatic_mask(shape) for shape in ((height, period), (period, width)))
     limit = _CLIPPED * mosaic.calibration.full_scale
     signal = mosaic.signal
-    across = _tiles(signal, np.flatnonzero(rows.all(axis=1)), limit)
-    down = _tiles(signal.T, np.flatnonzero(columns.all(axis=0)), limit)
-    mean, variance = np.concatenate([across, down], axis=1)
+    tiles = [_tiles(plane, lines, limit) for plane, lines in (*_panchromatic(signal, rows), *_panchromatic(signal.T, columns.T))]
+    mean, variance = np.concatenate(tiles, axis=1)
     if mean.size < _LEAST_TILES:
         return None
     levels, variances = _quietest(mean, variance)
     slope, intercept = _line(levels, variances)
     planes = len(mosaic.pattern.planes)
     return NoiseModel((slope,) * planes, (intercept**0.5,) * planes)
+
+
+def _panchromatic(signal: FloatArray, clear: BoolArray) -> list[tuple[FloatArray, IndexArray]]:
+    """Every n-th column of a signal, for the least n with which some rows are panchromatic, and the indices of these rows.
+
+    clear: bool (H, K), the panchromatic pixels of each row; it repeats along the row.
+    """
+    period = clear.shape[1]
+    for step in (step for step in range(1, period + 1) if period % step == 0):
+        phases = [(signal[:, phase::step], np.flatnonzero(clear[:, phase::step].all(axis=1))) for phase in range(step)]
+        if any(len(lines) for _, lines in phases):
+            return phases
+    return []
 
 
 def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:

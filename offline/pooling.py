@@ -88,7 +88,7 @@ def precise_sums(
     for channel, *site in sites:
         value = luminance[*site]
         variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
-        variance += (np.float32(doubt) * seen[channel] * curvature(luminance, site, grid.block_shape)) ** 2
+        variance += (np.float32(doubt) * seen[channel] * curvature(luminance, site, grid)) ** 2
         precision = 1 / np.maximum(variance, _LEAST_VARIANCE)
         sums[channel] += value**2 * precision
         sums[channels + channel] += value * signal[*site] * precision

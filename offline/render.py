@@ -26,6 +26,7 @@ from .kernels.mixing import colour
 from .learned import learner_for
 from .luminance import recover_luminance
 from .noise import noise_of
+from .pinning import Pinning
 from .pooling import pool_blocks
 from .propagation import propagate
 from .refinement import noise_level, reach, refine
@@ -176,6 +177,12 @@ def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
     parts = spread(mosaic, measured, settings, progress)
     if sites is None:
         yield from parts
+        return
+    if mosaic.pattern.is_scattered:
+        pinning = Pinning(measured.blocks, sites, gamma, settings.sites)
+        for part, rows in windows(parts, mosaic.shape[0], *pinning.steps):
+            progress.part("sites")
+            yield pinning.applied(part, rows)
         return
     learner = learner_for(mosaic.pattern, gamma, settings.learned)
     look, step, origin = learner.steps(sites) if learner else (sites.reach, 1, 0)

@@ -143,7 +143,7 @@ def gathered(plane: FloatArray, places: list[tuple[int, slice, slice]]) -> Float
 
 def doubt_of(luminance: FloatArray, places: list[tuple[int, slice, slice]], grid: BlockGrid) -> FloatArray:
     """Standard deviation of the error of filled luminance in each whole block, scene units, float32 (rows, columns)."""
-    bends = [curvature(luminance, [*site], grid.block_shape) for _, *site in places]
+    bends = [curvature(luminance, [*site], grid) for _, *site in places]
     doubt: FloatArray = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_DOUBT)
     return doubt
 

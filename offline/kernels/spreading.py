@@ -70,8 +70,8 @@ def spread_samples(
         normal, right_side = zeros((channels - 1) * channels // 2, *size), zeros(channels - 1, *size)
         _gather(light, colour, area, (top // TILE, left // TILE), (height, width), samples, gamma, basis, normal, right_side)
         links = zeros(4, *size)
-        _link(light, prior, links)
-        _solve(normal, right_side, links, np.float32(prior[1]), unknowns)
+        link(light, prior, links)
+        solve(normal, right_side, links, np.float32(prior[1]), _TOLERANCE, unknowns)
         for row in range(top, bottom):
             for column in range(left, right):
                 y, x = row - area[0], column - area[2]
@@ -124,7 +124,7 @@ def _share(corner: int, down: Scalar, along: Scalar) -> Scalar:
 
 
 @kernel
-def _link(light: FloatArray, prior: Prior, links: FloatArray) -> None:
+def link(light: FloatArray, prior: Prior, links: FloatArray) -> None:
     """How much each pixel is to be like those to the right, below, below right and below left; little across edges."""
     rows, columns = light.shape
     stiff, per_edge = np.float32(prior[0]), np.float32(1 / prior[2] ** 2)
@@ -138,8 +138,10 @@ def _link(light: FloatArray, prior: Prior, links: FloatArray) -> None:
 
 
 @kernel
-def _solve(normal: FloatArray, right_side: FloatArray, links: FloatArray, fading: Scalar, solution: FloatArray) -> None:
-    """Conjugate gradients, scaled by the diagonal. solution: zeros at first."""
+def solve(
+    normal: FloatArray, right_side: FloatArray, links: FloatArray, fading: Scalar, tolerance: float, solution: FloatArray
+) -> None:
+    """Conjugate gradients, scaled by the diagonal, until the residual is `tolerance` of what it was. solution: zeros at first."""
     parts, rows, columns = right_side.shape
     scale, direction, applied = zeros(parts, rows, columns), zeros(parts, rows, columns), zeros(parts, rows, columns)
     degree = zeros(rows, columns)
@@ -158,7 +160,7 @@ def _solve(normal: FloatArray, right_side: FloatArray, links: FloatArray, fading
                 scale[part, row, column] = _ONE / (normal[place, row, column] + degree[row, column] + fading)
                 direction[part, row, column] = scale[part, row, column] * right_side[part, row, column]
                 squared += right_side[part, row, column] * direction[part, row, column]
-    target = squared * _TOLERANCE**2
+    target = squared * tolerance**2
     for _ in range(_ITERATIONS):
         if squared <= target:
             break

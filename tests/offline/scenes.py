@@ -1,4 +1,4 @@
-"""Small scenes and sensors for the stages: every period and phase, odd sizes, blocks cut by the frame, more channels than three."""
+"""Small scenes and sensors for the stages: all periods and phases, odd sizes, cut blocks, five channels, scattered sites."""
 
 import numpy as np
 import pytest
@@ -17,6 +17,8 @@ CASES = {
     "five channels": (CfaPattern.with_block(("RGB", "XWY"), 6, (2, 3)), (25, 20)),
     "one row": (CfaPattern.with_block(("RGB",), 5, (4, 3)), (17, 12)),
     "across the tile's edge": (CfaPattern(("BWWWG", "WWWWW", "WWWWW", "WWWWW", "GWWWR")), (16, 14)),
+    "scattered": (CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)), (17, 22)),
+    "two blocks": (CfaPattern.of_letters("RGWWWW/GBWWWW/WWWWWW/WWWBGW/WWWGRW/WWWWWW", (4, 3)), (26, 21)),
     "one block": (CfaPattern.bayer(6, origin=(2, 3)), (4, 5)),
 }
 every_case = pytest.mark.parametrize(("pattern", "shape"), CASES.values(), ids=list(CASES))

@@ -45,11 +45,15 @@ def statistics(
 
 
 def curvature(luminance: DoubleArray, place: tuple[int, int], pattern: CfaPattern) -> float:
-    """How far a pixel is from the mean of the two pixels one block's size to either side; the larger of both axes."""
+    """How far a pixel is from the mean of the two pixels one block's size to either side; the larger of both axes.
+
+    A block that is a whole tile counts as four pixels wide at most.
+    """
     (y, x), (height, width) = place, luminance.shape
     found, here = block(pattern), luminance[place]
-    above, below = (luminance[mirrored(y + step, height), x] for step in (-found.height, found.height))
-    left, right = (luminance[y, mirrored(x + step, width)] for step in (-found.width, found.width))
+    down, across = (min(size, 4) if found.height == pattern.period else size for size in (found.height, found.width))
+    above, below = (luminance[mirrored(y + step, height), x] for step in (-down, down))
+    left, right = (luminance[y, mirrored(x + step, width)] for step in (-across, across))
     return float(max(abs((above + below) / 2 - here), abs((left + right) / 2 - here)))
 
 

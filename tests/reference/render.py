@@ -8,9 +8,9 @@ import numpy as np
 from offline.settings import RenderSettings
 from shared import Mosaic
 from shared.arrays import DoubleArray
-from tests.reference import affinity, chromaticity, denoising, pooling, propagation, refinement, sites, trust
+from tests.reference import affinity, chromaticity, denoising, pinning, pooling, propagation, refinement, sites, trust
 from tests.reference import luminance as wavelets
-from tests.reference.geometry import block_sites, is_whole, letter, patch_counts
+from tests.reference.geometry import block, block_sites, is_whole, letter, patch_counts
 
 
 class Picture(NamedTuple):
@@ -80,7 +80,10 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
     refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
     rgb = refined * light[..., None]  # Eq. 17
-    if settings.sites.corrected:
+    if settings.sites.corrected and block(pattern).height == pattern.period:  # the sites are scattered
+        refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma, settings.sites.deviations)
+        rgb = refined * light[..., None]
+    elif settings.sites.corrected:
         rgb = sites.correct(light, refined, signal, doubt, variance, pattern, gamma, settings.sites.deviations)
         light = rgb @ np.array(gamma)
         refined = rgb / light[..., None]

@@ -1,0 +1,63 @@
+"""Chromaticity from colour sites that are scattered: each channel is pinned at its own sites and spreads from there.
+
+The field of a channel is the one that stays close to what its sites measured and changes little from pixel to pixel, except across
+edges of luminance: a sum of squares, whose minimum conjugate gradients find. It departs from a base, a first guess, to which it
+fades where no site is trusted.
+"""
+
+import numpy as np
+
+from shared.arrays import ByteArray, FloatArray
+
+from .compile import parallel_kernel, prange
+from .functions import zeros
+from .spreading import HALO, TILE, Prior, link, solve
+
+_TOLERANCE = 3e-4
+_NONE = np.float32(0)
+
+
+@parallel_kernel("f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1]")
+def pin_samples(
+    luminance: FloatArray,
+    base: FloatArray,
+    channels: ByteArray,
+    ratios: FloatArray,
+    weights: FloatArray,
+    first: int,
+    rows: tuple[int, int],
+    prior: Prior,
+    out: FloatArray,
+) -> None:
+    """Find the chromaticity of some rows of the frame.
+
+    luminance, base: (rows, W) and (rows, W, C), a part of the picture that reaches `HALO` beyond the rows to find.
+    channels: (rows, W), the channel of each colour site; C elsewhere.
+    ratios: (rows, W), chromaticity of that channel as its site measured it.
+    weights: (rows, W), how far the site is trusted, 0 to 1.
+    first: the frame's row at luminance[0].
+    rows: first and end row to find; the first is a multiple of `TILE`.
+    prior: smoothness and fading relative to a site of weight 1, and the difference of luminance, scene units, that is an edge.
+    out: (rows, W, C), written.
+    """
+    (height, width), count = luminance.shape, base.shape[2]
+    along = (width + TILE - 1) // TILE
+    for number in prange((rows[1] - rows[0] + TILE - 1) // TILE * along):
+        top, left = rows[0] - first + number // along * TILE, number % along * TILE
+        bottom, right = min(top + TILE, rows[1] - first), min(left + TILE, width)
+        above, below, before, after = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)
+        size = below - above, after - before
+        links, normal, right_side, field = zeros(4, *size), zeros(1, *size), zeros(1, *size), zeros(1, *size)
+        link(luminance[above:below, before:after], prior, links)
+        for channel in range(count):
+            for row in range(size[0]):
+                for column in range(size[1]):
+                    y, x = above + row, before + column
+                    weight = weights[y, x] if channels[y, x] == channel else _NONE
+                    normal[0, row, column] = weight
+                    right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
+                    field[0, row, column] = _NONE
+            solve(normal, right_side, links, np.float32(prior[1]), _TOLERANCE, field)
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    out[y - rows[0] + first, x, channel] = base[y, x, channel] + field[0, y - above, x - before]

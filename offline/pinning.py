@@ -1,0 +1,85 @@
+"""Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites.
+
+A tile's one chromaticity says how bright each of its channels is on the whole, but its sites lie pixels apart: each tells the
+chromaticity of its own channel at its own place, sample over luminance there. Between them a channel changes little, except across
+edges of luminance (the prior of section 3.3). Noise makes a single site worth little, so sites count as far as they show more than
+noise: elsewhere the chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
+"""
+
+import numpy as np
+
+from shared.arrays import BoolArray, FloatArray
+
+from .gaussian import smoothed
+from .kernels.highlights import interpolate
+from .kernels.pinning import pin_samples
+from .kernels.spreading import HALO, TILE
+from .settings import SiteSettings
+from .sites import SiteSamples, signal_power
+from .tiling import DARK, Part
+
+_SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
+_AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted
+_LEAST_SUM = 0.5  # of gamma c: below it, the base stays
+
+
+class Pinning:
+    """How the sites of a frame pin its chromaticity.
+
+    blocks: chromaticity of every tile, (tile rows, tile columns, C).
+    sites: the samples of all whole tiles. gamma: (C,), the weights of Eq. 7.
+    """
+
+    def __init__(self, blocks: FloatArray, sites: SiteSamples, gamma: tuple[float, ...], settings: SiteSettings) -> None:
+        self._sites, self._gamma, self._settings = sites, np.array(gamma, np.float32), settings
+        self._around = np.ascontiguousarray(smoothed(np.moveaxis(blocks, 2, 0), _AROUND))
+
+    @property
+    def steps(self) -> tuple[int, int, int]:
+        """(reach, step, origin) for `tiling.windows`."""
+        return HALO + self._sites.reach, TILE, 0
+
+    def applied(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows of a part of the picture, which reaches `steps[0]` rows beyond them."""
+        sites, gamma = self._sites, self._gamma
+        tiles = sites.within(part)
+        if tiles.start >= tiles.stop:
+            return part.rows(*rows)
+        variance = sites.scaled_variance(gamma, tiles)
+        noise = None if variance is None else variance.mean(axis=2)
+        power = signal_power(sites.error(part, gamma, tiles), noise, self._settings.deviations)
+        share = np.ones_like(power) if noise is None else power / np.maximum(power + noise, np.finfo(np.float32).tiny)
+        ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
+        for site, (_, *place) in enumerate(sites.inside(part, tiles)):
+            light = part.luminance[*place]
+            lit = light > DARK
+            ratios[*place] = np.where(lit, sites.samples[tiles, :, site] / np.where(lit, light, 1), 0)
+            weights[*place] = np.where(lit & sites.trusted[tiles], share, 0)
+        return self._pinned(part, rows, self._base(part, share, tiles), ratios, weights)
+
+    def _base(self, part: Part, share: FloatArray, tiles: slice) -> FloatArray:
+        """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood."""
+        grid = self._sites.grid
+        trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
+        half = (grid.period - 1) / 2
+        interpolate(
+            share,
+            (float(grid.whole_rows[tiles.start]) + half - part.first, float(grid.whole_columns[0]) + half),
+            grid.period,
+            trusted,
+        )
+        base = part.chromaticity.copy()
+        for channel, around in enumerate(self._around):
+            interpolate(around, (float(grid.rows[0]) + half - part.first, float(grid.columns[0]) + half), grid.period, plane)
+            base[..., channel] += trusted * (plane - base[..., channel])
+        return base
+
+    def _pinned(self, part: Part, rows: tuple[int, int], base: FloatArray, ratios: FloatArray, weights: FloatArray) -> Part:
+        channels = self._sites.pattern.filter_map(part.luminance.shape, (part.first, 0))
+        shown = part.rows(*rows)
+        found = np.empty_like(shown.chromaticity)
+        prior = _SMOOTHNESS, _FADING, _EDGE
+        pin_samples(part.luminance, base, channels, ratios, weights, part.first, rows, prior, found)
+        total = (found @ self._gamma)[..., None]
+        whole: BoolArray = total > _LEAST_SUM
+        return Part(shown.first, shown.luminance, np.where(whole, found / np.where(whole, total, 1), shown.chromaticity))
