@@ -115,3 +115,5 @@ def test_memory_grows_with_the_frames() -> None:
     (frame,) = shots(0.0, MOTIONS[:1])
     assert burst_memory(2, frame) < burst_memory(9, frame)
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
+    scattered = Mosaic(frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration)
+    assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
