@@ -145,7 +145,8 @@ def _seen(trusts: ByteArray, panchromatic: BoolArray, motions: tuple[DoubleArray
     for trust, *motion in zip(trusts, *motions, strict=True):
         displace(panchromatic.astype(np.float32), tuple(each[None] for each in motion), 1.0, there)
         total += np.nan_to_num(there) * trust / 255
-    return total.clip(0, 1)
+    covered: FloatArray = total.clip(0, 1)
+    return covered
 
 
 def _figures(noise: NoiseModel | None, gain: float) -> tuple[float, float]:
