@@ -8,6 +8,7 @@ from ..settings import BEST, RenderSettings
 # Bytes per pixel, measured at 3 and 12 megapixels and rounded up: of each frame (luminance, trust, colour samples) and besides
 # (what compares one frame with the reference).
 _FRAME, _REST = 13.0, 90.0
+_SAMPLE = 130.0  # bytes, of each colour sample of a frame: where these are scattered they are many, otherwise those are in `_FRAME`
 
 
 def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -> int:
@@ -22,5 +23,6 @@ def burst_memory(frames: int, mosaic: Mosaic, settings: RenderSettings = BEST) -
     >>> 50e6 < burst_memory(8, mosaic) < 300e6
     True
     """
-    pixels = mosaic.shape[0] * mosaic.shape[1]
-    return round(_FRAME * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))
+    pixels, pattern = mosaic.shape[0] * mosaic.shape[1], mosaic.pattern
+    frame = _FRAME + (_SAMPLE * len(pattern.sites) / pattern.period**2 if pattern.is_scattered else 0)
+    return round(frame * frames * pixels + max(_REST * pixels, rendering_memory(mosaic, settings)))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from shared.arrays import ByteArray, FloatArray
+from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
@@ -20,7 +20,7 @@ from shared.progress import SILENT, Progress
 from ..blocks import block_sites
 from ..chromaticity import estimate_chromaticities
 from ..denoising import denoise_luminance
-from ..kernels.merging import merge
+from ..kernels.merging import displace, merge
 from ..kernels.mixing import colour
 from ..kernels.spreading import HALO, TILE, spread_samples
 from ..pooling import pool_blocks
@@ -87,6 +87,7 @@ def merge_burst(
     figures = np.array([_figures(frame.noise, gain) for frame, _, gain in kept])
     all_motions, panchromatic = as_arrays([motion for _, motion, _ in kept], mosaic.shape), pattern.panchromatic_mask(mosaic.shape)
     planes, trusts = _stacked(found)
+    unseen = 1 - _seen(trusts, panchromatic, all_motions) if pattern.is_scattered else None
     merge(planes, trusts, figures, panchromatic, all_motions, places, pattern.period, merged, shares, light, weight)
     del planes, trusts
     progress.advance()
@@ -100,6 +101,8 @@ def merge_burst(
     blocks = with_trusted_colour(blocks, found.trust, mosaic)
     sites = site_samples(samples, found.clear, luminance, noise)
     alone = np.maximum(gathered(shares, block_sites(pattern, grid)).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    if unseen is not None:
+        alone = np.maximum(alone, gathered(unseen, block_sites(pattern, grid)).mean(axis=2))
     alone = alone.astype(np.float32)
     sites = replace(sites, doubt=sites.doubt * alone, kept=alone)  # others measure luminance under the sites too
     settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
@@ -134,6 +137,16 @@ def _stacked(found: Comparison) -> tuple[FloatArray, ByteArray]:
         found.kept[number] = replace(frame, luminance=_NOTHING), motion, gain  # one copy of each plane is enough
     found.trusts.clear()
     return planes, trusts
+
+
+def _seen(trusts: ByteArray, panchromatic: BoolArray, motions: tuple[DoubleArray, DoubleArray, FloatArray]) -> FloatArray:
+    """How far panchromatic samples of all frames, as far as these are trusted, cover each pixel, 0 to 1, (H, W)."""
+    total, there = np.zeros((2, *panchromatic.shape), np.float32)
+    for trust, *motion in zip(trusts, *motions, strict=True):
+        displace(panchromatic.astype(np.float32), tuple(each[None] for each in motion), 1.0, there)
+        total += np.nan_to_num(there) * trust / 255
+    covered: FloatArray = total.clip(0, 1)
+    return covered
 
 
 def _figures(noise: NoiseModel | None, gain: float) -> tuple[float, float]:

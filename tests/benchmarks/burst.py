@@ -1,4 +1,5 @@
 """Measure bursts: python -m tests.benchmarks.burst [--sigma 0 0.01 0.03] [--frames 8] [--scenes SCENE...] [--rivals DIR]
+[--pattern LETTERS]
 
 Scenes reduced 2 x 2 are photographed by hand: frames up to 3 pixels and 0.3 degrees away from the first, which is the reference and
 the truth. For each noise: PSNR (dB) of RGB, luminance and chrominance, each as median and 10 % quantile of all 10 x 10 patches and
@@ -46,6 +47,7 @@ from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.load import load_scene
 
 PERIOD, REDUCED, LEAST = 6, 2, 300
+PATTERN = CfaPattern.bayer(PERIOD, ORDER)
 PIXELS, DEGREES = 3.0, 0.3
 STEPS = (0, -2, 2)  # of pixel shift, pixels, the reference first
 MEASURES = "median", "10 %", "whole"
@@ -114,9 +116,9 @@ def measured(picture: FloatArray, truth: FloatArray) -> DoubleArray:
     return np.array([(plane[2], plane[0], all_) for plane, all_ in zip(patches, whole, strict=True)])
 
 
-def shots(light: list[FloatArray], sigma: float) -> list[Mosaic]:
+def shots(light: list[FloatArray], sigma: float, pattern: CfaPattern = PATTERN) -> list[Mosaic]:
     """The frames through the sparse-colour sensor."""
-    camera, pattern = SensorCalibration(), CfaPattern.bayer(PERIOD, ORDER)
+    camera = SensorCalibration()
     return [simulate_additive(each, pattern, camera, sigma, np.random.default_rng([0, n])) for n, each in enumerate(light)]
 
 
@@ -126,9 +128,9 @@ def merged_picture(frames: list[Mosaic], motions: list[Motion] | None = None) ->
     return np.concatenate(list(render_burst_bands(merged, BEST))), merged
 
 
-def measure(series: Series, sigma: float, found: Found) -> None:
+def measure(series: Series, sigma: float, found: Found, pattern: CfaPattern = PATTERN) -> None:
     """Add the figures of our rows."""
-    truth, frames = series.light[0], shots(series.light, sigma)
+    truth, frames = series.light[0], shots(series.light, sigma, pattern)
 
     def alone(settings: RenderSettings) -> FloatArray:
         return render(frames[0], settings).rgb
@@ -140,7 +142,7 @@ def measure(series: Series, sigma: float, found: Found) -> None:
     picture, merged = merged_picture(frames)
     found.ratios.append((time.perf_counter() - rendered) / (rendered - started))
     found.add("burst", picture, truth)
-    found.add("pixel shift", merged_picture(shots(series.shifted, sigma), series.steps)[0], truth)
+    found.add("pixel shift", merged_picture(shots(series.shifted, sigma, pattern), series.steps)[0], truth)
     found.left_out += [f"{series.name}, frame {n + 1}: {frame.reason}" for n, frame in enumerate(merged.frames) if not frame.used]
     found.errors.append(alignment_error([frame.motion for frame in merged.frames[1:]], series.motions[1:], frames[0].shape))
 
@@ -210,16 +212,17 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", type=Path, metavar="SCENE", help="default: the test photographs")
     parser.add_argument("--rivals", type=Path, metavar="DIR", help="folder that keeps the figures of the rivals")
     parser.add_argument("--without-rivals", action="store_true")
+    parser.add_argument("--pattern", type=CfaPattern.of_letters, default=PATTERN, metavar="LETTERS", help="of red, green and blue")
     arguments = parser.parse_args()
     sources = arguments.scenes or sorted([*(DATA / "raw").glob("*"), *(DATA / "linear").glob("*")])
     scenes = [series for source in sources if (series := Series.of(source, arguments.frames))]
     if not scenes:
         raise SystemExit(f"no scene of {2 * LEAST} pixels a side or more; set PANCHROMA_TEST_DATA, or name some: --scenes")
-    merged_picture(shots(scenes[0].light[:2], 0.01))  # what is compiled now is not timed
+    merged_picture(shots(scenes[0].light[:2], 0.01, arguments.pattern))  # what is compiled now is not timed
     for sigma in arguments.sigma:
         found = Found()
         for series in scenes:
-            measure(series, sigma, found)
+            measure(series, sigma, found, arguments.pattern)
             if not arguments.without_rivals and package_version("bm3d"):
                 measure_rivals(series, sigma, found, arguments.rivals)
         report(found, sigma, [series.name for series in scenes], arguments.frames)

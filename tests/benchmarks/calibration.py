@@ -1,7 +1,8 @@
 """Measure the accuracy of calibration: python -m tests.benchmarks.calibration [--seeds 100]
 
-Synthetic truth: the built-in chart, gamma (0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8: error and coverage of gamma over many
-seeds, gain and read noise from flat and dark frames, planted hot pixels. Photographs: those test photographs that show a chart.
+Synthetic truth: the built-in chart, gamma (0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8 and two scattered tiles: error and coverage
+of gamma over many seeds, gain and read noise from flat and dark frames, planted hot pixels. Photographs: those test photographs
+that show a chart; and gamma from twelve scenes without one, its error in units of its half width.
 """
 
 import argparse
@@ -22,11 +23,22 @@ from tools.calibration.noise import measure_dark, measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
 from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
+from tools.calibration.scene_gamma import fit_scene_gamma
 from tools.calibration.shot import measure_chart, measure_scene
 from tools.scenes.drawn.chart import chart_scene
 from tools.scenes.load import load_scene
 
 HOT = 400
+PATTERNS = {
+    **{f"K = {period}": CfaPattern.bayer(period) for period in (4, 6, 8)},
+    "Kodak's tile": CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
+    "RG/BW": CfaPattern.of_letters("RG/BW"),
+}
+SCENES = (
+    "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng", "raw/rose.dng", "raw/s40_pantone.crw", "raw/g2_chart_detail.crw",
+    "linear/intel_tau_001.png", "linear/intel_tau_004.png", "linear/intel_tau_011.png", "linear/intel_tau_015.png",
+    "kodak/kodim05.png", "kodak/kodim23.png",
+)  # fmt: skip
 REFERENCE = color_checker_xyz()
 
 
@@ -35,9 +47,9 @@ def shot(rgb: DoubleArray | FloatArray, pattern: CfaPattern, rng: np.random.Gene
     return Mosaic(simulate_sensor(rgb.astype(np.float32), pattern, TRUTH, 1.0, rng).codes, pattern, BLIND)
 
 
-def synthetic_gamma(period: int, seeds: int) -> None:
+def synthetic_gamma(name: str, seeds: int) -> None:
     """Print errors and coverage of gamma."""
-    scene, pattern, truth = chart_scene(1200, 800), CfaPattern.bayer(period), np.array(TRUTH.gamma)
+    scene, pattern, truth = chart_scene(1200, 800), PATTERNS[name], np.array(TRUTH.gamma)
     place = find_chart(shot(scene.rgb, pattern, np.random.default_rng(0)), REFERENCE).place
     errors, covered = [], []
     for seed in range(seeds):
@@ -45,12 +57,13 @@ def synthetic_gamma(period: int, seeds: int) -> None:
         errors.append(fit.gamma / truth - 1)
         covered.append(np.abs(fit.gamma - truth) <= fit.half_width)
     worst, coverage = np.abs(errors).max(axis=0), np.mean(covered, axis=0)
-    print(f"K = {period}: {seeds} seeds, largest error {100 * worst.max():.2f} %, each gamma's interval covers {coverage * 100} %")
+    print(f"{name}: {seeds} seeds, largest error {100 * worst.max():.2f} %, each gamma's interval covers {coverage * 100} %")
 
 
-def synthetic_noise(period: int) -> None:
+def synthetic_noise(name: str) -> None:
     """Print errors of gain, read noise, black level and defects."""
-    pattern, rng, shape = CfaPattern.bayer(period), np.random.default_rng(period), (600, 900)
+    pattern, shape = PATTERNS[name], (600, 900)
+    rng = np.random.default_rng(pattern.period)
     hot = rng.choice(shape[0] * shape[1], HOT, replace=False)
     above = rng.uniform(20, 800, HOT)
     darks = []
@@ -63,15 +76,15 @@ def synthetic_noise(period: int) -> None:
     falling = 1 - 0.3 * np.linspace(0, 1, shape[1])[None, :, None] * np.ones((shape[0], 1, 3))
     flats = [shot(level * falling, pattern, rng) for level in (0.02, 0.1, 0.3, 0.6, 0.9) for _ in range(2)]
     seen, _ = measure_flats(flats)
-    for known, name in ((dark, "flats and darks"), (None, "flats alone")):
+    for known, frames in ((dark, "flats and darks"), (None, "flats alone")):
         noise = noise_of_flats(seen, BLIND, known)
         model, true = noise.model(sum(TRUTH.gamma)), TRUTH.noise
         assert true is not None
         gain = 100 * (np.array(model.shot) / true.shot - 1)
         reading = 100 * (np.array(model.read) / true.read - 1)
-        print(f"K = {period}, {name}: gain off by {gain.round(1)} %, read noise by {reading.round(1)} %")
+        print(f"{name}, {frames}: gain off by {gain.round(1)} %, read noise by {reading.round(1)} %")
     print(
-        f"K = {period}: hot pixels missed {len(set(hot.tolist()) - found)} of {HOT}, "
+        f"{name}: hot pixels missed {len(set(hot.tolist()) - found)} of {HOT}, "
         f"false {len(found - set(hot.tolist())) / (shape[0] * shape[1]):.1e}, "
         f"black level off by {(dark.black - TRUTH.black_level).round(4)} codes"
     )
@@ -103,6 +116,26 @@ def photograph(path: Path, *, chart: bool = True) -> None:
     print(line + (f"; {outcome.refusal}" if outcome.refusal else ""), flush=True)
 
 
+def scenes(name: str) -> None:
+    """Print how far gamma from ordinary scenes is off, in half widths of its intervals, and how wide these are."""
+    errors, widths, refused = [], [], 0
+    for source in SCENES:
+        try:
+            fit = fit_scene_gamma(shot(load_scene(str(DATA / source)).rgb, PATTERNS[name], np.random.default_rng(0)))
+        except InputError:
+            refused += 1
+            continue
+        errors.append((fit.gamma - TRUTH.gamma) / fit.half_width)
+        widths.append(fit.worst)
+    off = np.abs(errors)
+    print(
+        f"{name}, {len(SCENES)} scenes, {refused} refused: off by {np.sqrt(np.square(off).mean()):.2f} half widths (root mean "
+        f"square), {off.max():.1f} at most, intervals cover {100 * (off <= 1).mean():.0f} %, median half width "
+        f"{100 * np.median(widths):.1f} %",
+        flush=True,
+    )
+
+
 def main() -> None:
     """Print every figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -114,9 +147,10 @@ def main() -> None:
         photograph(DATA / name)
     for name in ("raw/outdoor2.dng", "raw/s40_pantone.crw"):
         photograph(DATA / name, chart=False)
-    for period in (4, 6, 8):
-        synthetic_noise(period)
-        synthetic_gamma(period, seeds)
+    for name in PATTERNS:
+        scenes(name)
+        synthetic_noise(name)
+        synthetic_gamma(name, seeds)
 
 
 if __name__ == "__main__":

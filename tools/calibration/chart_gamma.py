@@ -14,11 +14,11 @@ from scipy.optimize import least_squares
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
-from .gamma import INSTEAD, GammaFit
+from .gamma import INSTEAD, GammaFit, too_few_colours
 from .photon_transfer import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation
 
-WORST_CONDITION = 60.0
+_WORST_CONDITION, _PER_CHANNEL = 60.0, 20.0  # the larger of both; a ColorChecker has 3 to 6, with eight narrow bands 90
 _TRUST = 8.0  # weight of the noise line beside a place's own variance, in samples
 _REJECT = 4.0  # standard deviations
 _HUBER = 2.5
@@ -53,10 +53,10 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
     freedom = max(int(used.sum()) - channels, 1)
     spread = float(np.sqrt((score[used] ** 2).sum() / freedom))
     condition = float(np.linalg.cond(colours[used] / level[used, None]))
-    if condition > WORST_CONDITION:
+    if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
         raise InputError(
-            f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most {WORST_CONDITION:.0f}): "
-            f"greys, or too few colours; {INSTEAD}"
+            f"gamma: the patches' colours are too similar (condition {condition:.0f}, at most {worst:.0f}): "
+            f"{too_few_colours(channels)}"
         )
     return GammaFit(
         gamma=estimate,

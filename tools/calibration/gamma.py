@@ -15,6 +15,15 @@ INSTEAD = (
     "shoot a ColorChecker (or strongly coloured, evenly lit surfaces of all hues), unclipped, "
     "filling at least a quarter of the frame"
 )
+_VISIBLE = 3  # channels: light of three primaries has no more independent ones
+
+
+def too_few_colours(channels: int) -> str:
+    """Return why colours do not determine gamma of so many channels, and what to shoot instead."""
+    why = "greys, or too few colours"
+    if channels > _VISIBLE:
+        why += f", or {channels} channels that are mixtures of fewer, as in light of three primaries (a screen, an RGB picture)"
+    return f"{why}; {INSTEAD}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -126,7 +126,7 @@ def conclude(
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
         warnings += noise_warnings(noise, dark)
-    colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference)
+    colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference, base.pattern.channels)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
         changes["neutral"] = tuple(colour.neutral.tolist())
@@ -148,7 +148,7 @@ def conclude(
 
 
 def _colour(
-    charts: Sequence[ShotMeasurement], gamma: GammaFit | None, reference: DoubleArray
+    charts: Sequence[ShotMeasurement], gamma: GammaFit | None, reference: DoubleArray, channels: str
 ) -> tuple[ColourFit | None, str, DoubleArray | None, DoubleArray | None]:
     """Return the best chart's colours, its shot's name, L*a*b* before, and camera RGB of its patches under even light."""
     if gamma is None:
@@ -164,7 +164,7 @@ def _colour(
     colour, shot, levels = min(candidates, key=lambda candidate: float(candidate[0].left_out.mean()))
     known = shot.calibration.camera_to_xyz
     before = None
-    if known is not None or levels.shape[1] == 3:
+    if known is not None or channels == "RGB":
         before = white_balanced(levels, reference, np.array(known if known is not None else SRGB_TO_XYZ))
     even = levels / colour.light[:, None]
     scale = float((reference[18:21, 1] / (even[18:21] / colour.neutral).mean(axis=1)).mean())

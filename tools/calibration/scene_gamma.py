@@ -1,5 +1,7 @@
 """Gamma from an ordinary scene: every colour block is compared with the panchromatic samples around it.
 
+A scattered tile is its own block, and its panchromatic samples lie among the colours.
+
 A single block is noisy, so its own colour must not decide its weight: least squares would treat noise as colour, and its gamma
 would be too small. The colours of the eight neighbour blocks, whose noise is independent, serve as *instruments* z (O. Reiersøl,
 1945; W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.4):
@@ -9,17 +11,20 @@ would be too small. The colours of the eight neighbour blocks, whose noise is in
 holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block come from its neighbours.
 """
 
+from itertools import product
+
 import numpy as np
 from scipy.ndimage import convolve
 
-from shared import Mosaic
+from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
-from .gamma import INSTEAD, GammaFit
+from .gamma import INSTEAD, GammaFit, too_few_colours
 from .samples import CLIPPED, levels_of, robust_deviation
 
 _REACH = 2  # pixels: width of the ring of panchromatic samples around a block
+_LEAST_RING = 8  # panchromatic samples of a scattered tile, through which a linear surface is fitted
 _DARK = 0.0015  # of full scale: in darker places an error of the black level is large
 _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], float)
 _LEAST_NEIGHBOURS = 6
@@ -73,36 +78,38 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaF
 
 
 def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, DoubleArray, DoubleArray, BoolArray]:
-    """Measure every whole block that has a ring around it, on the grid (n, m) of blocks.
+    """Measure every whole block that has a ring around it, or scattered tile, on the grid (n, m) of them.
 
     Returns the panchromatic level at a block's centre (n, m), the channels there (n, m, C), the variance of the ring about a linear
     surface (n, m), and whether the block can be used (n, m).
     """
     pattern, levels = mosaic.pattern, levels_of(mosaic).astype(np.float64)
-    grid, (high, wide) = pattern.grid(mosaic.shape), pattern.block_shape
-    reach = min(_REACH, pattern.period - max(high, wide))
+    grid, tiles, period = pattern.grid(mosaic.shape), _tiles_together(pattern), pattern.period
+    high, wide = (size + (tiles - 1) * period for size in pattern.block_shape)
+    reach = min(_REACH, period - max(pattern.block_shape))
     rows, columns = (
-        origins[(origins >= reach) & (origins + size + reach <= length)]
+        origins[(origins >= reach) & (origins + size + reach <= length)][::tiles]
         for origins, size, length in zip((grid.rows, grid.columns), (high, wide), mosaic.shape, strict=True)
     )
-    site = {(row, column): channel for row, column, channel in pattern.sites}
-    around = [(row, column) for row in range(-reach, high + reach) for column in range(-reach, wide + reach)]
-    ring = [place for place in around if place not in site]
+    first = pattern.block_origin[0] - reach, pattern.block_origin[1] - reach
+    ring = np.argwhere(pattern.panchromatic_mask((high + 2 * reach, wide + 2 * reach), first)) - reach
     middle = np.array([(high - 1) / 2, (wide - 1) / 2])
 
     def at(row: int, column: int) -> DoubleArray:
         return levels[np.ix_(rows + row, columns + column)]
 
     white = np.stack([at(*place) for place in ring], axis=-1) if rows.size and columns.size else np.zeros((0, 0, len(ring)))
-    design = np.concatenate([np.ones((len(ring), 1)), np.array(ring) - middle], axis=1)
+    design = np.concatenate([np.ones((len(ring), 1)), ring - middle], axis=1)
     plane = white @ np.linalg.pinv(design).T
     texture = ((white - plane @ design.T) ** 2).sum(axis=-1) / (len(ring) - 3)
     level = plane[..., 0]
     colours, shading = np.zeros((*level.shape, len(pattern.channels))), np.zeros((*level.shape, len(pattern.channels)))
     brightest = white.max(axis=-1, initial=0)
-    for (row, column), channel in site.items():
-        slope = plane[..., 1:] @ (np.array([row, column]) - middle)
-        sample = at(row, column)
+    tops = lefts = range(0, tiles * period, period)
+    for top, left, (down, across, channel) in product(tops, lefts, pattern.sites):
+        place = top + down, left + across
+        slope = plane[..., 1:] @ (np.array(place) - middle)
+        sample = at(*place)
         colours[..., channel] += sample
         shading[..., channel] += np.clip(
             1 + slope / np.maximum(level, 1e-6), 0.5, 2
@@ -112,6 +119,17 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     if excluded is not None:
         usable &= ~excluded[np.ix_(rows, columns)]
     return level, colours / shading, texture, usable
+
+
+def _tiles_together(pattern: CfaPattern) -> int:
+    """Return how many tiles, along each side, are measured as one block: as many as have enough panchromatic samples.
+
+    Do not look for more of them around a tile instead: they would see another part of the scene than its colours, and on
+    photographs errors exceeded their intervals.
+    """
+    if not pattern.is_scattered:
+        return 1
+    return int(np.ceil(np.sqrt(_LEAST_RING / (pattern.period**2 - len(pattern.sites)))))
 
 
 def _chosen(
@@ -162,5 +180,5 @@ def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: D
     if min(strengths) < LEAST_STRENGTH:
         raise InputError(
             f"gamma: in their weakest direction the scene's colours are {max(min(strengths), 0):.1f} standard deviations above the "
-            f"noise, and {LEAST_STRENGTH:.0f} are needed: greys, or too few colours; {INSTEAD}"
+            f"noise, and {LEAST_STRENGTH:.0f} are needed: {too_few_colours(colours.shape[1])}"
         )

@@ -94,7 +94,14 @@ class Burst(Subject):
         self.errors = tuple(frame.line for frame in frames if frame.failed)
         super().__init__(self._mosaic(self._reference))
         if reported:
-            ColourTransform.to_space(self.mosaic.calibration)  # raises InputError where the report could show no picture
+            try:
+                ColourTransform.to_space(self.mosaic.calibration)
+            except InputError:
+                channels = self.mosaic.calibration.channels
+                raise InputError(
+                    f"a report shows pictures in sRGB, and the colours of {channels} are not known: calibrate the camera "
+                    "(panchroma calibrate), or leave --report out"
+                ) from None
 
     def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
         """Align and merge the frames."""

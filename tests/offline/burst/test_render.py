@@ -66,6 +66,16 @@ def test_other_filters() -> None:
     assert psnr(picture(merge_burst(frames, reference=0, motions=motions)), truth) > psnr(render(frames[0]).rgb, truth) + 1
 
 
+@pytest.mark.parametrize(("letters", "sigma"), [("WBWG/BWGW/WGWR/GWRW", 0.01), ("RG/BW", 0.0), ("WAWB/CWDW/WEWC/BWAW", 0.0)])
+def test_scattered_tiles(letters: str, sigma: float) -> None:
+    pattern = CfaPattern.of_letters(letters, (1, 2))
+    motions = [Motion(shift) for shift in SHIFTS[:4]]
+    frames, truth = shots(sigma, motions, pattern), scene(motions[0], len(pattern.channels))
+    merged = merge_burst(frames, reference=0)
+    assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
+    assert psnr(picture(merged), truth) > psnr(render(frames[0]).rgb, truth) + 1
+
+
 def test_known_steps_of_the_sensor() -> None:
     steps = [Motion((2.0 * down, 2.0 * across)) for down in range(3) for across in range(3)]
     frames, truth = shots(0.0, steps), scene(steps[0])
@@ -105,3 +115,5 @@ def test_memory_grows_with_the_frames() -> None:
     (frame,) = shots(0.0, MOTIONS[:1])
     assert burst_memory(2, frame) < burst_memory(9, frame)
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
+    scattered = Mosaic(frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration)
+    assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels

@@ -30,9 +30,11 @@ def chart() -> Scene:
     return chart_scene(WIDTH, HEIGHT)
 
 
-def frame(rgb: ArrayLike, period: int = 6, seed: int = 0, says: SensorCalibration = BLIND) -> Mosaic:
-    """A frame of the true sensor looking at (H, W, 3), whose file says `says`."""
-    pattern = CfaPattern.bayer(period)
+def frame(
+    rgb: ArrayLike, period: int = 6, seed: int = 0, says: SensorCalibration = BLIND, pattern: CfaPattern | None = None
+) -> Mosaic:
+    """A frame of the true sensor looking at (H, W, 3), whose file says `says`. pattern: None = Bayer blocks of this period."""
+    pattern = pattern or CfaPattern.bayer(period)
     taken = simulate_sensor(np.asarray(rgb, np.float32), pattern, TRUTH, 1.0, np.random.default_rng(seed))
     return Mosaic(taken.codes, pattern, says)
 

@@ -142,6 +142,32 @@ def test_scene_of_five_channels() -> None:
     assert fit.worst < 0.05
 
 
+@pytest.mark.parametrize("tile", ["WBWG/BWGW/WGWR/GWRW", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW"])
+def test_gamma_of_scattered_tiles(tile: str) -> None:
+    pattern = CfaPattern.of_letters(tile, (1, 2))
+    for fit in (
+        fit_chart_gamma(patch_samples(frame(chart().rgb, pattern=pattern), true_place().regions())),
+        fit_scene_gamma(frame(leaves(), pattern=pattern)),
+    ):
+        assert np.abs(fit.gamma / GAMMA - 1).max() < 0.02
+        assert (np.abs(fit.gamma - GAMMA) < 1.7 * fit.half_width).all()
+
+
+def test_few_panchromatic_pixels_are_enough() -> None:
+    pattern = CfaPattern(("RGBRG", "GBRGB", "BRWBR", "RGBRG", "GBRGB"))
+    fit = fit_scene_gamma(frame(leaves(), pattern=pattern))
+    assert (np.abs(fit.gamma - GAMMA) < 1.7 * fit.half_width).all()
+
+
+def test_channels_that_are_mixtures_of_three_are_refused_with_the_reason() -> None:
+    parts = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0.5, 0.5], [0.5, 0.5, 0]]).T
+    pattern = CfaPattern.of_letters("WRWG/BWCW/WYWG/GWWW", channels="RGBCY")
+    camera = SensorCalibration.of_bits(12, headroom=False, channels="RGBCY")
+    taken = simulate_sensor((leaves() @ parts).astype(np.float32), pattern, camera, 1.0, np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"5 channels that are mixtures of fewer.*shoot"):
+        fit_scene_gamma(taken)
+
+
 def made(gamma: Any, deviation: float) -> GammaFit:
     one = np.ones(1)
     return GammaFit(np.array(gamma), np.eye(2) * deviation**2, 50, one, one, one > 0, 2.0, 1.0, 0.5)

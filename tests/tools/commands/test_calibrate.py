@@ -300,6 +300,31 @@ def test_red_and_blue_exchanged_show_on_the_chart(
     assert not (tmp_path / "camera.json").exists()
 
 
+def test_a_scattered_tile_of_cyan_magenta_and_yellow_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    right, wrong = (CfaPattern.of_letters(tile, (0, 1), "CMY") for tile in ("WYWC/YWCW/WCWM/CWMW", "WMWC/MWCW/WCWY/CWYW"))
+    camera, light = replace(TRUTH, channels="CMY"), (chart().rgb @ (1 - np.eye(3)) / 2).astype(np.float32)
+    says = replace(BLIND, channels="CMY")
+    for name, pattern in (("chart", right), ("exchanged", wrong)):
+        codes = simulate_sensor(light, right, camera, 1.0, np.random.default_rng(0)).codes
+        save(tmp_path / f"{name}.dng", Mosaic(codes, pattern, says))
+    for number, level in enumerate((0.0, 0.0, 0.1, 0.1, 0.8, 0.8)):
+        even = np.full((*chart().shape, 3), level, np.float32)
+        codes = simulate_sensor(even, right, camera, 1.0, np.random.default_rng(number)).codes
+        save(tmp_path / f"{'flat' if level else 'dark'}{number}.dng", Mosaic(codes, right, says))
+    output = tmp_path / "camera.json"
+    (tmp_path / "exchanged.dng").rename(tmp_path / "exchanged")
+    assert panchroma("calibrate", tmp_path, "-o", output, "--report", tmp_path) == 0
+    measured = read_camera(output)
+    np.testing.assert_allclose(measured.calibration.gamma, TRUTH.gamma, rtol=0.01)
+    np.testing.assert_allclose(measured.calibration.noise.shot, TRUTH.noise.shot, rtol=0.1)  # type: ignore[union-attr]
+    assert measured.pattern == right
+    capsys.readouterr()
+    assert panchroma("calibrate", (tmp_path / "exchanged").rename(tmp_path / "exchanged.dng"), "-o", tmp_path / "no.json") == 1
+    said = capsys.readouterr().err
+    assert "magenta and yellow are exchanged" in said
+    assert "/".join(right.letters_from()) in said
+
+
 def test_no_copy_of_an_old_file_is_ever_replaced(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     (tmp_path / "camera.json.bak").write_text("mine")

@@ -9,7 +9,7 @@ from shared.arrays import ByteArray, FloatArray
 from ..samples import levels_of
 from .place import INNER, PATCH, ChartPlace
 
-_REACH = 2  # pixels: a hole is filled from samples at most this far away
+_REACH = 2  # pixels: a hole is filled from samples at most this far away; no site of a scattered tile is farther from one
 _SHOWN = 99.0  # percentile of a channel that is shown as white
 
 
@@ -69,7 +69,7 @@ def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
 def _luminance(mosaic: Mosaic, levels: FloatArray) -> FloatArray:
     """Return the panchromatic samples with the holes filled from their neighbours, weighted by distance."""
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
-    reach = max(_REACH, *mosaic.pattern.block_shape)
+    reach = _REACH if mosaic.pattern.is_scattered else max(_REACH, *mosaic.pattern.block_shape)
     steps = np.arange(-reach, reach + 1)
     kernel = (1.0 / (steps[:, None] ** 2 + steps**2 + 1.0) ** 2).astype(np.float32)
     total = convolve(np.where(measured, levels, np.float32(0)), kernel, mode="mirror")
