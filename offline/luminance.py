@@ -7,6 +7,7 @@ from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
+from .gaussian import smoothed
 from .kernels.holes import CHUNK, REACH, fill_blocks
 from .kernels.shrinkage import SLACK, shrink_margins, shrink_once
 from .settings import LuminanceSettings
@@ -18,6 +19,7 @@ LOW: FloatArray = np.array([(1 + _ROOT3) / 8, (3 + _ROOT3) / 8, (3 - _ROOT3) / 8
 HIGH: FloatArray = (LOW[::-1] * [1, -1, 1, -1]).astype(np.float32)
 _TAPS: FloatArray = np.stack([LOW, HIGH])
 
+_AROUND = 1.0  # pixels: standard deviation of the start's means; every scattered site has a panchromatic pixel within its reach
 _PIECE = 128  # rows of blocks that are filled between two reports of progress
 
 
@@ -31,7 +33,8 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) == 0 or len(columns) == 0:
         progress.stage("luminance", settings.iterations)
-        luminance, change = fill(signal, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
+        guess = _start(signal, pattern) if pattern.is_scattered else signal
+        luminance, change = fill(guess, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
         progress.solved("luminance", settings.iterations, change)
         return luminance
     progress.stage("luminance", -(-len(rows) // _PIECE))
@@ -63,6 +66,17 @@ def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress:
         progress.advance()
     change = max(float(np.abs(plane[rows] - result[rows]).max()) for rows in strips(len(plane)))
     return plane[:, REACH : REACH + signal.shape[1]].copy(), change
+
+
+def _start(signal: FloatArray, pattern: CfaPattern) -> FloatArray:
+    """The plane with a mean of the panchromatic samples around each hole in it, float32 (H, W).
+
+    Holes of scattered sites may be so wide that iterations which start from the samples in them, the paper's start, end too early.
+    """
+    clear = pattern.panchromatic_mask(signal.shape)
+    known = clear.astype(np.float32)
+    around = smoothed(signal * known, _AROUND) / smoothed(known, _AROUND)
+    return np.where(clear, signal, around)
 
 
 def _bordered(signal: FloatArray, holes: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:

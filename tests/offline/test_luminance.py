@@ -31,7 +31,8 @@ def shrink(picture: FloatArray, threshold: float) -> FloatArray:
 
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
-    return reference.recover(mosaic.signal.astype(np.float64), measured, settings.iterations, settings.decay, settings.threshold)
+    start = reference.start(mosaic.signal.astype(np.float64), measured, scattered=mosaic.pattern.is_scattered)
+    return reference.recover(start, measured, settings.iterations, settings.decay, settings.threshold)
 
 
 def panchromatic(samples: DoubleArray, pattern: CfaPattern) -> Mosaic:

@@ -6,7 +6,9 @@ import numpy as np
 import pywt
 from scipy.signal import convolve2d, correlate2d
 
+from offline import luminance as constants
 from shared.arrays import BoolArray, DoubleArray
+from tests.reference.gaussian import blur
 
 # Analysis reads l[n-3..n], the box one coefficient more on both sides, synthesis reads coefficients n..n+3.
 REACH = 4
@@ -17,6 +19,14 @@ def filters() -> list[DoubleArray]:
     wavelet = pywt.Wavelet("db2")
     low, high = np.array(wavelet.dec_lo) / math.sqrt(2), np.array(wavelet.dec_hi) / math.sqrt(2)
     return [np.outer(down, across) for down in (low, high) for across in (low, high)]
+
+
+def start(signal: DoubleArray, measured: BoolArray, *, scattered: bool) -> DoubleArray:
+    """l_0: the samples; where sites are scattered, in every hole the mean of the panchromatic samples around it."""
+    if not scattered:
+        return signal
+    around = blur(np.where(measured, signal, 0), constants._AROUND) / blur(measured.astype(np.float64), constants._AROUND)
+    return np.where(measured, signal, around)
 
 
 def analyse(picture: DoubleArray) -> list[DoubleArray]:

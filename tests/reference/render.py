@@ -45,7 +45,8 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
 
     part = settings.luminance
-    light = wavelets.recover(signal, measured, part.iterations, part.decay, part.threshold)
+    start = wavelets.start(signal, measured, scattered=block(pattern).height == pattern.period)
+    light = wavelets.recover(start, measured, part.iterations, part.decay, part.threshold)
 
     noise, clean = mosaic.calibration.noise, settings.denoising
     if noise is not None and clean.strength * max(noise.shot[-1], noise.read[-1]) > 0:

@@ -32,7 +32,6 @@ from tools.host.options import (
 from tools.host.processors import processors
 from tools.host.versions import program_version
 from tools.pictures.html import encode_page
-from tools.scenes.filters import scene_channels
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -153,7 +152,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     tiles = _tiles(arguments)
     if arguments.crop is not None and arguments.crop < 1:
         raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
-    channels = {scene_channels(tile.pattern.channels): None for tile in tiles}  # each once, in their order
+    channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
     reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
     sources, left_out = expand(arguments.scenes, Path(arguments.output))
     if uses_scheduler(arguments):

@@ -16,7 +16,7 @@ from device.capture import Sensor
 from device.frame_check import checked
 from device.frame_folder import watch_folder
 from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from shared import SensorCalibration
+from shared import CfaPattern, SensorCalibration
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import typical_noise
@@ -145,10 +145,20 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     if camera:
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
-    calibration = SensorCalibration.of_bits(arguments.bits or bits, headroom=False, channels=pattern.channels)
+    calibration = SensorCalibration.of_bits(
+        arguments.bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
+    )
     black, white = calibration.black_level[0], calibration.white_level
     note = f"no --camera: black level {black:.0f} and white level {white} are assumed, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
+
+
+def _ideal_gamma(pattern: CfaPattern) -> tuple[float, ...]:
+    """Gamma of filters that are mixtures of red, green and blue; otherwise 1 for each channel."""
+    try:
+        return filters_for(pattern, builtin_scene(1, 1)).gamma
+    except InputError:
+        return (1.0,) * len(pattern.channels)
 
 
 def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
