@@ -59,12 +59,13 @@ class Pinning:
         noise = None if variance is None else variance.mean(axis=2)
         power = signal_power(sites.error(part, gamma, tiles), noise, self._settings.deviations)
         share = np.ones_like(power) if noise is None else power / np.maximum(power + noise, np.finfo(np.float32).tiny)
+        share *= sites.trusted[tiles]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, (_, *place) in enumerate(sites.inside(part, tiles)):
             light = part.luminance[*place]
             lit = light > DARK
             ratios[*place] = np.where(lit, sites.samples[tiles, :, site] / np.where(lit, light, 1), 0)
-            weights[*place] = np.where(lit & sites.trusted[tiles], share, 0)
+            weights[*place] = np.where(lit, share, 0)
         return self._pinned(part, rows, self._base(part, share, tiles), ratios, weights)
 
     def _base(self, part: Part, share: FloatArray, tiles: slice) -> FloatArray:

@@ -178,7 +178,7 @@ def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
     if sites is None:
         yield from parts
         return
-    if mosaic.pattern.is_scattered:
+    if mosaic.pattern.is_scattered and settings.sites.corrected:
         pinning = Pinning(measured.blocks, sites, gamma, settings.sites)
         for part, rows in windows(parts, mosaic.shape[0], *pinning.steps):
             progress.part("sites")

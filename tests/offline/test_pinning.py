@@ -91,3 +91,12 @@ def test_noise_alone_moves_nothing() -> None:
     noisy = replace(samples, samples=noise, variance=variance)
     found = Pinning(blocks, noisy, mosaic.calibration.gamma, SITES).applied(part, (0, 90)).chromaticity
     assert np.abs(found - part.chromaticity).max() < 1e-6
+
+
+def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
+    """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say more than they did."""
+    mosaic = shot(KODAK, (90, 90), None)
+    part, samples, blocks = pictured(mosaic)
+    blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
+    found = Pinning(blocks, replace(samples, trusted=np.zeros_like(samples.trusted)), mosaic.calibration.gamma, SITES)
+    assert np.abs(found.applied(part, (0, 90)).chromaticity - part.chromaticity).max() < 1e-6
