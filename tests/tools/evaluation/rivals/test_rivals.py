@@ -26,7 +26,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning
 RIVALS = [
     name
     for name, method in methods().items()
-    if not method.ours and method.missing is None and not (method.denoise or method.balanced)
+    if not method.sparse and method.missing is None and not (method.denoise or method.balanced)
 ] + list(ALGORITHMS)
 CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by
 EDGE = 8  # pixels: rivals do as they like there
