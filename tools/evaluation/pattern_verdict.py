@@ -22,16 +22,16 @@ def gains(figures: Figures, group: str, level: float, baseline: str) -> dict[Til
 
 
 def best_patterns(figures: Figures, group: str) -> list[str]:
-    """A text for each level: the best pattern by each of COMPARED, and what rendering gains over interpolated planes."""
+    """A text for each level: the best of several patterns by each of COMPARED, and what rendering gains over interpolated planes."""
     found = []
     for level in figures.study.levels:
+        name, gained = figures.study.protocol.describe(level), _gained(figures, group, level)
         winners = [(index, tile) for index in COMPARED if (tile := figures.best_pattern(group, level, index)) is not None]
-        if len(figures.by_pattern(group, level, RGB)) < 2:
-            continue
-        parts = [_winner(figures, group, level, index, tile) for index, tile in winners]
-        found.append(
-            f"Best pattern at {figures.study.protocol.describe(level)}: {'; '.join(parts)}.{_gained(figures, group, level)}"
-        )
+        if len(figures.by_pattern(group, level, RGB)) > 1:
+            parts = [_winner(figures, group, level, index, tile) for index, tile in winners]
+            found.append(f"Best pattern at {name}: {'; '.join(parts)}.{gained}")
+        elif gained:
+            found.append(f"At {name}:{gained}")
     return found
 
 

@@ -70,7 +70,7 @@ def headline(figures: Figures, group: str) -> str:
     if not margins and group == SPECTRAL:
         return "A Bayer camera is left out: these scenes have other channels than red, green and blue."
     if not margins:
-        return "There is nothing to compare: measure a method of ours and a rival."
+        return "There is no Bayer camera to compare with: measure a method of ours and a rival."
     kinds = (
         ("better than every Bayer rival", [level for level, lead in margins if lead >= EVEN]),
         ("even with the best", [level for level, lead in margins if abs(lead) < EVEN]),
