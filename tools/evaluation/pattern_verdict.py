@@ -22,7 +22,7 @@ def gains(figures: Figures, group: str, level: float, baseline: str) -> dict[Til
 
 
 def best_patterns(figures: Figures, group: str) -> list[str]:
-    """A text for each level: the best of several patterns by each of COMPARED, and what rendering gains over interpolated planes."""
+    """A text for each level: the best of several patterns by each of COMPARED, and what rendering gains over BASELINES."""
     found = []
     for level in figures.study.levels:
         name, gained = figures.study.protocol.describe(level), _gained(figures, group, level)
