@@ -20,6 +20,7 @@ from .tiling import DARK, Part
 
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted
+_CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too
 _TAPS = 2  # tiles that interpolation between them looks beyond a pixel
 _LEAST_SUM = 0.5  # of gamma c: below it, the base stays
 
@@ -31,6 +32,14 @@ def rows_pinned(period: int) -> int:
 
 def _reach(period: int) -> int:
     return HALO + site_reach(period) + _TAPS * period
+
+
+def _share(power: FloatArray, noise: FloatArray | None) -> FloatArray:
+    """How far sites count that miss the picture by `power`, where `noise` is the variance of their noise: 0 to 1, float32."""
+    if noise is None:
+        return np.ones_like(power)
+    total: FloatArray = np.maximum(power + np.float32(_CAUTION) * noise, np.finfo(np.float32).tiny)
+    return power / total
 
 
 class Pinning:
@@ -58,14 +67,18 @@ class Pinning:
         variance = sites.scaled_variance(gamma, tiles)
         noise = None if variance is None else variance.mean(axis=2)
         power = signal_power(sites.error(part, gamma, tiles), noise, self._settings.deviations)
-        share = np.ones_like(power) if noise is None else power / np.maximum(power + noise, np.finfo(np.float32).tiny)
-        share *= sites.trusted[tiles]
+        share = _share(power, noise) * sites.trusted[tiles]
+        places = [place for _, *place in sites.inside(part, tiles)]
+        lights = np.stack([part.luminance[*place] for place in places], axis=2)
+        # A ratio is the less certain the darker its site is.
+        squared = np.square(lights) / np.maximum(np.square(lights).mean(axis=2, keepdims=True), DARK**2)
+        trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * sites.trusted[tiles, :, None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
-        for site, (_, *place) in enumerate(sites.inside(part, tiles)):
-            light = part.luminance[*place]
+        for site, place in enumerate(places):
+            light = lights[..., site]
             lit = light > DARK
             ratios[*place] = np.where(lit, sites.samples[tiles, :, site] / np.where(lit, light, 1), 0)
-            weights[*place] = np.where(lit, share, 0)
+            weights[*place] = np.where(lit, trust[..., site], 0)
         return self._pinned(part, rows, self._base(part, share, tiles), ratios, weights)
 
     def _base(self, part: Part, share: FloatArray, tiles: slice) -> FloatArray:

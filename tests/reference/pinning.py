@@ -35,7 +35,7 @@ def pin(
     error = sites.at_sites(signal, whole) * weights[index] - np.stack([seen[:, :, s, c] for s, c in enumerate(index)], axis=2)
     noise = (variance * weights[index] ** 2).mean(axis=2)
     power = sites.signal_power(error, noise, deviations)
-    share = np.where(noise > 0, power / np.maximum(power + noise, 1e-30), 1.0)
+    share = np.where(noise > 0, power / np.maximum(power + constants._CAUTION * noise, 1e-30), 1.0)
 
     half, period = (pattern.period - 1) / 2, pattern.period
     origin = np.array(block_corner(pattern, (0, 0))) + half
@@ -54,10 +54,13 @@ def pin(
         weight, right = np.zeros(shape), np.zeros(shape)
         for i, row in enumerate(whole):
             for j, tile in enumerate(row):
-                for y, x, name in tile:
+                mean = np.mean([luminance[y, x] ** 2 for y, x, _ in tile])
+                for site, (y, x, name) in enumerate(tile):
                     if name == pattern.channels[channel] and luminance[y, x] > 1e-6:
-                        weight[y, x] = share[i, j]
-                        right[y, x] = share[i, j] * (signal[y, x] / luminance[y, x] - base[y, x, channel])
+                        bright = luminance[y, x] ** 2 / mean
+                        shown, own = power[i, j] * bright, constants._CAUTION * variance[i, j, site] * weights[channel] ** 2
+                        weight[y, x] = min(bright, 1) * (shown / max(shown + own, 1e-30) if own > 0 else 1)
+                        right[y, x] = weight[y, x] * (signal[y, x] / luminance[y, x] - base[y, x, channel])
         matrix = sparse.diags(weight.ravel() + constants._FADING) + smooth
         pinned[..., channel] = base[..., channel] + spsolve(matrix.tocsc(), right.ravel()).reshape(shape)
     total = (pinned @ weights)[..., None]
