@@ -24,7 +24,7 @@ LOSSLESS = 100
 
 _LOSSLESS_EFFORT, _LOSSY_EFFORT = 1, 5
 _HEADER = 64  # bytes in which the header of a codestream ends at the latest
-_STREAM, _PART, _NUMBER = b"jxlc", b"jxlp", 4  # boxes with a codestream, or a part of one behind its number
+_STREAM = b"jxlc"  # the box with the codestream
 
 # ISO/IEC 18181-1, annex D: two bits choose one of four pairs (offset, bits of what is added to it).
 _Choices = tuple[tuple[int, int], ...]
@@ -59,10 +59,10 @@ def encode_jpegxl(samples: NDArray[Any], space: str, *, exif: bytes, quality: in
     else:
         light = samples if SPACES[space].linear else _linear_srgb(samples, space)
         file = imagecodecs.jpegxl_encode(light, distance=_distance(quality), effort=_LOSSY_EFFORT, usecontainer=True)
-    boxes = list(_boxes(memoryview(file)))
-    stream = b"".join(content[_NUMBER if name == _PART else 0 :] for name, content in boxes if name in (_STREAM, _PART))
-    first = [_box(name, content) for name, content in boxes if name not in (_STREAM, _PART)]
-    return b"".join((*first, _box(b"Exif", bytes(4), exif), _box(_STREAM, *_relabelled(stream, samples.dtype, space))))
+    boxes = dict(_boxes(memoryview(file)))
+    stream = _relabelled(boxes.pop(_STREAM), samples.dtype, space)
+    first = (_box(name, content) for name, content in boxes.items())
+    return b"".join((*first, _box(b"Exif", bytes(4), exif), _box(_STREAM, *stream)))
 
 
 def _distance(quality: int) -> float:
@@ -98,7 +98,7 @@ def _box(name: bytes, *contents: bytes | memoryview) -> bytes:
     return b"".join((head, *contents))
 
 
-def _relabelled(stream: bytes, dtype: np.dtype[Any], space: str) -> tuple[bytes, memoryview]:
+def _relabelled(stream: memoryview, dtype: np.dtype[Any], space: str) -> tuple[bytes, memoryview]:
     """A codestream with a header that names this type and space: the header, and the data behind it."""
     bits = _Bits(stream)
     bits.take(16)  # signature
@@ -106,13 +106,13 @@ def _relabelled(stream: bytes, dtype: np.dtype[Any], space: str) -> tuple[bytes,
     size = bits.place, bits.passed()
     modular, xyb = _read_metadata(bits)
     known = (dtype.kind == "f", modular, xyb)
-    return _packed([size, *_metadata(8 * dtype.itemsize, space, *known)]), memoryview(stream)[-(-bits.place // 8) :]
+    return _packed([size, *_metadata(8 * dtype.itemsize, space, *known)]), stream[-(-bits.place // 8) :]
 
 
 class _Bits:
     """Reads numbers from the header of a codestream, lowest bits first."""
 
-    def __init__(self, stream: bytes) -> None:
+    def __init__(self, stream: memoryview) -> None:
         self._all, self.place = int.from_bytes(stream[:_HEADER], "little"), 0
 
     def take(self, count: int) -> int:

@@ -55,7 +55,8 @@ def encode_ultra_hdr_bands(
     level, segments = jpeg_level(quality), jpeg_segments(shape, icc, exif)
 
     def encode(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip]:
-        return encode_strip(rows[..., :3], level, "444"), encode_strip(rows[..., 3:], _GAIN_QUALITY, "444")
+        picture, codes = rows[..., :3].copy(), rows[..., 3:].copy()  # copies, even of one pixel: the codec looks at the strides
+        return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444")
 
     pictures, maps = zip(*ahead(encode, regrouped(bands, ROWS), threads), strict=True)
     described = segment(_APP1, _XMP + _xmp(gains)) + segment(_APP2, _ISO + _iso(gains))
