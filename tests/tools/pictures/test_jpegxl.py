@@ -30,7 +30,7 @@ def smooth() -> FloatArray:
     """Saturated colours of all hues, beyond those of sRGB too, without noise."""
     down, across = np.mgrid[0:1:80j, 0:1:120j]
     rgb = np.stack([across, 1 - across, down], axis=-1) * np.array(CALIBRATION.neutral)
-    return rgb.astype(np.float32)
+    return np.asarray(rgb, np.float32)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=str)

@@ -251,7 +251,9 @@ def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     assert found["EXIF:FocalLength"] == 50
     assert found["EXIF:Orientation"] == (6 if kind.space == CAMERA else 1)
     assert found["EXIF:Software"].startswith("Panchroma")
-    assert [text for key, text in found.items() if "Warning" in key] == []
+    # Files by Google's own library have no packet wrapper: its early versions do not read one.
+    minor = "[minor] XMP is missing xpacket wrapper"
+    assert [text for key, text in found.items() if "Warning" in key and text != minor] == []
 
 
 def test_a_shot_of_which_nothing_is_known(tmp_path: Path) -> None:
