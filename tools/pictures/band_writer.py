@@ -79,7 +79,8 @@ def write_picture_bands(
         tempfile.TemporaryFile(dir=Path(path).parent) as spool,
     ):
         converted = ahead(convert, bands, -(-threads // _RENDERING))
-        turned = _turn(converted, (*shape, 6 if kind.format == "uhdr" else len(channels)), dtype, turn, spool)
+        depth = 4 if kind.format == "uhdr" else len(channels)  # the codes of the gains too
+        turned = _turn(converted, (*shape, depth), dtype, turn, spool)
         if kind.format in ("jpg", "uhdr"):
             exif = encode_tiff(jpeg_directory(noted, whole, srgb=srgb))
             encode = encode_jpeg_bands

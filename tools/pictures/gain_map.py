@@ -4,6 +4,10 @@ A picture ends at display white: the brightest that every channel can measure. T
 later than the panchromatic ones, later still in a channel in which white reads less, and `offline/highlights.py` rebuilds light
 up to the channel that clips last. An HDR display shows it up to there, `headroom` times display white. Where nothing is clipped
 the gain is 1, and the picture is the same on every display.
+
+The gain is that of luminance, the same for all channels. Beyond display white some channel may be clipped, in the sensor or in
+the picture that was simulated, and the colour is unknown (`shared/display.py`): the colour of a highlight stays that of the
+picture, or a burnt-out lamp that the picture shows white would be magenta in HDR.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +23,7 @@ from shared.display import ColourTransform
 OFFSET = 1 / 64
 """What is added to both pictures before their ratio is taken: the gain of black stays finite."""
 
-_NEUTRAL, _TOP = 64, 255  # codes of gain 1, and of the highest; a JPEG keeps even areas of 64 exactly
+_TOP = 255  # the code of the highest gain; that of 1 is 0
 _LEAST = 1  # stops: less range than this is no HDR
 
 
@@ -52,27 +56,23 @@ class GainMap:
         return log2(self.headroom) + max(self.exposure, 0.0)
 
     @property
-    def lowest(self) -> float:
-        """The lowest gain, stops: a highlight of a saturated colour has less of the other channels than its clipped picture."""
-        return -self.highest * _NEUTRAL / (_TOP - _NEUTRAL)
-
-    @property
     def capacity(self) -> float:
         """How much brighter than white a display has to be to show all, stops."""
         return max(log2(self.headroom) + self.exposure, _LEAST)
 
     def codes(self, rgb: FloatArray) -> ByteArray:
-        """The gains of a rendering in scene units, (H, W, C), for each channel of the picture: uint8 (H, W, 3)."""
+        """The gains of a rendering in scene units, (H, W, C): uint8 (H, W)."""
         linear = replace(self.shown, space=replace(self.shown.space, linear=True))
-        white = np.array(self.shown.white, np.float32)
-        steps = np.float32((_TOP - _NEUTRAL) / self.highest)
-        result = np.full((*rgb.shape[:2], 3), _NEUTRAL, np.uint8)
+        white, luminance = np.array(self.shown.white, np.float32), self.shown.space.to_xyz[1].astype(np.float32)
+        result = np.zeros(rgb.shape[:2], np.uint8)
         for rows in strips(len(rgb)):
-            light = linear.apply(rgb[rows].clip(-white, white * np.float32(self.headroom)), self.exposure)
-            bright = (rgb[rows] > white).any(axis=2) | (light > 1).any(axis=2)
+            part = rgb[rows]
+            light = linear.apply(part.clip(-white, white), self.exposure)
+            bright = (part > white).any(axis=2) | (light > 1).any(axis=2)
             if not bright.any():
                 continue
-            clipped = linear.apply(rgb[rows][bright][None].clip(-white, white), self.exposure)[0].clip(0, 1)
-            gains = np.log2((light[bright].clip(0, None) + np.float32(OFFSET)) / (clipped + np.float32(OFFSET)))
-            result[rows][bright] = np.rint(_NEUTRAL + steps * gains).clip(0, _TOP)
+            beyond = linear.apply(part[bright][None].clip(-white, white * np.float32(self.headroom)), self.exposure)[0]
+            seen, whole = light[bright].clip(0, 1) @ luminance, beyond.clip(0, None) @ luminance
+            gains = np.log2((whole + np.float32(OFFSET)) / (seen + np.float32(OFFSET)))
+            result[rows][bright] = np.rint(gains * np.float32(_TOP / self.highest)).clip(0, _TOP)
         return result

@@ -20,7 +20,7 @@ _GAIN_QUALITY = 95  # of the map, which is even nearly everywhere, and so small
 _XMP, _ISO, _MPF = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0", b"MPF\0"
 _APP1, _APP2 = 0xE1, 0xE2
 _JFIF_ENDS = 20  # a JPEG's signature and its first segment
-_THREE_CHANNELS, _SAME_PRIMARIES, _UNIT = 0x80, 0x40, 10**6  # ISO's metadata: flags, and the denominator of all fractions
+_SAME_PRIMARIES, _UNIT = 0x40, 10**6  # ISO's metadata: a flag, and the denominator of all fractions
 _PRIMARY = 0x30000  # the type of the first picture in a Multi-Picture file: baseline primary image
 
 _PACKET = (
@@ -48,14 +48,14 @@ def encode_ultra_hdr_bands(
 ) -> bytes:
     """Return an Ultra HDR JPEG, whose first picture is the JPEG of `encode_jpeg_bands` with some more segments.
 
-    bands: uint8 (rows, W, 6), any number of rows each: the picture's RGB, and the codes of its gains.
+    bands: uint8 (rows, W, 4), any number of rows each: the picture's RGB, and the codes of its gains.
     gains: what these codes mean.
     shape, icc, exif, quality, threads, errors: see `encode_jpeg_bands`.
     """
     level, segments = jpeg_level(quality), jpeg_segments(shape, icc, exif)
 
     def encode(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip]:
-        picture, codes = rows[..., :3].copy(), rows[..., 3:].copy()  # copies, even of one pixel: the codec looks at the strides
+        picture, codes = rows[..., :3].copy(), rows[..., 3].copy()  # copies, even of one pixel: the codec looks at the strides
         return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444")
 
     pictures, maps = zip(*ahead(encode, regrouped(bands, ROWS), threads), strict=True)
@@ -70,7 +70,7 @@ def encode_ultra_hdr_bands(
 def _xmp(gains: GainMap) -> bytes:
     """The metadata of a gain map in XMP; gains and capacities are logarithms to the base 2."""
     values = {
-        "GainMapMin": gains.lowest,
+        "GainMapMin": 0.0,
         "GainMapMax": gains.highest,
         "Gamma": 1.0,
         "OffsetSDR": OFFSET,
@@ -84,8 +84,8 @@ def _xmp(gains: GainMap) -> bytes:
 
 def _iso(gains: GainMap) -> bytes:
     """The metadata of a gain map by ISO 21496-1, annex C."""
-    channel = b"".join(map(_fraction, (gains.lowest, gains.highest, 1.0, OFFSET, OFFSET)))
-    return struct.pack(">HHB", 0, 0, _THREE_CHANNELS | _SAME_PRIMARIES) + _fraction(0.0) + _fraction(gains.capacity) + 3 * channel
+    values = 0.0, gains.capacity, 0.0, gains.highest, 1.0, OFFSET, OFFSET
+    return struct.pack(">HHB", 0, 0, _SAME_PRIMARIES) + b"".join(map(_fraction, values))
 
 
 def _fraction(value: float) -> bytes:

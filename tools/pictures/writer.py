@@ -210,7 +210,7 @@ def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureM
 def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float) -> NDArray[Any]:
     """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32.
 
-    Those of "uhdr" are six: the picture's, and the codes of their gains.
+    Those of "uhdr" are four: the picture's, and the codes of their gains.
     """
     floating = kind.bits == 32 or kind.format == "exr"
     if kind.space == CAMERA:
@@ -220,7 +220,7 @@ def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibratio
         return shown.apply(rgb, exposure)
     codes = display_codes(rgb, shown, kind.bits, exposure)
     if kind.format == "uhdr":
-        return np.concatenate([codes, GainMap.of(calibration, kind.space, exposure).codes(rgb)], axis=2)
+        return np.dstack([codes, GainMap.of(calibration, kind.space, exposure).codes(rgb)])
     return codes
 
 

@@ -33,7 +33,7 @@ _ENCODING = {
     "npy": 28.0,
     "jxl": 60.0,
 }  # per pixel of 3 channels, beside the picture, which is held as a whole
-_COMPRESSED = {"jpg": 3.0, "uhdr": 9.0, "dng": 6.0}  # per pixel: of noise, pictures take half of that
+_COMPRESSED = {"jpg": 3.0, "uhdr": 6.0, "dng": 6.0}  # per pixel: of noise, pictures take half of that
 _PART = 30.0  # per pixel of a part of a DNG that waits or is compressed
 # The bands that wait for a TIFF take less than the planes of the frame that are no longer needed then.
 
