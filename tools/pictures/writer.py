@@ -220,7 +220,7 @@ def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibratio
         return shown.apply(rgb, exposure)
     codes = display_codes(rgb, shown, kind.bits, exposure)
     if kind.format == "uhdr":
-        return np.dstack([codes, GainMap.of(calibration, kind.space, exposure).codes(rgb)])
+        return np.dstack([codes, GainMap.of(calibration, kind.space, exposure).codes(rgb, codes)])
     return codes
 
 
