@@ -30,7 +30,10 @@ class JpegStrip:
 
 
 def encode_strip(codes: ByteArray, quality: int, subsampling: Subsampling) -> JpegStrip:
-    """Encode at most `ROWS` rows, uint8 RGB (rows, W, 3). quality: 1 to 100. subsampling: 420 halves the resolution of colour."""
+    """Encode at most `ROWS` rows, uint8 RGB (rows, W, 3) or grey (rows, W).
+
+    quality: 1 to 100. subsampling: 420 halves the resolution of colour.
+    """
     data = imagecodecs.jpeg8_encode(np.ascontiguousarray(codes), level=quality, subsampling=subsampling)
     return JpegStrip((codes.shape[0], codes.shape[1]), 16 if subsampling == "420" else 8, bytes(data))
 

@@ -128,9 +128,9 @@ def add_scale(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale", type=int, default=1, metavar="N", help=text)
 
 
-def add_quality(parser: argparse.ArgumentParser) -> None:
+def add_quality(parser: argparse.ArgumentParser, more: str = "") -> None:
     """Add --quality, for commands that write JPEG; `tools.pictures.encoders.check_quality` checks it."""
-    text = "quality of a JPEG, 1 (small) to 100 (default: 95)"
+    text = f"quality of a JPEG, 1 (small) to 100 (default: 95){more}"
     parser.add_argument("--quality", type=int, metavar="N", help=text)
 
 

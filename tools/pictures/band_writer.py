@@ -19,10 +19,12 @@ from tools.host.ahead import ahead
 
 from .encoders import encode_jpeg_bands, write_tiff_picture
 from .exif_writing import jpeg_directory, picture_directory
+from .gain_map import GainMap
 from .samples import upright
+from .ultra_hdr import encode_ultra_hdr_bands
 from .writer import PictureKind, check_output, labels, linear_dng, to_samples, written_shape
 
-FORMATS = ("tif", "jpg", "dng")
+FORMATS = ("tif", "jpg", "uhdr", "dng")
 """The formats that can be written in bands."""
 _READ = 64  # rows read back at a time
 _RENDERING = 4  # threads that render, for each that converts: at most a fifth of their time
@@ -77,10 +79,14 @@ def write_picture_bands(
         tempfile.TemporaryFile(dir=Path(path).parent) as spool,
     ):
         converted = ahead(convert, bands, -(-threads // _RENDERING))
-        turned = _turn(converted, (*shape, len(channels)), dtype, turn, spool)
-        if kind.format == "jpg":
+        depth = 4 if kind.format == "uhdr" else len(channels)  # the codes of the gains too
+        turned = _turn(converted, (*shape, depth), dtype, turn, spool)
+        if kind.format in ("jpg", "uhdr"):
             exif = encode_tiff(jpeg_directory(noted, whole, srgb=srgb))
-            file.write(encode_jpeg_bands(turned, whole, icc=icc, exif=exif, quality=kind.quality, threads=threads))
+            encode = encode_jpeg_bands
+            if kind.format == "uhdr":
+                encode = partial(encode_ultra_hdr_bands, gains=GainMap.of(calibration, kind.space, exposure))
+            file.write(encode(turned, whole, icc=icc, exif=exif, quality=kind.quality, threads=threads))
         else:
             directory = picture_directory(noted, srgb=srgb)
             rgb = channels == "RGB"

@@ -25,7 +25,7 @@ from shared.tiff import Directory, Fields, FieldType, write_tiff
 from tools.host.ahead import ahead
 
 _LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a JPEG segment
-_QUALITIES, _QUALITY = range(1, 101), 95  # of a JPEG, and the one if none is asked for
+_QUALITIES, _QUALITY = range(1, 101), 95  # that can be asked for, and that of a JPEG if none is
 _STRIP_ROWS = 64
 _PNG_START = 8 + 25  # signature and IHDR
 
@@ -127,7 +127,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 
 def check_quality(quality: int | None) -> None:
-    """Raise InputError unless this is a quality of a JPEG, 1 to 100, or None for the usual one."""
+    """Raise InputError unless this is a quality, 1 to 100, or None for the usual one."""
     if quality is not None and quality not in _QUALITIES:
         raise InputError(f"the quality is {quality}, expected {_QUALITIES[0]} to {_QUALITIES[-1]}")
 
@@ -154,18 +154,29 @@ def encode_jpeg_bands(
 
     Raises InputError for another quality, and if a side exceeds 65500 pixels, or the Exif block 64 KiB.
     """
+    level, segments = jpeg_level(quality), jpeg_segments(shape, icc, exif)
+    strips = list(ahead(lambda rows: encode_strip(rows, level, "444"), regrouped(bands, ROWS), threads))
+    return join_strips(strips, segments)
+
+
+def jpeg_level(quality: int | None) -> int:
+    """The quality of a JPEG, None for the usual one, as a number. Raises InputError unless it is 1 to 100."""
     check_quality(quality)
+    return _QUALITY if quality is None else quality
+
+
+def jpeg_segments(shape: tuple[int, int], icc: bytes, exif: bytes) -> bytes:
+    """The segments of a JPEG with Exif and profile; parameters and errors are those of `encode_jpeg_bands`."""
     height, width = shape
     if max(height, width) > LONGEST_SIDE:
         raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
     if len(exif) > _LONGEST_EXIF:
         raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
-    level = _QUALITY if quality is None else quality
-    strips = list(ahead(lambda rows: encode_strip(rows, level, "444"), regrouped(bands, ROWS), threads))
-    return join_strips(strips, _segment(0xE1, b"Exif\0\0" + exif) + (_segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b""))
+    return segment(0xE1, b"Exif\0\0" + exif) + (segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
 
 
-def _segment(marker: int, data: bytes) -> bytes:
+def segment(marker: int, data: bytes) -> bytes:
+    """A segment of a JPEG, of at most 65533 bytes."""
     return struct.pack(">BBH", 0xFF, marker, len(data) + 2) + data
 
 

@@ -28,8 +28,11 @@ from tools.host.ahead import ahead
 
 from .encoders import check_quality, encode_exr, encode_jpeg, encode_npy, encode_png, encode_tiff_picture, regrouped
 from .exif_writing import jpeg_directory, picture_directory, software
+from .gain_map import GainMap
 from .icc_writing import icc_profile
+from .jpegxl import check_jpegxl, encode_jpegxl
 from .samples import quantise, upright
+from .ultra_hdr import encode_ultra_hdr_bands
 
 CAMERA = "camera"
 
@@ -39,12 +42,16 @@ POSSIBLE: dict[str, dict[str, tuple[int, ...]]] = {
     "tif": {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,), CAMERA: (32,)},
     "png": {"srgb": (8, 16), "display-p3": (8, 16)},
     "jpg": {"srgb": (8,), "display-p3": (8,)},
+    "jxl": {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,)},
+    "uhdr": {"srgb": (8,), "display-p3": (8,)},
     "dng": {CAMERA: (16,)},
     "exr": {"linear-srgb": (16, 32), CAMERA: (32, 16)},
     "npy": {CAMERA: (32,), "srgb": (32,), "display-p3": (32,), "linear-srgb": (32,)},
 }
 OTHER_NAMES = {"tiff": "tif", "jpeg": "jpg"}
-"""What else the formats are called: name -> key of `POSSIBLE`, which is also the ending of the file's name."""
+"""What else the formats are called: name -> key of `POSSIBLE`, which is also the ending of the file's name, but of "uhdr"."""
+QUALITIES = ("jpg", "jxl", "uhdr")
+"""The formats that have a quality."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,7 @@ class PictureKind:
     format: a key of `POSSIBLE`.
     bits: 8 or 16 = integers (in "exr" half floats), 32 = floating point.
     space: a key of `SPACES`, or "camera".
-    quality: of a JPEG, 1 to 100; None = the usual one.
+    quality: of one of `QUALITIES`, 1 to 100; None = the usual one.
 
     Raises InputError for any other kind, and names the possible ones.
     """
@@ -66,10 +73,12 @@ class PictureKind:
 
     def __post_init__(self) -> None:
         check_quality(self.quality)
-        if self.quality is not None and self.format != "jpg":
+        if self.quality is not None and self.format not in QUALITIES:
             raise InputError(
-                f"the quality is {self.quality}, but {self.format} is not compressed with loss; only jpg has a quality"
+                f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {', '.join(QUALITIES)}"
             )
+        if self.format == "jxl":
+            check_jpegxl()
         spaces = _spaces(self.format)
         if self.space not in spaces:
             raise InputError(f"{self.format} does not hold the space {self.space!r}; it holds {_listed(self.format)}")
@@ -100,7 +109,7 @@ class PictureKind:
     @property
     def suffix(self) -> str:
         """The file name's ending, with the dot."""
-        return f".{self.format}"
+        return ".jpg" if self.format == "uhdr" else f".{self.format}"
 
 
 def check_gain(kind: PictureKind, exposure: float) -> None:
@@ -122,7 +131,7 @@ def check_output(kind: PictureKind, calibration: SensorCalibration, shape: tuple
         if len(calibration.channels) != 3:
             raise InputError(f"dng holds pictures of 3 channels, the sensor has {calibration.channels}; use tif, exr or npy")
         ColourTransform.to_space(calibration)
-    if kind.format in ("dng", "jpg") and max(shape) > LONGEST_SIDE:
+    if kind.format in ("dng", "jpg", "uhdr") and max(shape) > LONGEST_SIDE:
         raise InputError(f"{shape[1]} x {shape[0]} pixels: a side of a {kind.format} holds at most {LONGEST_SIDE}; use tif")
 
 
@@ -172,6 +181,14 @@ def encode_picture(
             return encode_jpeg(
                 samples, icc=icc, exif=encode_tiff(jpeg_directory(metadata, samples.shape, srgb=srgb)), quality=kind.quality
             )
+        case "uhdr":
+            exif = encode_tiff(jpeg_directory(metadata, samples.shape, srgb=srgb))
+            gains = GainMap.of(calibration, kind.space, exposure)
+            whole = samples.shape[0], samples.shape[1]
+            return encode_ultra_hdr_bands([samples], whole, gains=gains, icc=icc, exif=exif, quality=kind.quality)
+        case "jxl":
+            exif = encode_tiff(picture_directory(metadata, srgb=srgb))
+            return encode_jpegxl(samples, kind.space, exif=exif, quality=kind.quality)
         case "exr":
             return encode_exr(samples, channels, kind.bits, _exr_attributes(metadata, kind.space))
     return encode_npy(samples)
@@ -191,12 +208,20 @@ def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureM
 
 
 def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float) -> NDArray[Any]:
-    """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32."""
+    """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32.
+
+    Those of "uhdr" are four: the picture's, and the codes of their gains.
+    """
     floating = kind.bits == 32 or kind.format == "exr"
     if kind.space == CAMERA:
         return rgb if floating else quantise(rgb, kind.bits)
     shown = ColourTransform.to_space(calibration, kind.space)
-    return shown.apply(rgb, exposure) if floating else display_codes(rgb, shown, kind.bits, exposure)
+    if floating:
+        return shown.apply(rgb, exposure)
+    codes = display_codes(rgb, shown, kind.bits, exposure)
+    if kind.format == "uhdr":
+        return np.dstack([codes, GainMap.of(calibration, kind.space, exposure).codes(rgb, codes)])
+    return codes
 
 
 def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0) -> NDArray[Any]:

@@ -21,10 +21,11 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
         type=lambda name: OTHER_NAMES.get(name, name),
         choices=tuple(POSSIBLE),
         default="tif",
-        help="tiff and jpeg are other names of tif and jpg; dng: linear, to finish in a raw developer",
+        help="tiff and jpeg are other names of tif and jpg; jxl: JPEG XL; uhdr: Ultra HDR, a JPEG with a map of gains for HDR "
+        "displays; dng: linear, to finish in a raw developer",
     )
     parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
-    options.add_quality(parser)
+    options.add_quality(parser, ", also of uhdr, and of jxl, which is lossless by default")
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="brighten the picture by this many stops")

@@ -27,8 +27,13 @@ if TYPE_CHECKING:
 _PROGRAM = 290 * 2**20  # with its libraries and kernels, the oldest that are allowed: the newest take 80 MB less
 _MOSAIC = 2.0  # per pixel: sensor codes
 _LEAST = "tif"  # the format that needs least
-_ENCODING = {"png": 36.0, "exr": 40.0, "npy": 28.0}  # per pixel of 3 channels, beside the picture, which is held as a whole
-_COMPRESSED = {"jpg": 3.0, "dng": 6.0}  # per pixel: of noise, pictures take half of that
+_ENCODING = {
+    "png": 36.0,
+    "exr": 40.0,
+    "npy": 28.0,
+    "jxl": 60.0,
+}  # per pixel of 3 channels, beside the picture, which is held as a whole
+_COMPRESSED = {"jpg": 3.0, "uhdr": 6.0, "dng": 6.0}  # per pixel: of noise, pictures take half of that
 _PART = 30.0  # per pixel of a part of a DNG that waits or is compressed
 # The bands that wait for a TIFF take less than the planes of the frame that are no longer needed then.
 

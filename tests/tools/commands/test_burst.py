@@ -21,7 +21,7 @@ from tests.tools.command import Outcome, assert_refused, contents, names, result
 from tests.tools.rendering.examples import save_shot
 from tools.evaluation.metrics import psnr
 from tools.host.progress import LineProgress
-from tools.pictures.writer import POSSIBLE
+from tools.pictures.writer import POSSIBLE, PictureKind
 from tools.scenes.drawn.builtin import builtin_scene
 
 MEASURED = ("--bits", "32", "--space", "camera", "--no-learned")
@@ -75,7 +75,7 @@ def test_the_command_gives_what_the_library_gives(taken: Path, out: Path) -> Non
 @pytest.mark.parametrize("name", POSSIBLE)
 def test_every_format(taken: Path, out: Path, name: str) -> None:
     merged(taken, out, "-f", name)
-    assert results(out) == {f"{STEM}.{name}"}
+    assert results(out) == {f"{STEM}{PictureKind.of(name).suffix}"}
 
 
 def test_any_number_of_threads_gives_the_same_bytes(taken: Path, tmp_path: Path) -> None:

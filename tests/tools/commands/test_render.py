@@ -23,7 +23,7 @@ from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, file_limit, names, results, run, spawn
 from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
-from tools.pictures.writer import POSSIBLE
+from tools.pictures.writer import POSSIBLE, PictureKind
 from tools.scenes.drawn.builtin import builtin_scene
 
 SCENE = (48, 36)
@@ -86,6 +86,10 @@ def test_a_flat_scene_comes_back(out: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(tifffile.imread(out / "flat.tif"), np.tile(colour, (25, 31, 1)), atol=3 * 3 / 57344)
 
 
+def ending(name: str) -> str:
+    return PictureKind.of(name).suffix
+
+
 KINDS = [(name, space, bits) for name, spaces in POSSIBLE.items() for space, possible in spaces.items() for bits in possible]
 
 
@@ -94,7 +98,7 @@ def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: 
     shot = save(tmp_path / "shot.dng")
     outcome = run("render", shot, "-o", out, "-f", name, "--space", space, "--bits", str(bits))
     assert outcome.code == 0, outcome.err
-    path = out / f"shot.{name}"
+    path = out / f"shot{ending(name)}"
     assert results(out) == {path.name}
     upright = (13, 17) if space == "camera" else (17, 13)
     assert outcome.out.startswith(f"{path}: {upright[1]} x {upright[0]}, {bits} bits, {space}, ")
@@ -103,8 +107,10 @@ def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: 
             stored: Any = tifffile.imread(path)
         case "png":
             stored = imagecodecs.png_decode(path.read_bytes())
-        case "jpg":
+        case "jpg" | "uhdr":
             stored = np.asarray(Image.open(path))
+        case "jxl":
+            stored = imagecodecs.jpegxl_decode(path.read_bytes())
         case "dng":
             with tifffile.TiffFile(path) as file:
                 assert file.pages.first.pages is not None
@@ -127,6 +133,8 @@ def test_every_kind_of_picture_is_what_it_says(out: Path, tmp_path: Path, name: 
         ((), "16 bits, srgb"),
         (("-f", "png"), "8 bits, srgb"),
         (("-f", "jpg"), "8 bits, srgb"),
+        (("-f", "jxl"), "16 bits, srgb"),
+        (("-f", "uhdr"), "8 bits, srgb"),
         (("-f", "dng"), "16 bits, camera"),
         (("-f", "exr"), "16 bits, linear-srgb"),
         (("-f", "npy"), "32 bits, camera"),
@@ -320,7 +328,7 @@ def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tupl
         (("-f", "dng", "--space", "srgb"), "dng does not hold the space 'srgb'; it holds"),
         (("--exposure", "17"), "exposure is 17.0 stops, expected -16 to 16"),
         (("--exposure", "nan"), "exposure is nan stops"),
-        (("--quality", "90"), "the quality is 90, but tif is not compressed with loss; only jpg has a quality"),
+        (("--quality", "90"), "the quality is 90, but tif is not compressed with loss; use jpg, jxl, uhdr"),
         (("-f", "jpg", "--quality", "0"), "the quality is 0, expected 1 to 100"),
         (("-f", "jpeg", "--quality", "101"), "the quality is 101, expected 1 to 100"),
         (("--wb", "auto", "--space", "camera"), "--wb does not go with --space camera"),
@@ -491,12 +499,13 @@ def test_a_full_disk_costs_one_line_and_keeps_what_was_there(
     out: Path, tmp_path: Path, full_disk: Callable[..., None], name: str
 ) -> None:
     shots = [save(tmp_path / "one.dng"), save(tmp_path / "two.dng")]
-    (out / f"one.{name}").write_text("old")
+    one = out / f"one{ending(name)}"
+    one.write_text("old")
     full_disk(times=1)
     outcome = run("render", *shots, "-o", out, "-f", name, "--overwrite")
-    assert_refused(outcome, "the disk is full; free some space or choose another folder", name=str(out / f"one.{name}"))
-    assert (out / f"one.{name}").read_text() == "old"
-    assert results(out) == {f"one.{name}", f"two.{name}"}
+    assert_refused(outcome, "the disk is full; free some space or choose another folder", name=str(one))
+    assert one.read_text() == "old"
+    assert results(out) == {one.name, f"two{one.suffix}"}
 
 
 def test_a_limit_of_the_system_on_file_sizes(out: Path, tmp_path: Path) -> None:

@@ -38,7 +38,9 @@ def test_the_same_bytes(tmp_path: Path, kind: PictureKind, orientation: int, sha
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bands.tif", "whole.tif"]
 
 
-@pytest.mark.parametrize("kind", [PictureKind("tif", 8, "srgb"), PictureKind.of("jpg"), PictureKind.of("dng")], ids=str)
+@pytest.mark.parametrize(
+    "kind", [PictureKind("tif", 8, "srgb"), PictureKind.of("jpg"), PictureKind.of("uhdr"), PictureKind.of("dng")], ids=str
+)
 def test_any_number_of_threads_writes_the_same_bytes(tmp_path: Path, kind: PictureKind) -> None:
     shape = (700, 50)
     for threads in (1, 3):

@@ -139,7 +139,7 @@ def test_pictures_are_upright_and_say_so(orientation: int) -> None:
             assert tiff.pages.first.tags["Orientation"].value == 1
             pixels = shown(rgb, kind.space, orientation)
             assert np.array_equal(tiff.asarray(), pixels if kind.bits == 32 else quantise(pixels, kind.bits))
-    for kind in (PictureKind.of("png"), PictureKind.of("jpg")):
+    for kind in (PictureKind.of("png"), PictureKind.of("jpg"), PictureKind.of("uhdr")):
         image = Image.open(encoded(rgb, kind, orientation))
         assert image.getexif()[274] == 1
         assert image.size == ((8, 5) if orientation < 5 else (5, 8))
@@ -220,7 +220,7 @@ def test_channels_named_in_another_order_are_the_same_colours_in_a_dng() -> None
 # --- what goes along ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg")], ids=str)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg", "uhdr")], ids=str)
 def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
     file = encoded(scene((5, 6)), kind)
     if kind.format == "tif":
@@ -233,7 +233,7 @@ def test_the_profile_of_the_space_is_embedded(kind: PictureKind) -> None:
     assert found == (icc_profile(kind.space) if kind.space in SPACES else None)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format in ("tif", "png", "jpg", "dng")], ids=str)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.format not in ("exr", "npy")], ids=str)
 def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     path = tmp_path / f"picture{kind.suffix}"
     path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
@@ -251,13 +251,15 @@ def test_capture_data_go_along(kind: PictureKind, tmp_path: Path) -> None:
     assert found["EXIF:FocalLength"] == 50
     assert found["EXIF:Orientation"] == (6 if kind.space == CAMERA else 1)
     assert found["EXIF:Software"].startswith("Panchroma")
-    assert [text for key, text in found.items() if "Warning" in key] == []
+    # Files by Google's own library have no packet wrapper: its early versions do not read one.
+    minor = "[minor] XMP is missing xpacket wrapper"
+    assert [text for key, text in found.items() if "Warning" in key and text != minor] == []
 
 
 def test_a_shot_of_which_nothing_is_known(tmp_path: Path) -> None:
     for kind in KINDS:
         write_picture(
-            tmp_path / f"{kind.space}{kind.bits}{kind.suffix}",
+            tmp_path / f"{kind.format}{kind.space}{kind.bits}{kind.suffix}",
             scene((3, 4)),
             kind,
             calibration=SensorCalibration(),
@@ -296,6 +298,9 @@ def test_exposure_reaches_the_file() -> None:
         ({"format": "png"}, ("png", 8, "srgb")),
         ({"format": "png", "space": "display-p3", "bits": 16}, ("png", 16, "display-p3")),
         ({"format": "jpg"}, ("jpg", 8, "srgb")),
+        ({"format": "jxl"}, ("jxl", 16, "srgb")),
+        ({"format": "jxl", "bits": 32}, ("jxl", 32, "linear-srgb")),
+        ({"format": "uhdr"}, ("uhdr", 8, "srgb")),
         ({"format": "dng"}, ("dng", 16, "camera")),
         ({"format": "exr"}, ("exr", 16, "linear-srgb")),
         ({"format": "exr", "space": "camera"}, ("exr", 32, "camera")),
@@ -310,7 +315,7 @@ def test_what_is_left_open_is_the_first_that_fits(chosen: dict[str, Any], kind: 
 @pytest.mark.parametrize(
     ("chosen", "message"),
     [
-        ({"format": "gif"}, "unknown picture format 'gif'; there are tif, png, jpg, dng, exr, npy"),
+        ({"format": "gif"}, "unknown picture format 'gif'; there are tif, png, jpg, jxl, uhdr, dng, exr, npy"),
         ({"format": "jpg", "bits": 16}, "jpg does not hold 16 bits; it holds srgb with 8 bits, display-p3 with 8 bits"),
         ({"format": "jpg", "space": "camera"}, "jpg does not hold the space 'camera'; it holds srgb with 8"),
         ({"format": "jpg", "bits": 0, "space": "srgb"}, "jpg does not hold srgb with 0 bits"),
@@ -338,6 +343,7 @@ def test_every_space_has_a_format() -> None:
         (PictureKind.of("dng"), SensorCalibration(channels="CMY"), (4, 4), 0.0, "no colour matrix"),
         (PictureKind.of("dng"), FOUR, (4, 4), 0.0, "dng holds pictures of 3 channels, the sensor has RGBE"),
         (PictureKind.of("jpg"), CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a jpg"),
+        (PictureKind.of("uhdr"), CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a uhdr"),
         (PictureKind.of("dng"), CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
         (PictureKind.of("tif"), CALIBRATION, (4, 4), 99.0, "exposure is 99.0 stops"),
         (PictureKind.of("npy"), CALIBRATION, (4, 4), 1.0, "an exposure of 1 stops with --space camera"),

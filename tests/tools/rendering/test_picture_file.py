@@ -90,7 +90,7 @@ def test_freed_memory_is_used_again() -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="peak memory is read as Linux tells it")
-@pytest.mark.parametrize(("name", "bits"), [("tif", "16"), ("dng", "16"), ("exr", "32")])
+@pytest.mark.parametrize(("name", "bits"), [("tif", "16"), ("dng", "16"), ("exr", "32"), ("jxl", "32")])
 def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, name: str, bits: str) -> None:
     shot = save(tmp_path / "shot.dng", LARGE)
     script = (

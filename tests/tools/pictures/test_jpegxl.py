@@ -1,0 +1,91 @@
+"""JPEG XL, read back by another program: the samples, and in which colours they are."""
+
+import json
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from shared.arrays import FloatArray
+from shared.display import SPACES, ColourTransform
+from shared.errors import InputError
+from tests.exiftool import exiftool
+from tests.tools.pictures.test_writer import CALIBRATION, SIZES, encoded, scene, shown
+from tools.pictures.samples import quantise
+from tools.pictures.writer import POSSIBLE, PictureKind
+
+KINDS = [PictureKind("jxl", bits, space) for space, depths in POSSIBLE["jxl"].items() for bits in depths]
+LITTLE = 0.012
+"""Mean difference at quality 90, relative to white; in other colours than the file says it is 0.05 and more."""
+
+
+def samples(rgb: FloatArray, kind: PictureKind) -> NDArray[np.generic]:
+    pixels = shown(rgb, kind.space, 6)
+    return pixels if kind.bits == 32 else quantise(pixels, kind.bits)
+
+
+def smooth() -> FloatArray:
+    """Saturated colours of all hues, beyond those of sRGB too, without noise."""
+    down, across = np.mgrid[0:1:80j, 0:1:120j]
+    rgb = np.stack([across, 1 - across, down], axis=-1) * np.array(CALIBRATION.neutral)
+    return np.asarray(rgb, np.float32)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+@pytest.mark.parametrize("shape", [*SIZES, (8, 512), (300, 400)])
+def test_without_loss_every_sample_comes_back(kind: PictureKind, shape: tuple[int, int]) -> None:
+    rgb = 4 * scene(shape)
+    read = imagecodecs.jpegxl_decode(encoded(rgb, kind).getvalue())
+    expected = samples(rgb, kind)
+    assert read.dtype == expected.dtype
+    assert np.array_equal(read, expected)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_with_loss_colours_are_those_that_the_file_names(kind: PictureKind) -> None:
+    """The reader makes them from JPEG XL's own, as the header says."""
+    sizes = []
+    for quality in (20, 90):
+        data = encoded(smooth(), PictureKind(kind.format, kind.bits, kind.space, quality)).getvalue()
+        read, expected = imagecodecs.jpegxl_decode(data), samples(smooth(), kind)
+        sizes.append(len(data))
+    assert read.dtype == expected.dtype
+    white = 1 if kind.bits == 32 else 2**kind.bits - 1
+    assert np.abs(read.astype(float) - expected).mean() < LITTLE * white
+    assert sizes[0] < sizes[1]
+
+
+def test_the_tolerance_would_show_other_colours() -> None:
+    pictures = [ColourTransform.to_space(CALIBRATION, space).apply(smooth()) for space in SPACES]
+    for one, other in ((0, 1), (0, 2)):
+        assert np.abs(pictures[one] - pictures[other]).mean() > 3 * LITTLE
+
+
+def test_quality_100_is_without_loss() -> None:
+    plain, best = (encoded(scene((30, 20)), PictureKind("jxl", 8, "srgb", quality)).getvalue() for quality in (None, 100))
+    assert plain == best
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_size_and_level_are_seen(kind: PictureKind, tmp_path: Path) -> None:
+    path = tmp_path / "picture.jxl"
+    path.write_bytes(encoded(scene((5, 6)), kind).getvalue())
+    (found,) = json.loads(exiftool("-j", "-n", "-ImageWidth", "-ImageHeight", "-FileType", "-warning", path))
+    assert (found["ImageWidth"], found["ImageHeight"], found["FileType"]) == (5, 6, "JXL")
+    assert "Warning" not in found
+
+
+def test_a_header_of_another_codec_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    genuine = imagecodecs.jpegxl_encode
+    monkeypatch.setattr(imagecodecs, "jpegxl_encode", lambda rgb, **how: genuine(np.dstack([rgb, rgb[..., :1]]), **how))
+    with pytest.raises(InputError, match="writes a header of another kind; use tif"):
+        encoded(scene((5, 6)), PictureKind.of("jxl"))
+
+
+def test_without_the_codec_it_is_refused_before_anything_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(imagecodecs.JPEGXL, "available", False)
+    with pytest.raises(InputError, match="imagecodecs has no JPEG XL; install that of PyPI"):
+        PictureKind.of("jxl")
+    assert PictureKind.of("uhdr")

@@ -1,0 +1,141 @@
+"""Ultra HDR: its JPEG is ours, and another program finds the highlights of the render in it."""
+
+import base64
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import imagecodecs
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from shared import SensorCalibration
+from shared.arrays import FloatArray
+from shared.display import SPACES
+from tests.browser import Browser
+from tests.exiftool import exiftool
+from tests.tools.pictures.test_writer import CALIBRATION, METADATA, SIZES, encoded, scene
+from tools.pictures.gain_map import GainMap
+from tools.pictures.samples import upright
+from tools.pictures.writer import PictureKind, display_codes, encode_picture
+
+STEP = 0.03
+"""Of a picture's light where it is even: half a code of sRGB at middle grey, half a step of the map, and what JPEG adds to both."""
+
+
+def highlights() -> FloatArray:
+    """Even patches of 16 pixels, from a tenth of display white to four times white: greys above, colours below."""
+    levels = np.geomspace(0.1, 4, 8)
+    greys = levels[:, None] * np.array(CALIBRATION.neutral)
+    colours = greys * np.array([1.0, 0.7, 0.5])
+    return np.repeat(np.repeat(np.stack([greys, colours]), 16, axis=0), 16, axis=1).astype(np.float32)
+
+
+def hdr(data: bytes) -> NDArray[np.float32]:
+    """What a display without limits shows of a file, 1.0 = display white."""
+    return imagecodecs.ultrahdr_decode(data, dtype=np.float16)[..., :3].astype(np.float32)
+
+
+def light(rgb: FloatArray, space: str, exposure: float, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
+    """The render as it is: linear light of the space's primaries, nothing clipped."""
+    shown = GainMap.of(calibration, space).shown
+    return replace(shown, space=replace(shown.space, linear=True)).apply(rgb, exposure)
+
+
+def luminance(linear: FloatArray, space: str) -> FloatArray:
+    return np.asarray(linear @ SPACES[space].to_xyz[1], np.float32)
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("shape", SIZES)
+def test_the_picture_is_that_of_a_jpeg_with_segments_more(shape: tuple[int, int], space: str) -> None:
+    plain, ultra = (encoded(scene(shape), PictureKind.of(name, space=space)).getvalue() for name in ("jpg", "uhdr"))
+    quantisation = plain.index(b"\xff\xdb")
+    assert ultra[:quantisation] == plain[:quantisation]
+    assert ultra[ultra.index(b"\xff\xdb") :].startswith(plain[quantisation:])
+    image = Image.open(io.BytesIO(ultra))
+    assert image.format == "JPEG"
+    assert np.array_equal(np.asarray(image), np.asarray(Image.open(io.BytesIO(plain))))
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("exposure", [0.0, 1.5, -1.0])
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_a_display_with_room_shows_the_render(space: str, exposure: float, orientation: int) -> None:
+    rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
+    data = encode_picture(
+        rgb, kind, calibration=CALIBRATION, metadata=replace(METADATA, orientation=orientation), exposure=exposure
+    )
+    seen, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
+    assert seen.shape == expected.shape
+    inside = np.s_[4::16, 4::16]  # of every patch
+    assert expected.max() > 1.5
+    np.testing.assert_allclose(luminance(seen, space)[inside], luminance(expected, space)[inside], rtol=STEP)
+    grey = np.ptp(expected[inside], axis=-1) < 1e-5
+    assert expected[inside][grey].max() > 1.5
+    np.testing.assert_allclose(seen[inside][grey], expected[inside][grey], rtol=STEP)
+
+
+def test_a_clipped_lamp_is_white_and_bright() -> None:
+    """Channels that all read the same, as where a sensor clips, are magenta in linear light."""
+    rgb = np.full((32, 32, 3), 2.0, np.float32)
+    seen, expected = hdr(encoded(rgb, PictureKind.of("uhdr")).getvalue())[16, 16], light(rgb, "srgb", 0)[16, 16]
+    assert expected[0] > 1.9 * expected[1]
+    np.testing.assert_allclose(seen, np.full(3, luminance(expected, "srgb")), rtol=STEP)
+
+
+def test_without_highlights_every_display_shows_the_same() -> None:
+    rgb = scene((64, 64)).clip(0, 0.4)
+    for quality in (None, 30):
+        data = encoded(rgb, PictureKind.of("uhdr", quality=quality)).getvalue()
+        gains = np.asarray(Image.open(io.BytesIO(data[data.index(b"\xff\xd9\xff\xd8") + 2 :])))
+        assert (gains == 0).all()
+
+
+def test_the_range_is_that_of_the_sensor() -> None:
+    gains = GainMap.of(CALIBRATION, "srgb")  # a white of which red reads half as much as green
+    assert gains.headroom == pytest.approx(6)
+    assert gains.capacity == pytest.approx(np.log2(6))
+    assert GainMap.of(SensorCalibration(), "srgb").headroom == pytest.approx(3)
+    brighter, darker = (GainMap.of(CALIBRATION, "srgb", stops) for stops in (2.0, -1.0))
+    assert (brighter.highest, brighter.capacity) == pytest.approx((np.log2(24), np.log2(24)))
+    assert (darker.highest, darker.capacity) == pytest.approx((np.log2(6), np.log2(3)))
+    burnt = np.full((2, 2, 3), 100.0, np.float32)
+    assert (gains.codes(burnt, display_codes(burnt, gains.shown, 8)) >= 250).all()
+
+
+def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
+    path = tmp_path / "picture.jpg"
+    path.write_bytes(encoded(highlights(), PictureKind.of("uhdr")).getvalue())
+    (found,) = json.loads(exiftool("-j", "-a", "-G1", "-XMP:all", "-MPF:all", "-MPImage2", "-warning", path))
+    data = path.read_bytes()
+    second = data.index(b"\xff\xd9\xff\xd8") + 2
+    assert found["XMP-hdrgm:Version"] == 1.0
+    assert found["XMP-Container:DirectoryItemLength"] == len(data) - second
+    assert (found["MPImage1:MPImageLength"], found["MPImage2:MPImageStart"]) == (second, second)
+    assert found["MPImage2:MPImageLength"] == len(data) - second
+    assert not [key for key in found if "Warning" in key]
+    (tmp_path / "map.jpg").write_bytes(data[second:])
+    (described,) = json.loads(exiftool("-j", "-n", "-G1", "-XMP:all", "-warning", tmp_path / "map.jpg"))
+    gains = GainMap.of(CALIBRATION, "srgb")
+    assert described["XMP-hdrgm:GainMapMax"] == pytest.approx(gains.highest, abs=1e-6)
+    assert described["XMP-hdrgm:HDRCapacityMax"] == pytest.approx(gains.capacity, abs=1e-6)
+    assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")
+
+
+def test_a_browser_shows_the_picture(tmp_path: Path) -> None:
+    data = encoded(highlights(), PictureKind.of("uhdr")).getvalue()
+    script = (
+        "(async () => {const image = new Image(); image.src = 'data:image/jpeg;base64,%s'; await image.decode();"
+        "const canvas = document.createElement('canvas'); canvas.width = image.naturalWidth; canvas.height = image.naturalHeight;"
+        "const context = canvas.getContext('2d'); context.drawImage(image, 0, 0);"
+        "return [canvas.height, canvas.width, [...context.getImageData(0, 0, canvas.width, canvas.height).data]]})()"
+    )
+    with Browser(tmp_path) as browser:
+        rows, columns, values = browser.evaluate(script % base64.b64encode(data).decode())
+    expected = np.asarray(Image.open(io.BytesIO(data))).astype(int)
+    shown = np.array(values).reshape(rows, columns, 4)[..., :3]
+    assert np.abs(shown - expected).max() <= 3  # through the profile, which is that of the screen
