@@ -1,0 +1,52 @@
+"""Rendering shots at full quality."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shared.errors import InputError
+from tools.host.console import to_stderr
+from tools.rendering.white_balance import WhiteBalance
+
+from .pictures import Picture
+from .shots import Shot, as_shot
+from .wording import for_notebooks
+
+
+@for_notebooks
+def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = True, wb: str | Sequence[float] = "camera") -> Picture:
+    """Reconstruct every channel at every pixel, on all processors. The same shot gives the same picture, to the bit.
+
+    The first render on a machine compiles the renderer, which takes a minute or two and is said on standard error.
+
+    shot: a `Shot`, or the name of its file.
+    preset: "best", or "paper": the method as published.
+    learned: of "best": correct colour by the network that comes with the program.
+    wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
+        change `Picture.rgb`.
+    Raises InputError for a shot that is all black, or all saturated.
+
+    >>> import panchroma
+    >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
+    >>> panchroma.render(shot)
+    <Picture 120 x 90, linear R, G, B>
+    """
+    from offline import BEST, PAPER, render_bands
+    from tools.host.compilation import announced_compilation
+    from tools.host.progress import StageProgress
+    from tools.rendering.picture_file import check_light
+
+    settings = {"best": BEST if learned else replace(BEST, learned=PAPER.learned), "paper": PAPER}.get(preset)
+    if settings is None:
+        raise InputError(f"preset is {preset!r}, expected 'best' or 'paper'")
+    white = WhiteBalance.parse(wb if isinstance(wb, str) else ",".join(map(str, wb)))
+    mosaic = white.of(as_shot(shot).mosaic)
+    check_light(mosaic, settings)
+    rgb, top, progress = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0, StageProgress()
+    with announced_compilation(to_stderr, progress):
+        for band in render_bands(mosaic, settings, progress):
+            rgb[top : top + len(band)] = band
+            top += len(band)
+    return Picture(rgb, mosaic.calibration, mosaic.metadata)
