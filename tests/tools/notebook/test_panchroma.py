@@ -72,7 +72,8 @@ def test_arrays_are_scenes_as_files_are(tmp_path: Path) -> None:
     pixels = RNG.integers(0, 256, (24, 30, 3), np.uint8)
     panchroma.Image(pixels).save(tmp_path / "scene.png")
     of_file, of_array = panchroma.simulate(tmp_path / "scene.png"), panchroma.simulate(pixels)
-    assert np.array_equal(of_file.mosaic.codes, of_array.mosaic.codes)
+    difference = of_file.mosaic.codes.astype(int) - of_array.mosaic.codes
+    assert np.abs(difference).max() <= 1  # the file's profile samples the curve of sRGB
     assert of_array.truth is not None
     assert of_array.truth.rgb == pytest.approx(decode_srgb(pixels / np.float32(255)), abs=1e-6)
     again = panchroma.simulate(of_array.truth)
@@ -158,7 +159,7 @@ GREY = np.full((48, 48, 3), 0.5, np.float32)
         (lambda: panchroma.render(panchroma.simulate(0 * GREY)), "black level"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.preview("shot.dng", scale=0), "scale is 0"),
-        (lambda: panchroma.preview("shot.dng", scale=5), "scale"),
+        (lambda: panchroma.preview("shot.dng", scale=5), "period"),
         (lambda: panchroma.preview("shot.dng", graph="nothing.onnx"), "nothing.onnx"),
         (lambda: panchroma.to_srgb(GREY, exposure=99), "exposure"),
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),

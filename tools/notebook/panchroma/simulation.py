@@ -71,6 +71,8 @@ def simulate(
     """
     if sigma is not None and light is not None:
         raise InputError(f"sigma is {sigma} and light is {light}: the first is the paper's noise, the other a sensor's; give one")
+    if light is not None and not 0 < light < np.inf:
+        raise InputError(f"light is {light}, expected a positive factor; 1 is a full exposure")
     if seed < 0:
         raise InputError(f"seed is {seed}, expected 0 or more")
     known = None if camera is None else read_camera(camera)
