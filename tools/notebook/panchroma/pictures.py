@@ -1,5 +1,7 @@
 """Pictures: linear, as measured or rendered, and for the screen."""
 
+from __future__ import annotations  # help() then shows them as they are written here
+
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,7 @@ from .wording import for_notebooks
 _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, match_args=False)
 class Image:
     """A picture for the screen. Jupyter shows it; `np.asarray(image)`, matplotlib and Pillow take it as an array.
 
@@ -86,7 +88,7 @@ class Image:
         return bytes(imagecodecs.png_encode(_reduced(self.pixels)))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, match_args=False)
 class Picture:
     """Linear light at every pixel, such as `render` makes, and the truth of a simulated shot. Jupyter shows it.
 

@@ -1,5 +1,7 @@
 """How near a picture is to the truth."""
 
+from __future__ import annotations  # help() then shows them as they are written here
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +14,7 @@ from .pictures import Picture, as_picture
 from .wording import for_notebooks
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, match_args=False)
 class Evaluation:
     """Figures of a picture. Jupyter shows them as a table.
 

@@ -1,5 +1,7 @@
 """Rendering shots at full quality."""
 
+from __future__ import annotations  # help() then shows them as they are written here
+
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

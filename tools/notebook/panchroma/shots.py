@@ -1,5 +1,7 @@
 """Shots: what the camera has recorded, from a file or a simulation."""
 
+from __future__ import annotations  # help() then shows them as they are written here
+
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,7 +18,7 @@ from .pictures import Image, Picture
 from .wording import for_notebooks
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, match_args=False)
 class Shot:
     """A shot: one sample per pixel, behind the filters of the camera's pattern. Jupyter shows its preview.
 

@@ -1,5 +1,7 @@
 """Photographing scenes with a simulated camera."""
 
+from __future__ import annotations  # help() then shows them as they are written here
+
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
