@@ -1,6 +1,7 @@
 """`import panchroma`: the same results as the commands and the libraries, shown, and errors about arguments."""
 
 import pydoc
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +36,7 @@ def test_help_alone_names_everything_and_no_option() -> None:
     text = pydoc.plain(pydoc.render_doc(panchroma))
     for name in panchroma.__all__:
         assert name in text
-    assert "--" not in text.replace("panchroma --help", "").replace("-" * 70, "")
+    assert "--" not in re.sub(r"`panchroma [^`]*`|-{70}", "", text)  # but for commands, and lines
 
 
 def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
@@ -97,6 +98,22 @@ def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
     assert given.truth is not None
     assert named.truth is not None
     assert np.array_equal(given.truth.rgb, named.truth.rgb)
+
+
+def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
+    truth = panchroma.simulate(RNG.random((60, 60, 4), np.float32), pattern=FOUR).truth
+    assert truth is not None
+    noisy = truth.rgb + RNG.normal(0, 0.01, truth.rgb.shape).astype(np.float32)
+    found = panchroma.evaluate(noisy, truth)
+    assert found == panchroma.evaluate(noisy, truth.rgb) == panchroma.evaluate(replace(truth, rgb=noisy), truth)
+    assert found.wrong_hue is None
+    assert found.psnr[0] == pytest.approx(40, abs=0.2)
+
+
+def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
+    with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
+        panchroma.render(shot)
 
 
 def test_what_is_shown_is_upright(shot: panchroma.Shot) -> None:
@@ -175,6 +192,7 @@ GREY = np.full((48, 48, 3), 0.5, np.float32)
         (lambda: panchroma.evaluate(GREY, None), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
         (lambda: panchroma.evaluate(GREY[:9], GREY[:9]), "patch"),
+        (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
 def test_an_error_names_what_is_wrong_and_no_option(

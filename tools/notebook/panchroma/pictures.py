@@ -196,14 +196,9 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     from tools.pictures.samples import upright
     from tools.pictures.writer import display_codes
 
-    shown = as_picture(picture)
+    shown = picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
     codes = display_codes(shown.rgb, ColourTransform.to_space(shown.calibration), 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
-
-
-def as_picture(picture: Picture | NDArray[np.floating]) -> Picture:
-    """The picture itself, or an array (H, W, 3) as one."""
-    return picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
 
 
 def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:

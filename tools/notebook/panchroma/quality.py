@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shared.display import checked_picture
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
+from tools.scenes.scene import RGB
 
-from .pictures import Picture, as_picture
+from .pictures import Picture
 from .wording import for_notebooks
 
 
@@ -60,8 +62,8 @@ class Evaluation:
 def evaluate(picture: Picture | NDArray[np.floating], truth: Picture | NDArray[np.floating] | None) -> Evaluation:
     """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in luminance and chrominance too.
 
-    picture: a `Picture` of `render`, or an array (H, W, 3) of linear light: what another program made of the same scene.
-    truth: `shot.truth`, or an array.
+    picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
+    truth: `shot.truth`, or an array alike.
     Raises InputError where their sizes differ, or are below 40 x 40 pixels.
 
     >>> import panchroma
@@ -72,6 +74,8 @@ def evaluate(picture: Picture | NDArray[np.floating], truth: Picture | NDArray[n
     """
     if truth is None:
         raise InputError("truth is None: only a simulated shot knows what it saw")
-    made, seen = as_picture(picture), as_picture(truth)
-    found = Measures.of(made.rgb, seen.rgb, seen.channels)
+    made, seen = np.asarray(picture), np.asarray(truth)
+    count = seen.shape[-1] if seen.ndim == 3 else len(RGB)
+    channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), RGB if count == len(RGB) else "")
+    found = Measures.of(checked_picture(made, count), checked_picture(seen, count), channels)
     return Evaluation(*found.quality, found.psnr, found.ssim, found.wrong_hue)
