@@ -54,8 +54,8 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
         raise InputError(
-            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; close "
-            "other notebooks, or use the command `panchroma render`, which needs less: it writes while it renders"
+            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
+            "close other notebooks, or use the command `panchroma render`, which needs less: it writes while it renders"
         )
     rgb, top, progress = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0, StageProgress()
     with announced_compilation(to_stderr, progress):
