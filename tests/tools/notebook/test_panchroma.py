@@ -110,6 +110,13 @@ def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
     assert found.psnr[0] == pytest.approx(40, abs=0.2)
 
 
+def test_the_truth_is_as_bright_as_the_render() -> None:
+    for light in (0.25, 1.0):
+        shot = panchroma.simulate(GREY, light=light)
+        assert shot.truth is not None
+        assert panchroma.render(shot, preset="paper").rgb.mean() == pytest.approx(shot.truth.rgb.mean(), rel=0.01)
+
+
 def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):

@@ -23,7 +23,7 @@ class Shot:
     """A shot: one sample per pixel, behind the filters of the camera's pattern. Jupyter shows its preview.
 
     mosaic: samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and capture data.
-    truth: what the camera saw, if the shot is simulated; None for others.
+    truth: the light that a simulated camera saw, in the units of a render; None for other shots.
     name: of the file or the scene.
     notes: remarks on how the scene was understood.
 

@@ -93,6 +93,7 @@ def simulate(
         mosaic = simulate_additive(rgb, tile, sensor, sigma or 0.0, rng, seen.metadata)
     else:
         mosaic = simulate_sensor(rgb, tile, sensor, light, rng, seen.metadata)
+        rgb = rgb * np.float32(light)  # what reaches the sensor, as a render shows it
     return Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes))
 
 
