@@ -100,6 +100,12 @@ def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
     assert np.array_equal(given.truth.rgb, named.truth.rgb)
 
 
+def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> None:
+    plain, warm = (panchroma.render(shot, wb=wb) for wb in ("camera", (2, 1, 1)))
+    assert np.array_equal(plain.rgb, warm.rgb)
+    assert shown(warm)[..., 0].mean() > shown(plain)[..., 0].mean() + 5
+
+
 def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
     truth = panchroma.simulate(RNG.random((60, 60, 4), np.float32), pattern=FOUR).truth
     assert truth is not None
