@@ -202,6 +202,11 @@ GREY = np.full((48, 48, 3), 0.5, np.float32)
         (lambda: panchroma.to_srgb(GREY).save("there.png", quality=9), "quality"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
         (lambda: panchroma.open("shot.dng").save("shot.tif"), "DNG"),
+        (lambda: panchroma.simulate(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.to_srgb(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "not Shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.evaluate(panchroma.to_srgb(GREY), GREY), "not Image"),  # type: ignore[arg-type]
+        (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.evaluate(GREY, None), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
         (lambda: panchroma.evaluate(GREY[:9], GREY[:9]), "patch"),

@@ -196,9 +196,17 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     from tools.pictures.samples import upright
     from tools.pictures.writer import display_codes
 
-    shown = picture if isinstance(picture, Picture) else Picture(np.asarray(picture))
+    shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
     codes = display_codes(shown.rgb, ColourTransform.to_space(shown.calibration), 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
+
+
+def light_of(picture: Picture | NDArray[np.floating]) -> NDArray[Any]:
+    """The values of a picture, or the array itself. Raises InputError for anything else."""
+    if not isinstance(picture, Picture | np.ndarray):
+        wanted = "a picture, such as panchroma.render makes, or an array (rows, columns, channels) of linear light"
+        raise InputError(f"expected {wanted}, and not {type(picture).__name__}")
+    return np.asarray(picture)
 
 
 def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:

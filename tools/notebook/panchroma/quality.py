@@ -12,7 +12,8 @@ from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
 from tools.scenes.scene import RGB
 
-from .pictures import Picture
+from .pictures import Picture, light_of
+from .shots import Shot
 from .wording import for_notebooks
 
 
@@ -32,7 +33,7 @@ class Evaluation:
     >>> found = panchroma.evaluate(grey + 0.01, grey)
     >>> found
     <Evaluation: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; SSIM 1.000; wrong hue 0.0 %>
-    >>> round(found.rgb[2], 2)
+    >>> round(found.median[0], 2)  # dB: the figure to quote
     40.0
     """
 
@@ -43,9 +44,15 @@ class Evaluation:
     ssim: float
     wrong_hue: float | None
 
+    @property
+    def median(self) -> tuple[float, float, float]:
+        """PSNR of the median patch, dB: (rgb, luminance, chrominance)."""
+        return self.rgb[2], self.luminance[2], self.chrominance[2]
+
     def __repr__(self) -> str:
         hue = "" if self.wrong_hue is None else f"; wrong hue {self.wrong_hue:.1%}".replace("%", " %")
-        medians = f"{self.rgb[2]:.1f} dB, luminance {self.luminance[2]:.1f}, chrominance {self.chrominance[2]:.1f}"
+        rgb, luminance, chrominance = self.median
+        medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
         return f"<Evaluation: median PSNR {medians}; SSIM {self.ssim:.3f}{hue}>"
 
     def _repr_html_(self) -> str:
@@ -59,22 +66,23 @@ class Evaluation:
 
 
 @for_notebooks
-def evaluate(picture: Picture | NDArray[np.floating], truth: Picture | NDArray[np.floating] | None) -> Evaluation:
+def evaluate(picture: Picture | NDArray[np.floating], truth: Shot | Picture | NDArray[np.floating] | None) -> Evaluation:
     """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in luminance and chrominance too.
 
     picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
-    truth: `shot.truth`, or an array alike.
+    truth: `shot.truth`, or an array alike; a shot stands for its truth.
     Raises InputError where their sizes differ, or are below 40 x 40 pixels.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
     >>> paper, best = (panchroma.evaluate(panchroma.render(shot, preset=name), shot.truth) for name in ("paper", "best"))
-    >>> best.rgb[2] > paper.rgb[2]
+    >>> best.median > paper.median
     True
     """
+    truth = truth.truth if isinstance(truth, Shot) else truth
     if truth is None:
         raise InputError("truth is None: only a simulated shot knows what it saw")
-    made, seen = np.asarray(picture), np.asarray(truth)
+    made, seen = light_of(picture), light_of(truth)
     count = seen.shape[-1] if seen.ndim == 3 else len(RGB)
     channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), RGB if count == len(RGB) else "")
     found = Measures.of(checked_picture(made, count), checked_picture(seen, count), channels)

@@ -117,6 +117,8 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
         except InputError as error:
             raise type(error)(f"{source}: {error}") from None
     array = np.asarray(source)
+    if array.dtype == object:
+        raise InputError(f"expected the name of a file, an array or a picture, and not {type(source).__name__}")
     return picture_scene(decode_array(array, wanted) if channels is None else _named(array, channels), "array", linear=linear)
 
 
