@@ -1,5 +1,7 @@
 """`import panchroma`: the same results as the commands and the libraries, shown, and errors about arguments."""
 
+import doctest
+import json
 import pydoc
 import re
 from collections.abc import Callable
@@ -13,12 +15,15 @@ import pytest
 
 import offline
 import panchroma
-from shared import CaptureMetadata, CfaPattern, SensorCalibration, read_dng
+from panchroma import wording
+from panchroma.wording import for_notebooks
+from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
+GREY = np.full((48, 48, 3), 0.5, np.float32)
 FOUR = "ABWWWW/CDWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
 
 
@@ -81,7 +86,7 @@ def test_arrays_are_scenes_as_files_are(tmp_path: Path) -> None:
     assert np.array_equal(again.mosaic.codes, of_array.mosaic.codes)
 
 
-@pytest.mark.parametrize("pattern", [4, "RG/BW", "WBWG/BWGW/WGWR/GWRW", "WBWG BWGW\n WGWR GWRW", CfaPattern.bayer(8), FOUR])
+@pytest.mark.parametrize("pattern", [4, "RG/BW", "WBWG/BWGW/WGWR/GWRW", CfaPattern.bayer(8), FOUR])
 def test_any_pattern_and_channels_become_a_picture_that_shows_itself(pattern: Any) -> None:
     scene = RNG.random((48, 54, 4 if pattern == FOUR else 3), np.float32)
     shot = panchroma.simulate(scene, pattern=pattern, light=0.5)
@@ -89,6 +94,17 @@ def test_any_pattern_and_channels_become_a_picture_that_shows_itself(pattern: An
     assert picture.channels == shot.pattern.channels
     assert picture.rgb.shape == (48, 54, len(picture.channels))
     assert shown(picture).shape == shown(shot).shape == (48, 54, 3)
+
+
+def test_rows_of_a_pattern_are_parted_by_any_blank() -> None:
+    rows = panchroma.simulate(
+        GREY,
+        pattern="""
+        WBWG BWGW
+        WGWR/GWRW
+    """,
+    )
+    assert rows.pattern == CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 
 
 def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
@@ -145,10 +161,6 @@ def test_large_pictures_are_shown_small() -> None:
 
 
 def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: Path) -> None:
-    import json
-
-    from shared import Camera
-
     camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8)), CfaPattern.bayer(4))
     (tmp_path / "camera.json").write_text(json.dumps(camera.to_json()))
     made = panchroma.simulate(SCENE, camera=tmp_path / "camera.json")
@@ -156,9 +168,6 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     shot.save(tmp_path / "shot.dng")
     with pytest.raises(panchroma.PanchromaError, match="different sensors"):
         panchroma.open(tmp_path / "shot.dng", camera=tmp_path / "camera.json")
-
-
-GREY = np.full((48, 48, 3), 0.5, np.float32)
 
 
 @pytest.mark.parametrize(
@@ -225,9 +234,11 @@ def test_an_error_names_what_is_wrong_and_no_option(
     assert "--" not in str(caught.value)
 
 
-def test_a_missing_package_is_named_with_the_remedy(monkeypatch: pytest.MonkeyPatch, shot: panchroma.Shot) -> None:
-    from panchroma.wording import for_notebooks
+def test_the_examples_of_wording_are_true() -> None:
+    assert doctest.testmod(wording).failed == 0
 
+
+def test_a_missing_package_is_named_with_the_remedy() -> None:
     @for_notebooks
     def needing() -> None:
         raise ModuleNotFoundError("No module named 'numba'", name="numba")
