@@ -20,6 +20,7 @@ from panchroma.wording import for_notebooks
 from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
+from tools.pictures.writer import POSSIBLE, PictureKind
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -62,6 +63,13 @@ def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tm
     mine, made = (imagecodecs.jpeg8_decode((tmp_path / name).read_bytes()) for name in ("mine.jpg", "made/shot.jpg"))
     assert np.array_equal(mine, made)
     assert np.array_equal(read.mosaic.codes, shot.mosaic.codes)
+
+
+@pytest.mark.parametrize("format", POSSIBLE)
+def test_every_format_of_the_command_can_be_saved(format: str, tmp_path: Path) -> None:  # noqa: A002
+    path = tmp_path / f"picture{PictureKind.of(format).suffix}"
+    panchroma.Picture(GREY).save(path, format=format)
+    assert path.stat().st_size > 0
 
 
 def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
@@ -204,6 +212,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.bmp"), "bmp"),
+        (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.Picture(GREY).save("nowhere/picture.tif"), "nowhere"),

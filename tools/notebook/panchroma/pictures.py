@@ -134,6 +134,7 @@ class Picture:
         self,
         path: str | Path,
         *,
+        format: str | None = None,  # noqa: A002
         bits: int | None = None,
         space: str | None = None,
         exposure: float = 0.0,
@@ -142,6 +143,7 @@ class Picture:
     ) -> None:
         """Write a picture file; the end of its name says which: .tif, .png, .jpg, .exr, .npy, or .dng (linear, for raw developers).
 
+        format: which, where several have this ending; an unknown one is answered by a list.
         bits: 8, 16 or 32 (floating point); by default what is usual for the format.
         space: "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is usual for the format.
         exposure: brighten by this many stops.
@@ -150,8 +152,11 @@ class Picture:
         """
         from tools.pictures.writer import OTHER_NAMES, PictureKind, check_gain, write_picture
 
-        name = Path(path).suffix.lower().removeprefix(".")
-        kind = PictureKind.of(OTHER_NAMES.get(name, name), bits, space, quality)
+        ending = Path(path).suffix.lower().removeprefix(".")
+        ending = OTHER_NAMES.get(ending, ending)
+        kind = PictureKind.of(format or ending, bits, space, quality)
+        if kind.suffix != f".{ending}":
+            raise InputError(f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}")
         check_gain(kind, exposure)
         write_picture(
             path,
