@@ -19,7 +19,7 @@ MAY_IMPORT = {
     "offline": {"offline", "shared"},
     "tools": {"tools", "device", "offline", "shared"},
 }
-OURS = {*MAY_IMPORT, "tests"}
+OURS = {*MAY_IMPORT, "panchroma", "tests"}  # the last two are at the top: nobody imports them
 # The rooms of `tools`, from the ground up. Rooms on one floor (rendering, calibration, evaluation, live, training) do not import
 # each other.
 _BELOW = {"host", "scenes", "pictures"}
@@ -34,6 +34,7 @@ ROOMS = {
     "training": {"training", *_BELOW},
     "cli": {"host"},  # it imports the commands by name
     "commands": {"commands", "rendering", "calibration", "evaluation", "live", *_BELOW},
+    "notebook": {"notebook", "commands", "rendering", "evaluation", *_BELOW},  # `import panchroma`
 }
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
@@ -111,6 +112,7 @@ def test_the_house_can_be_drawn_on_a_page() -> None:
         arrows.setdefault(room(module), set()).update(targets - {room(module), "__init__"})
     floors = list(TopologicalSorter(arrows).static_order())  # raises CycleError where an arrow points up
     assert len(floors) <= 15
+    arrows.pop("notebook")  # the roof, which lies on everything
     assert sum(map(len, arrows.values())) <= 50
 
 
@@ -149,6 +151,10 @@ def test_the_walk_sees_the_sources() -> None:
         ("tools.calibration.measure", "from ..live import source"),
         ("tools.live.source", "from tools.commands import view"),
         ("tools.cli", "from tools.pictures import writer"),
+        ("tools.commands.render", "import panchroma"),
+        ("offline.render", "from panchroma import Shot"),
+        ("tools.rendering.run", "from tools.notebook.panchroma import shots"),
+        ("tools.notebook.panchroma.shots", "from tools.calibration import measure"),
     ],
 )
 def test_a_planted_import_is_caught(module: str, text: str) -> None:
@@ -166,6 +172,7 @@ def test_a_planted_import_is_caught(module: str, text: str) -> None:
         ("tools.cli", "import rich, rawpy\nimport device.graph, offline, shared\nimport onnx"),
         ("tools.evaluation.page.page", "from ..figures import Figures\nfrom tools.host.console import Console"),
         ("tools.commands.render", "from tools.rendering.run import render_shots\nfrom tools.live import source"),
+        ("tools.notebook.panchroma.shots", "from .pictures import Image\nfrom tools.evaluation.measures import Measures"),
     ],
 )
 def test_an_allowed_import_passes(module: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Every public name of the three libraries shows how it is used, in its docstring, and the example is true."""
+"""Every public name of the libraries, and of `panchroma` above them, shows its use in its docstring, and the example is true."""
 
 import doctest
 from pathlib import Path
@@ -8,9 +8,10 @@ import pytest
 
 import device
 import offline
+import panchroma
 import shared
 
-PUBLIC = [(module, name) for module in (shared, device, offline) for name in module.__all__]
+PUBLIC = [(module, name) for module in (shared, device, offline, panchroma) for name in module.__all__]
 EXAMPLES = [(module, name) for module, name in PUBLIC if isinstance(getattr(module, name), FunctionType | type)]
 
 

@@ -39,3 +39,21 @@ def test_preview_needs_the_base_alone(tmp_path: Path) -> None:
     done = camera("preview", str(shot), "-o", str(tmp_path), "--scale", "3")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / f"{shot.stem}.jpg").read_bytes().startswith(b"\xff\xd8")
+
+
+def test_a_notebook_needs_the_base_alone_but_to_render() -> None:
+    script = """
+import sys
+sys.path.insert(0, "tools/notebook")
+import panchroma
+shot = panchroma.simulate("flat:96x72", sigma=0.01)
+print(panchroma.preview(shot), panchroma.to_srgb(shot.truth), len(shot._repr_png_()) > 0)
+try:
+    panchroma.render(shot)
+except ModuleNotFoundError as error:
+    print(error)
+"""
+    done = on_camera(script, ours=("shared", "device", "offline", "tools", "panchroma"))
+    assert done.returncode == 0, done.stderr
+    assert b"<Image 96 x 72, 8-bit sRGB> <Image 96 x 72, 8-bit sRGB> True" in done.stdout
+    assert b"is not installed; install Panchroma with all that belongs to it: pip install" in done.stdout

@@ -269,14 +269,20 @@ def decode_npy(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) ->
     if start[6:7] != b"\1" and int.from_bytes(start[8:12], "little") > _NPY_HEADER:
         raise InputError("the array's header declares an impossible length: the file is damaged, or made to fill the memory")
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
-    if stored.ndim not in (2, 3) or stored.dtype.kind not in "uf" or (stored.ndim == 3 and not stored.shape[2]):
+    if stored.ndim in (2, 3):
+        check_size(stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels)
+    return decode_array(stored, channels)
+
+
+def decode_array(array: NDArray[Any], channels: str = RGB) -> Decoded:
+    """The picture in an array, of the shapes, types and channels that `decode_npy` reads; a copy."""
+    if array.ndim not in (2, 3) or array.dtype.kind not in "uf" or (array.ndim == 3 and not array.shape[2]):
         raise InputError(
-            f"the array is {stored.dtype} of shape {stored.shape}; "
+            f"the array is {array.dtype} of shape {array.shape}; "
             "expected unsigned integers or floating point, (rows, columns) or (rows, columns, channels)"
         )
-    found, notes = _channels(stored.shape[2] if stored.ndim == 3 else 1, channels)
-    check_size(stored.shape[1], stored.shape[0], stored[:1, :1].nbytes, data_bytes(path), max_pixels)
-    pixels = np.array(stored)
+    found, notes = _channels(array.shape[2] if array.ndim == 3 else 1, channels)
+    pixels = np.array(array)
     if not found:
         pixels, notes = _without_alpha(pixels)
     return Decoded(pixels, np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else None, notes=notes, channels=found or RGB)

@@ -1,0 +1,80 @@
+"""The wheel: every module and every file that the program reads is in it, and it works where there is no clone."""
+
+import shutil
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+from tests.data import ROOT
+
+PACKAGES = ("shared", "device", "offline", "tools")
+_FACADE = Path("tools/notebook/panchroma")
+# For people who read the sources: texts, and pictures in texts.
+_READ = {".md", ".png", ".jpg"}
+_BUILD = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+# No render: it would be compiled again, at another place.
+_USE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import panchroma, offline
+for module in (panchroma, offline):
+    assert module.__file__.startswith(sys.argv[1]), module.__file__
+shot = panchroma.simulate("builtin:96x72", sigma=0.01)
+shot.save("shot.dng")
+assert panchroma.open("shot.dng").shape == (72, 96)
+panchroma.to_srgb(shot.truth).save("truth.png")
+from tools.cli import main
+main(["preview", "shot.dng", "-o", "."])
+"""
+
+
+def _old_setuptools() -> bool:
+    try:
+        return int(version("setuptools").partition(".")[0]) < 77
+    except PackageNotFoundError:
+        return True
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what the wheel installs."""
+    if _old_setuptools():
+        pytest.skip("building the wheel needs setuptools 77 or newer: pip install 'setuptools>=77'")
+    sources, folder = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("installed")
+    for package in PACKAGES:  # a copy: setuptools leaves its work beside the sources
+        shutil.copytree(ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, sources)
+    done = subprocess.run([sys.executable, "-c", _BUILD, folder], cwd=sources, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = folder.glob("*.whl")
+    with ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    wheel.unlink()
+    return folder
+
+
+def test_every_file_that_the_program_needs_is_in_the_wheel(installed: Path) -> None:
+    wanted = set()
+    for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*")):
+        place = path.relative_to(ROOT)
+        if place.is_relative_to(_FACADE):
+            place = "panchroma" / place.relative_to(_FACADE)
+        elif place.is_relative_to(_FACADE.parent):  # the notebook, and what it writes
+            continue
+        if path.is_file() and path.suffix not in _READ and "__pycache__" not in place.parts:
+            wanted.add(place)
+    found = {path.relative_to(installed) for path in installed.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    assert {path for path in found if not path.parts[0].endswith(".dist-info")} == wanted
+    assert {path.parts[0] for path in found if path.name == "py.typed"} == {*PACKAGES, "panchroma"}
+
+
+def test_the_wheel_works_outside_the_clone(installed: Path, tmp_path: Path) -> None:
+    line = [sys.executable, "-P", "-c", _USE, str(installed)]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"shot.dng", "shot.jpg", "truth.png"}

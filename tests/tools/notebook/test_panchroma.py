@@ -1,0 +1,256 @@
+"""`import panchroma`: the same results as the commands and the libraries, shown, and errors about arguments."""
+
+import doctest
+import json
+import pydoc
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+
+import offline
+import panchroma
+from panchroma import wording
+from panchroma.wording import for_notebooks
+from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, read_dng
+from shared.colorimetry import decode_srgb
+from tests.tools.command import run
+from tools.pictures.writer import POSSIBLE, PictureKind
+
+SCENE = "builtin:96x72"
+RNG = np.random.default_rng(0)
+GREY = np.full((48, 48, 3), 0.5, np.float32)
+FOUR = "ABWWWW/CDWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
+
+
+@pytest.fixture(scope="module")
+def shot() -> panchroma.Shot:
+    return panchroma.simulate(SCENE, sigma=0.01)
+
+
+def shown(result: Any) -> np.ndarray[Any, Any]:
+    """The picture that a notebook shows."""
+    return np.asarray(imagecodecs.png_decode(result._repr_png_()))
+
+
+def test_help_alone_names_everything_and_no_option() -> None:
+    text = pydoc.plain(pydoc.render_doc(panchroma))
+    for name in panchroma.__all__:
+        assert name in text
+    assert "--" not in re.sub(r"`panchroma [^`]*`|-{70}", "", text)  # but for commands, and lines
+
+
+def test_a_render_is_that_of_the_library(shot: panchroma.Shot) -> None:
+    for preset, settings in (("best", offline.BEST), ("paper", offline.PAPER)):
+        assert np.array_equal(panchroma.render(shot, preset=preset).rgb, offline.render(shot.mosaic, settings).rgb)
+
+
+def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tmp_path: Path) -> None:
+    shot.save(tmp_path / "shot.dng")
+    assert run("render", tmp_path / "shot.dng", "-o", tmp_path / "made", "-f", "png").code == 0
+    assert run("preview", tmp_path / "shot.dng", "-o", tmp_path / "made", "--scale", "2").code == 0
+    read = panchroma.open(tmp_path / "shot.dng")
+    picture = panchroma.render(tmp_path / "shot.dng")
+    picture.save(tmp_path / "mine.png")
+    panchroma.preview(read, scale=2).save(tmp_path / "mine.jpg")
+    assert (tmp_path / "mine.png").read_bytes() == (tmp_path / "made/shot.png").read_bytes()
+    assert np.array_equal(panchroma.to_srgb(picture), imagecodecs.png_decode((tmp_path / "mine.png").read_bytes()))
+    mine, made = (imagecodecs.jpeg8_decode((tmp_path / name).read_bytes()) for name in ("mine.jpg", "made/shot.jpg"))
+    assert np.array_equal(mine, made)
+    assert np.array_equal(read.mosaic.codes, shot.mosaic.codes)
+
+
+@pytest.mark.parametrize("format", POSSIBLE)
+def test_every_format_of_the_command_can_be_saved(format: str, tmp_path: Path) -> None:  # noqa: A002
+    path = tmp_path / f"picture{PictureKind.of(format).suffix}"
+    panchroma.Picture(GREY).save(path, format=format)
+    assert path.stat().st_size > 0
+
+
+def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
+    tile = "CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
+    assert run("simulate", SCENE, "-o", tmp_path, "--pattern", tile, "--truth").code == 0
+    made, (file,) = panchroma.simulate(SCENE, pattern=tile), tmp_path.glob("*.dng")
+    assert np.array_equal(read_dng(file).codes, made.mosaic.codes)
+    assert read_dng(file).calibration == made.calibration
+    assert made.truth is not None
+    assert made.truth.channels == "CMY"
+
+
+def test_arrays_are_scenes_as_files_are(tmp_path: Path) -> None:
+    pixels = RNG.integers(0, 256, (24, 30, 3), np.uint8)
+    panchroma.Image(pixels).save(tmp_path / "scene.png")
+    of_file, of_array = panchroma.simulate(tmp_path / "scene.png"), panchroma.simulate(pixels)
+    difference = of_file.mosaic.codes.astype(int) - of_array.mosaic.codes
+    assert np.abs(difference).max() <= 1  # the file's profile samples the curve of sRGB
+    assert of_array.truth is not None
+    assert of_array.truth.rgb == pytest.approx(decode_srgb(pixels / np.float32(255)), abs=1e-6)
+    again = panchroma.simulate(of_array.truth)
+    assert np.array_equal(again.mosaic.codes, of_array.mosaic.codes)
+
+
+@pytest.mark.parametrize("pattern", [4, "RG/BW", "WBWG/BWGW/WGWR/GWRW", CfaPattern.bayer(8), FOUR])
+def test_any_pattern_and_channels_become_a_picture_that_shows_itself(pattern: Any) -> None:
+    scene = RNG.random((48, 54, 4 if pattern == FOUR else 3), np.float32)
+    shot = panchroma.simulate(scene, pattern=pattern, light=0.5)
+    picture = panchroma.render(shot, preset="paper")
+    assert picture.channels == shot.pattern.channels
+    assert picture.rgb.shape == (48, 54, len(picture.channels))
+    assert shown(picture).shape == shown(shot).shape == (48, 54, 3)
+
+
+def test_rows_of_a_pattern_are_parted_by_any_blank() -> None:
+    rows = panchroma.simulate(
+        GREY,
+        pattern="""
+        WBWG BWGW
+        WGWR/GWRW
+    """,
+    )
+    assert rows.pattern == CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
+
+
+def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
+    scene = RNG.random((24, 24, 4), np.float32)
+    given = panchroma.simulate(scene, pattern=FOUR)
+    named = panchroma.simulate(scene[..., ::-1], pattern=FOUR, channels="DCBA")
+    assert given.truth is not None
+    assert named.truth is not None
+    assert np.array_equal(given.truth.rgb, named.truth.rgb)
+
+
+def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> None:
+    plain, warm = (panchroma.render(shot, wb=wb) for wb in ("camera", (2, 1, 1)))
+    assert np.array_equal(plain.rgb, warm.rgb)
+    assert shown(warm)[..., 0].mean() > shown(plain)[..., 0].mean() + 5
+
+
+def test_pictures_and_arrays_of_any_channels_are_evaluated_alike() -> None:
+    truth = panchroma.simulate(RNG.random((60, 60, 4), np.float32), pattern=FOUR).truth
+    assert truth is not None
+    noisy = truth.rgb + RNG.normal(0, 0.01, truth.rgb.shape).astype(np.float32)
+    found = panchroma.evaluate(noisy, truth)
+    assert found == panchroma.evaluate(noisy, truth.rgb) == panchroma.evaluate(replace(truth, rgb=noisy), truth)
+    assert found.wrong_hue is None
+    assert found.psnr[0] == pytest.approx(40, abs=0.2)
+
+
+def test_the_truth_is_as_bright_as_the_render() -> None:
+    for light in (0.25, 1.0):
+        shot = panchroma.simulate(GREY, light=light)
+        assert shot.truth is not None
+        assert panchroma.render(shot, preset="paper").rgb.mean() == pytest.approx(shot.truth.rgb.mean(), rel=0.01)
+
+
+def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
+    with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
+        panchroma.render(shot)
+
+
+def test_what_is_shown_is_upright(shot: panchroma.Shot) -> None:
+    turned = replace(shot, mosaic=replace(shot.mosaic, metadata=CaptureMetadata(orientation=6)))
+    assert shown(turned).shape == (96, 72, 3)
+    assert np.array_equal(shown(turned), shown(shot).transpose(1, 0, 2)[:, ::-1])
+    assert panchroma.to_srgb(panchroma.render(turned, preset="paper")).shape == (96, 72)
+
+
+def test_large_pictures_are_shown_small() -> None:
+    stripes = np.zeros((1500, 2100, 3), np.uint8)
+    stripes[:, ::3] = 240
+    assert shown(panchroma.Image(stripes)).shape == (500, 700, 3)
+    assert (shown(panchroma.Image(stripes)) == 80).all()
+    assert shown(panchroma.Picture(np.zeros((1, 3000, 3), np.float32))).shape == (1, 3000, 3)
+
+
+def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: Path) -> None:
+    camera = Camera(SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8)), CfaPattern.bayer(4))
+    (tmp_path / "camera.json").write_text(json.dumps(camera.to_json()))
+    made = panchroma.simulate(SCENE, camera=tmp_path / "camera.json")
+    assert (made.pattern, made.calibration.gamma) == (camera.pattern, (0.9, 1.1, 0.8))
+    shot.save(tmp_path / "shot.dng")
+    with pytest.raises(panchroma.PanchromaError, match="different sensors"):
+        panchroma.open(tmp_path / "shot.dng", camera=tmp_path / "camera.json")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda: panchroma.open("nothing.dng"), "nothing.dng"),
+        (lambda: panchroma.open("shot.dng", max_pixels=100), "max_pixels"),
+        (lambda: panchroma.simulate("nothing.png"), "nothing.png"),
+        (lambda: panchroma.simulate("shot.dng"), "panchroma.render"),
+        (lambda: panchroma.simulate("builtin:999x999", max_pixels=10), "max_pixels"),
+        (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "the argument pattern"),
+        (lambda: panchroma.simulate(GREY, pattern="RGB"), "pattern"),
+        (lambda: panchroma.simulate(GREY, pattern="RG/B"), "pattern"),
+        (lambda: panchroma.simulate(GREY, pattern=99), "pattern"),
+        (lambda: panchroma.simulate(GREY, pattern="RYWW/BRWW/WWWW/WWWW"), "positive weights"),
+        (lambda: panchroma.simulate(GREY, sigma=0.1, light=1), "sigma"),
+        (lambda: panchroma.simulate(GREY, sigma=-1), "sigma"),
+        (lambda: panchroma.simulate(GREY, light=0), "light"),
+        (lambda: panchroma.simulate(GREY, seed=-1), "seed"),
+        (lambda: panchroma.simulate(GREY, bits=99), "bits"),
+        (lambda: panchroma.simulate(GREY, channels="RG"), "channels"),
+        (lambda: panchroma.simulate(GREY.astype(complex)), "array"),
+        (lambda: panchroma.simulate(GREY - 1), "negative"),
+        (lambda: panchroma.render("shot.dng", preset="bset"), "preset"),
+        (lambda: panchroma.render("shot.dng", wb="sunny"), "wb is 'sunny'"),
+        (lambda: panchroma.render("shot.dng", wb=(1, 2)), "wb has 2 multipliers"),
+        (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
+        (lambda: panchroma.render(panchroma.simulate(0 * GREY)), "black level"),
+        (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.preview("shot.dng", scale=0), "scale is 0"),
+        (lambda: panchroma.preview("shot.dng", scale=5), "period"),
+        (lambda: panchroma.preview("shot.dng", graph="nothing.onnx"), "nothing.onnx"),
+        (lambda: panchroma.to_srgb(GREY, exposure=99), "exposure"),
+        (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
+        (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]
+        (lambda: panchroma.Picture(GREY).save("picture.bmp"), "bmp"),
+        (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
+        (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
+        (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
+        (lambda: panchroma.Picture(GREY).save("nowhere/picture.tif"), "nowhere"),
+        (lambda: panchroma.to_srgb(GREY).save("there.tif"), "png"),
+        (lambda: panchroma.to_srgb(GREY).save("there.png", quality=9), "quality"),
+        (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
+        (lambda: panchroma.open("shot.dng").save("shot.tif"), "DNG"),
+        (lambda: panchroma.simulate(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.to_srgb(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "not Shot"),  # type: ignore[arg-type]
+        (lambda: panchroma.evaluate(panchroma.to_srgb(GREY), GREY), "not Image"),  # type: ignore[arg-type]
+        (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
+        (lambda: panchroma.evaluate(GREY, None), "truth"),
+        (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
+        (lambda: panchroma.evaluate(GREY[:9], GREY[:9]), "patch"),
+        (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
+    ],
+)
+def test_an_error_names_what_is_wrong_and_no_option(
+    wrong: Callable[[], object], said: str, shot: panchroma.Shot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shot.save("shot.dng")
+    Path("there.tif").touch()
+    with pytest.raises(panchroma.PanchromaError) as caught:
+        wrong()
+    assert said in str(caught.value)
+    assert "--" not in str(caught.value)
+
+
+def test_the_examples_of_wording_are_true() -> None:
+    assert doctest.testmod(wording).failed == 0
+
+
+def test_a_missing_package_is_named_with_the_remedy() -> None:
+    @for_notebooks
+    def needing() -> None:
+        raise ModuleNotFoundError("No module named 'numba'", name="numba")
+
+    with pytest.raises(ModuleNotFoundError, match=r"numba is not installed.*pip install"):
+        needing()

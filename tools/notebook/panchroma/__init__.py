@@ -1,0 +1,46 @@
+"""Panchroma for notebooks: a sparse-colour camera, simulated, and its shots, rendered.
+
+The sensor is panchromatic, except for a few pixels in each tile that see a colour; a render computes the colours of all others.
+
+    import panchroma
+
+    shot = panchroma.simulate("builtin:600x400", sigma=0.01)   # or a photograph: "IMG_0001.CR2", "house.jpg", an array
+    shot                                                       # Jupyter shows the camera's own preview
+    picture = panchroma.render(shot)                           # the full-quality picture, linear light
+    picture.save("house.tif")                                  # .tif .png .jpg .exr .npy .dng
+    panchroma.evaluate(picture, shot.truth)                    # how near it is to the truth
+
+    shot.save("house.dng")                                     # the camera's own file ...
+    shot = panchroma.open("house.dng")                         # ... and back
+
+What each returns:
+
+    open, simulate      a Shot: shot.mosaic has the samples, shot.truth what a simulated camera saw
+    render              a Picture: picture.rgb is float32 (rows, columns, channels), linear, 1.0 = white
+    preview, to_srgb    an Image: image.pixels is uint8 (rows, columns, 3), sRGB
+    evaluate            an Evaluation: PSNR, SSIM, and how much of the picture has a wrong hue
+
+Jupyter shows all of them; NumPy and matplotlib take pictures and images as arrays: plt.imshow(panchroma.to_srgb(picture)).
+
+Any filter pattern works, with any channels. A tile is written row by row, and W is panchromatic:
+
+    panchroma.simulate("house.jpg", pattern=4)                         # the paper's Bayer block, in 4 x 4 pixels instead of 6 x 6
+    panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")     # Kodak's
+    panchroma.simulate("house.jpg", pattern="CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")    # cyan, magenta and yellow
+
+Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead. Nothing overwrites a file unless
+it is told to (overwrite=True). The command `panchroma` does more: thousands of shots, bursts, calibration, comparison with Bayer
+cameras; `panchroma --help` lists it. `shared` and `offline` are the libraries underneath.
+"""
+
+from shared.errors import PanchromaError as PanchromaError
+from tools.host.versions import program_version
+
+from .pictures import Image, Picture, to_srgb
+from .quality import Evaluation, evaluate
+from .rendering import render
+from .shots import Shot, open, preview  # noqa: A004  (panchroma.open is what it is called)
+from .simulation import simulate
+
+__version__ = program_version()
+__all__ = ["Evaluation", "Image", "Picture", "Shot", "evaluate", "open", "preview", "render", "simulate", "to_srgb"]

@@ -1,0 +1,225 @@
+"""Pictures: linear, as measured or rendered, and for the screen."""
+
+from __future__ import annotations  # help() then shows them as they are written here
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from shared import CaptureMetadata, SensorCalibration
+from shared.arrays import ByteArray, FloatArray
+from shared.colorimetry import encode_srgb
+from shared.display import ColourTransform, checked_picture
+from shared.errors import InputError
+from shared.tiff import encode_tiff
+from shared.writing import write_durably
+
+from .wording import for_notebooks
+
+_SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
+
+
+@dataclass(frozen=True, eq=False, repr=False, match_args=False)
+class Image:
+    """A picture for the screen. Jupyter shows it; `np.asarray(image)`, matplotlib and Pillow take it as an array.
+
+    pixels: uint8 (H, W, 3), sRGB, upright. Read-only.
+
+    >>> import numpy as np
+    >>> import panchroma
+    >>> image = panchroma.to_srgb(np.full((200, 300, 3), 0.5, np.float32))
+    >>> image
+    <Image 300 x 200, 8-bit sRGB>
+    >>> np.asarray(image)[0, 0].tolist()
+    [188, 188, 188]
+    >>> image.save("grey.png")
+    """
+
+    pixels: ByteArray
+
+    def __post_init__(self) -> None:
+        pixels = np.ascontiguousarray(self.pixels)
+        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3 or not pixels.size:
+            raise InputError(f"an image is uint8 (rows, columns, 3); this one is {pixels.dtype} {pixels.shape}")
+        pixels = pixels.view()
+        pixels.flags.writeable = False
+        object.__setattr__(self, "pixels", pixels)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.pixels.shape[0], self.pixels.shape[1]
+
+    @for_notebooks
+    def save(self, path: str | Path, *, quality: int | None = None, overwrite: bool = False) -> None:
+        """Write a PNG or a JPEG, as the name ends.
+
+        quality: of a JPEG, 1 to 100; 95 by default.
+        overwrite: replace an existing file.
+        """
+        from tools.pictures.encoders import encode_jpeg, encode_png
+        from tools.pictures.exif_writing import jpeg_directory, picture_directory
+        from tools.pictures.icc_writing import icc_profile
+
+        match Path(path).suffix.lower():
+            case ".png" if quality is None:
+                exif = encode_tiff(picture_directory(CaptureMetadata(), srgb=True))
+                data = encode_png(self.pixels, title="sRGB", icc=icc_profile("srgb"), exif=exif)
+            case ".jpg" | ".jpeg":
+                exif = encode_tiff(jpeg_directory(CaptureMetadata(), self.pixels.shape, srgb=True))
+                data = encode_jpeg(self.pixels, icc=icc_profile("srgb"), exif=exif, quality=quality)
+            case suffix:
+                wrong = f"quality is {quality}, which only a JPEG has" if quality is not None else f"ends in {suffix!r}"
+                raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
+        write_durably(path, data, overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        return f"<Image {self.shape[1]} x {self.shape[0]}, 8-bit sRGB>"
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.pixels, dtype, copy=copy)
+
+    def _repr_png_(self) -> bytes:
+        import imagecodecs
+
+        return bytes(imagecodecs.png_encode(_reduced(self.pixels)))
+
+
+@dataclass(frozen=True, eq=False, repr=False, match_args=False)
+class Picture:
+    """Linear light at every pixel, such as `render` makes, and the truth of a simulated shot. Jupyter shows it.
+
+    rgb: float32 (H, W, C), scene units: 1.0 is white, nothing is clipped. C = 3 for red, green and blue. Read-only.
+    calibration: what the sensor is: `calibration.channels` are the letters of the C channels, and it gives the colours. By default
+        red, green and blue with the primaries of sRGB.
+    metadata: capture data: camera, lens, exposure, orientation (the samples of `rgb` are not turned; what is shown or saved is).
+
+    `np.asarray(picture)` is `rgb`, so two pictures of a scene are subtracted by `picture.rgb - truth.rgb`.
+
+    >>> import numpy as np
+    >>> import panchroma
+    >>> picture = panchroma.Picture(np.full((20, 30, 3), 0.5, np.float32))
+    >>> picture
+    <Picture 30 x 20, linear R, G, B>
+    >>> picture.save("grey.tif")
+    >>> picture.save("grey.tif")
+    Traceback (most recent call last):
+    shared.errors.OutputError: grey.tif: exists already; use overwrite=True to replace it
+    """
+
+    rgb: FloatArray
+    calibration: SensorCalibration = field(default_factory=SensorCalibration)
+    metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
+
+    def __post_init__(self) -> None:
+        rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
+        rgb.flags.writeable = False
+        object.__setattr__(self, "rgb", rgb)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.rgb.shape[0], self.rgb.shape[1]
+
+    @property
+    def channels(self) -> str:
+        """The letters of the channels, in the order of `rgb`."""
+        return self.calibration.channels
+
+    @for_notebooks
+    def save(
+        self,
+        path: str | Path,
+        *,
+        format: str | None = None,  # noqa: A002
+        bits: int | None = None,
+        space: str | None = None,
+        exposure: float = 0.0,
+        quality: int | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        """Write a picture file; the end of its name says which: .tif, .png, .jpg, .exr, .npy, or .dng (linear, for raw developers).
+
+        format: which, where several have this ending; an unknown one is answered by a list.
+        bits: 8, 16 or 32 (floating point); by default what is usual for the format.
+        space: "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is usual for the format.
+        exposure: brighten by this many stops.
+        quality: of a JPEG, 1 to 100.
+        overwrite: replace an existing file. The file is whole or absent at any moment.
+        """
+        from tools.pictures.writer import OTHER_NAMES, PictureKind, check_gain, write_picture
+
+        ending = Path(path).suffix.lower().removeprefix(".")
+        ending = OTHER_NAMES.get(ending, ending)
+        kind = PictureKind.of(format or ending, bits, space, quality)
+        if kind.suffix != f".{ending}":
+            raise InputError(f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}")
+        check_gain(kind, exposure)
+        write_picture(
+            path,
+            self.rgb,
+            kind,
+            calibration=self.calibration,
+            metadata=self.metadata,
+            exposure=exposure,
+            overwrite=overwrite,
+        )
+
+    def __repr__(self) -> str:
+        return f"<Picture {self.shape[1]} x {self.shape[0]}, linear {', '.join(self.channels)}>"
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.rgb, dtype, copy=copy)
+
+    def _repr_png_(self) -> bytes:
+        small = replace(self, rgb=_reduced(self.rgb))
+        try:
+            return to_srgb(small)._repr_png_()
+        except InputError:  # nobody knows the colours of these channels: all light, in grey
+            known = self.calibration
+            light = encode_srgb(small.rgb @ np.array(known.gamma, np.float32) / np.float32(known.full_scale))
+            return Image(np.rint(255 * light[..., None].repeat(3, axis=2)).astype(np.uint8))._repr_png_()
+
+
+@for_notebooks
+def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -> Image:
+    """The picture as a screen shows it: white-balanced, in the colours of sRGB, clipped at white, 8 bits, upright.
+
+    picture: a `Picture`, or an array (H, W, 3) of linear red, green and blue, 1.0 = white.
+    exposure: brighten by this many stops, -16 to 16.
+    Raises InputError for channels whose colours nobody knows (see `Picture.calibration`).
+
+    >>> import numpy as np
+    >>> import panchroma
+    >>> ramp = np.linspace(0, 1, 5, dtype=np.float32).reshape(1, 5, 1).repeat(3, axis=2)
+    >>> np.asarray(panchroma.to_srgb(ramp))[0, :, 0].tolist()
+    [0, 137, 188, 225, 255]
+    """
+    from tools.pictures.samples import upright
+    from tools.pictures.writer import display_codes
+
+    shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
+    codes = display_codes(shown.rgb, ColourTransform.to_space(shown.calibration), 8, exposure)
+    return Image(upright(codes, shown.metadata.orientation))
+
+
+def light_of(picture: Picture | NDArray[np.floating]) -> NDArray[Any]:
+    """The values of a picture, or the array itself. Raises InputError for anything else."""
+    if not isinstance(picture, Picture | np.ndarray):
+        wanted = "a picture, such as panchroma.render makes, or an array (rows, columns, channels) of linear light"
+        raise InputError(f"expected {wanted}, and not {type(picture).__name__}")
+    return np.asarray(picture)
+
+
+def _reduced(pixels: NDArray[Any]) -> NDArray[Any]:
+    """Means of squares of (H, W, C) samples, so that no side is longer than a notebook shows; of the same type."""
+    size = -(-max(pixels.shape[:2]) // _SHOWN)
+    rows, columns = (side // size or 1 for side in pixels.shape[:2])
+    whole = pixels[: rows * size, : columns * size]
+    if size == 1 or whole.shape[:2] != (rows * size, columns * size):  # a strip narrower than a square stays as it is
+        return pixels
+    means: NDArray[Any] = whole.reshape(rows, size, columns, size, pixels.shape[2]).mean(axis=(1, 3), dtype=np.float32)
+    return means.astype(pixels.dtype)

@@ -1,0 +1,89 @@
+"""How near a picture is to the truth."""
+
+from __future__ import annotations  # help() then shows them as they are written here
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.display import checked_picture
+from shared.errors import InputError
+from tools.evaluation.measures import PLANES, Measures
+from tools.scenes.scene import RGB
+
+from .pictures import Picture, light_of
+from .shots import Shot
+from .wording import for_notebooks
+
+
+@dataclass(frozen=True, repr=False, match_args=False)
+class Evaluation:
+    """Figures of a picture. Jupyter shows them as a table.
+
+    rgb, luminance, chrominance: PSNR in dB of all 10 x 10 patches, but for a border of 15 pixels: (10 % quantile, 25 %, median,
+        75 %). Luminance is the mean of the channels, chrominance what remains of each.
+    psnr: of the whole picture: (rgb, luminance, chrominance), dB.
+    ssim: structural similarity, at most 1.
+    wrong_hue: share of pixels whose colour is visibly wrong (CIEDE2000 above 10), 0 to 1; None without red, green and blue.
+
+    >>> import numpy as np
+    >>> import panchroma
+    >>> grey = np.full((60, 60, 3), 0.5, np.float32)
+    >>> found = panchroma.evaluate(grey + 0.01, grey)
+    >>> found
+    <Evaluation: median PSNR 40.0 dB, luminance 40.0, chrominance 200.0; SSIM 1.000; wrong hue 0.0 %>
+    >>> round(found.median[0], 2)  # dB: the figure to quote
+    40.0
+    """
+
+    rgb: tuple[float, float, float, float]
+    luminance: tuple[float, float, float, float]
+    chrominance: tuple[float, float, float, float]
+    psnr: tuple[float, float, float]
+    ssim: float
+    wrong_hue: float | None
+
+    @property
+    def median(self) -> tuple[float, float, float]:
+        """PSNR of the median patch, dB: (rgb, luminance, chrominance)."""
+        return self.rgb[2], self.luminance[2], self.chrominance[2]
+
+    def __repr__(self) -> str:
+        hue = "" if self.wrong_hue is None else f"; wrong hue {self.wrong_hue:.1%}".replace("%", " %")
+        rgb, luminance, chrominance = self.median
+        medians = f"{rgb:.1f} dB, luminance {luminance:.1f}, chrominance {chrominance:.1f}"
+        return f"<Evaluation: median PSNR {medians}; SSIM {self.ssim:.3f}{hue}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            f"<tr><th>{name}</th>" + "".join(f"<td>{value:.1f}</td>" for value in (quantiles[2], quantiles[0], whole)) + "</tr>"
+            for name, quantiles, whole in zip(PLANES, (self.rgb, self.luminance, self.chrominance), self.psnr, strict=True)
+        ]
+        hue = "" if self.wrong_hue is None else f", wrong hue in {100 * self.wrong_hue:.1f} % of the pixels"
+        head = "<tr><th>PSNR, dB</th><th>median patch</th><th>worst tenth</th><th>whole picture</th></tr>"
+        return f"<table>{head}{''.join(rows)}</table>SSIM {self.ssim:.3f}{hue}"
+
+
+@for_notebooks
+def evaluate(picture: Picture | NDArray[np.floating], truth: Shot | Picture | NDArray[np.floating] | None) -> Evaluation:
+    """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in luminance and chrominance too.
+
+    picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
+    truth: `shot.truth`, or an array alike; a shot stands for its truth.
+    Raises InputError where their sizes differ, or are below 40 x 40 pixels.
+
+    >>> import panchroma
+    >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
+    >>> paper, best = (panchroma.evaluate(panchroma.render(shot, preset=name), shot.truth) for name in ("paper", "best"))
+    >>> best.median > paper.median
+    True
+    """
+    truth = truth.truth if isinstance(truth, Shot) else truth
+    if truth is None:
+        raise InputError("truth is None: only a simulated shot knows what it saw")
+    made, seen = light_of(picture), light_of(truth)
+    count = seen.shape[-1] if seen.ndim == 3 else len(RGB)
+    channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), RGB if count == len(RGB) else "")
+    found = Measures.of(checked_picture(made, count), checked_picture(seen, count), channels)
+    return Evaluation(*found.quality, found.psnr, found.ssim, found.wrong_hue)

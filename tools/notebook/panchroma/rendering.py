@@ -1,0 +1,65 @@
+"""Rendering shots at full quality."""
+
+from __future__ import annotations  # help() then shows them as they are written here
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shared.errors import InputError
+from tools.host.console import to_stderr
+from tools.pictures.writer import PictureKind
+from tools.rendering.white_balance import WhiteBalance
+
+from .pictures import Picture
+from .shots import Shot, as_shot
+from .wording import for_notebooks
+
+_AS_ARRAY = PictureKind("npy", 32, "camera")
+
+
+@for_notebooks
+def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = True, wb: str | Sequence[float] = "camera") -> Picture:
+    """Reconstruct every channel at every pixel, on all processors. The same shot gives the same picture, to the bit.
+
+    The first render on a machine compiles the renderer, which takes a minute or two and is said on standard error; in a terminal,
+    `panchroma doctor --compile` does it ahead, on all processors.
+
+    shot: a `Shot`, or the name of its file.
+    preset: "best", or "paper": the method as published.
+    learned: of "best": correct colour by the network that comes with the program.
+    wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
+        change `Picture.rgb`.
+    Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
+
+    >>> import panchroma
+    >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
+    >>> panchroma.render(shot)
+    <Picture 120 x 90, linear R, G, B>
+    """
+    from offline import BEST, PAPER, render_bands
+    from tools.host.compilation import announced_compilation
+    from tools.host.memory import allowed_memory, format_bytes
+    from tools.host.progress import StageProgress
+    from tools.rendering.picture_file import check_light, needed_memory
+
+    settings = {"best": BEST if learned else replace(BEST, learned=PAPER.learned), "paper": PAPER}.get(preset)
+    if settings is None:
+        raise InputError(f"preset is {preset!r}, expected 'best' or 'paper'")
+    white = WhiteBalance.parse(wb if isinstance(wb, str) else ",".join(map(str, wb)))
+    mosaic = white.of(as_shot(shot).mosaic)
+    check_light(mosaic, settings)
+    if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
+        rows, columns = mosaic.shape
+        raise InputError(
+            f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
+            "close other notebooks, or use the command `panchroma render`, which needs less: it writes while it renders"
+        )
+    rgb, top, progress = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0, StageProgress()
+    with announced_compilation(to_stderr, progress):
+        for band in render_bands(mosaic, settings, progress):
+            rgb[top : top + len(band)] = band
+            top += len(band)
+    return Picture(rgb, mosaic.calibration, mosaic.metadata)

@@ -1,0 +1,131 @@
+"""Shots: what the camera has recorded, from a file or a simulation."""
+
+from __future__ import annotations  # help() then shows them as they are written here
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
+from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from tools.pictures.previews import Previews
+from tools.pictures.samples import upright
+
+from .pictures import Image, Picture
+from .wording import for_notebooks
+
+
+@dataclass(frozen=True, eq=False, repr=False, match_args=False)
+class Shot:
+    """A shot: one sample per pixel, behind the filters of the camera's pattern. Jupyter shows its preview.
+
+    mosaic: samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and capture data.
+    truth: the light that a simulated camera saw, in the units of a render; None for other shots.
+    name: of the file or the scene.
+    notes: remarks on how the scene was understood.
+
+    >>> import panchroma
+    >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
+    >>> shot
+    <Shot builtin-120x90: 120 x 90, R, G, B in 4 of 6 x 6 pixels>
+    >>> shot.save("shot.dng")
+    >>> panchroma.open("shot.dng")
+    <Shot shot: 120 x 90, R, G, B in 4 of 6 x 6 pixels>
+    """
+
+    mosaic: Mosaic
+    truth: Picture | None = None
+    name: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.mosaic.shape
+
+    @property
+    def pattern(self) -> CfaPattern:
+        """The filters: `pattern.tile`, `pattern.channels`, `pattern.filter_map(shot.shape)`."""
+        return self.mosaic.pattern
+
+    @property
+    def calibration(self) -> SensorCalibration:
+        """What is known of the sensor: gamma, noise, levels, colours."""
+        return self.mosaic.calibration
+
+    @property
+    def metadata(self) -> CaptureMetadata:
+        """Capture data: camera, lens, exposure, orientation."""
+        return self.mosaic.metadata
+
+    @for_notebooks
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the shot with its preview as a DNG, which `open` reads. An existing file stays, unless `overwrite`."""
+        if Path(path).suffix.lower() != ".dng":
+            raise InputError(f"{path}: a shot is saved as a DNG; end its name in .dng")
+        write_dng(path, self.mosaic, _previews()(self.mosaic), overwrite=overwrite)
+
+    def __repr__(self) -> str:
+        (rows, columns), pattern = self.shape, self.pattern
+        filters = f"{', '.join(pattern.channels)} in {len(pattern.sites)} of {pattern.period} x {pattern.period} pixels"
+        return f"<Shot{' ' * bool(self.name)}{self.name}: {columns} x {rows}, {filters}>"
+
+    def _repr_png_(self) -> bytes:
+        return preview(self)._repr_png_()
+
+
+@for_notebooks
+def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int = MAX_PIXELS) -> Shot:  # noqa: A001
+    """Read a shot, a DNG that Panchroma has written. For photographs of other cameras see `simulate`.
+
+    path: the file.
+    camera: a camera.json (from `panchroma calibrate`) to use in place of the shot's own calibration.
+    max_pixels: a larger shot is refused.
+    Raises InputError that names the file and says what is wrong with it.
+
+    >>> import panchroma
+    >>> panchroma.simulate("builtin:120x90").save("leaves.dng")
+    >>> panchroma.open("leaves.dng").shape
+    (90, 120)
+    """
+    mosaic = read_dng(path, max_pixels=max_pixels)
+    if camera is not None:
+        mosaic = read_camera(camera).calibrated(mosaic)
+    return Shot(mosaic, name=Path(path).stem)
+
+
+@for_notebooks
+def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None = None) -> Image:
+    """The camera's own picture of a shot: made in milliseconds by an ONNX graph, upright.
+
+    shot: a `Shot`, or the name of its file.
+    scale: pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's period.
+    graph: a file of `panchroma export-preview` to use in place of the graph that comes with the program.
+    Raises InputError for another scale.
+
+    >>> import panchroma
+    >>> panchroma.preview(panchroma.simulate("builtin:120x90"), scale=3)
+    <Image 40 x 30, 8-bit sRGB>
+    """
+    mosaic = as_shot(shot).mosaic
+    pixels = _previews(scale, None if graph is None else str(graph))(mosaic)
+    return Image(np.ascontiguousarray(upright(pixels, mosaic.metadata.orientation)))
+
+
+def as_shot(shot: Shot | str | Path) -> Shot:
+    """The shot itself, or that in a file. Raises InputError for anything else."""
+    if isinstance(shot, Shot):
+        return shot
+    if isinstance(shot, str | Path):
+        return open(shot)
+    raise InputError(
+        f"expected a shot (of panchroma.open or panchroma.simulate) or the name of its file, not {type(shot).__name__}"
+    )
+
+
+@cache  # graphs are loaded once
+def _previews(scale: int = 1, graph: str | None = None) -> Previews:
+    return Previews(scale, graph)

@@ -1,0 +1,129 @@
+"""Photographing scenes with a simulated camera."""
+
+from __future__ import annotations  # help() then shows them as they are written here
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shared import CfaPattern, SensorCalibration, read_camera
+from shared.errors import InputError
+from shared.reading import MAX_PIXELS
+from shared.sensor import simulate_additive, simulate_sensor
+from tools.commands.simulate import calibration_before
+from tools.scenes.decoders import Decoded, decode_array
+from tools.scenes.filters import filters_for
+from tools.scenes.load import load_scene
+from tools.scenes.picture import picture_scene
+from tools.scenes.scene import Scene
+
+from .pictures import Picture
+from .shots import Shot
+from .wording import for_notebooks
+
+_PERIOD, _BITS = 6, 12
+
+
+@for_notebooks
+def simulate(
+    scene: str | Path | Picture | ArrayLike,
+    *,
+    pattern: str | int | CfaPattern | None = None,
+    sigma: float | None = None,
+    light: float | None = None,
+    bits: int | None = None,
+    seed: int = 0,
+    channels: str | None = None,
+    linear: bool = False,
+    camera: str | Path | None = None,
+    max_pixels: int = MAX_PIXELS,
+) -> Shot:
+    """Photograph a scene with this camera. The shot keeps what it saw as its `truth`.
+
+    scene: one of
+        the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG, JPEG, EXR, NPY),
+        "builtin:600x400", leaves and charts of any size, or "spectral:600x400", in eight channels H I J K L N O P,
+        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB,
+        a `Picture`, such as the truth of another shot.
+    pattern: the filters of one tile of the sensor, row by row, W is panchromatic, such as "WBWG/BWGW/WGWR/GWRW"; rows may also be
+        parted by blanks or lines. A number is the period of the paper's pattern, one 2 x 2 Bayer block in K x K pixels; that with
+        6 is the default. Letters other than R, G and B are channels that the scene has, or C, M and Y made from its colours.
+    sigma: noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By default there is none.
+    light: noise as in a sensor, at this amount of light (1 = a full exposure, 1/4 = two stops less): shot and read noise, clipping,
+        quantisation. Give sigma or light, not both.
+    bits: of a sample, 10 to 16; 12 by default.
+    seed: of the noise.
+    channels: letters of an array's channels, in their order; by default "RGB", or those of the pattern if there are as many.
+    linear: take the values of a picture file, or an array of integers, as linear light.
+    camera: a camera.json (from `panchroma calibrate`), whose gamma, noise, levels and colours the sensor has.
+    max_pixels: a larger file is refused.
+    Raises InputError for a scene that cannot be read, or that lacks channels of the pattern.
+
+    >>> import numpy as np
+    >>> import panchroma
+    >>> panchroma.simulate("builtin:120x90", pattern="WBWG/BWGW/WGWR/GWRW", light=1 / 4)
+    <Shot builtin-120x90: 120 x 90, R, G, B in 8 of 4 x 4 pixels>
+    >>> bands = np.random.default_rng(0).random((60, 60, 4), np.float32)
+    >>> shot = panchroma.simulate(bands, pattern="ABWWWW CDWWWW WWWWWW WWWWWW WWWWWW WWWWWW", sigma=0.01)
+    >>> shot.truth
+    <Picture 60 x 60, linear A, B, C, D>
+    """
+    if sigma is not None and light is not None:
+        raise InputError(f"sigma is {sigma} and light is {light}: the first is the paper's noise, the other a sensor's; give one")
+    if light is not None and not 0 < light < np.inf:
+        raise InputError(f"light is {light}, expected a positive factor; 1 is a full exposure")
+    if seed < 0:
+        raise InputError(f"seed is {seed}, expected 0 or more")
+    known = None if camera is None else read_camera(camera)
+    tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
+    if known:
+        known.check_pattern(tile)
+    seen = _scene(scene, tile.channels, channels, linear, max_pixels)
+    filters = filters_for(tile, seen)
+    sensor = known.calibration if known else SensorCalibration(tile.channels, sensor="simulated")
+    if known is None or bits is not None:
+        levels = SensorCalibration.of_bits(_BITS if bits is None else bits, headroom=light is None, channels=tile.channels)
+        sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
+    sensor = calibration_before(seen, filters, sensor, measured=known is not None)
+    rgb, rng = filters.of(seen.rgb), np.random.default_rng(seed)
+    if light is None:
+        mosaic = simulate_additive(rgb, tile, sensor, sigma or 0.0, rng, seen.metadata)
+    else:
+        mosaic = simulate_sensor(rgb, tile, sensor, light, rng, seen.metadata)
+        rgb = rgb * np.float32(light)  # what reaches the sensor, as a render shows it
+    return Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes))
+
+
+def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
+    if isinstance(pattern, CfaPattern):
+        return pattern
+    if isinstance(pattern, str):
+        return CfaPattern.of_letters("/".join(pattern.split()))
+    return CfaPattern.bayer(_PERIOD if pattern is None else pattern)
+
+
+def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Scene:
+    """The scene before a pattern with the channels `wanted`."""
+    if isinstance(source, Picture):
+        known = source.calibration
+        light = np.maximum(source.rgb, 0)  # noise may be negative, light is not
+        return Scene(light, "picture", known.camera_to_xyz, known.neutral, source.metadata, channels=known.channels)
+    if isinstance(source, str | Path):
+        try:
+            return load_scene(str(source), linear=linear, max_pixels=max_pixels, channels=wanted)
+        except InputError as error:
+            raise type(error)(f"{source}: {error}") from None
+    array = np.asarray(source)
+    if array.dtype == object:
+        raise InputError(f"expected the name of a file, an array or a picture, and not {type(source).__name__}")
+    return picture_scene(decode_array(array, wanted) if channels is None else _named(array, channels), "array", linear=linear)
+
+
+def _named(array: NDArray[Any], channels: str) -> Decoded:
+    if array.ndim != 3 or array.shape[2] != len(channels):
+        wanted = f"(rows, columns, {len(channels)})"
+        raise InputError(f"channels is {channels!r}, but the array has shape {array.shape}; expected {wanted}")
+    return Decoded(array, np.iinfo(array.dtype).max if array.dtype.kind == "u" else None, channels=channels)
