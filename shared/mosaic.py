@@ -1,7 +1,6 @@
 """The mosaic: what the sensor measured, with everything needed to make sense of it."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +17,11 @@ class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
     samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading undone; noise may make it
-        negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns its memory.
+        negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns
+        its memory.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
-    the calibration's bits, when pattern and calibration name different channels, and for another part of the sensor than that of the
-    calibration's shading.
+    the calibration's bits, when pattern and calibration name different channels, and when the calibration's shading is that of
+    frames of another shape.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -135,12 +135,12 @@ class Mosaic:
         signal.flags.writeable = False
         return replace(bare, samples=signal)
 
-    def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> NDArray[np.float32]:
+    def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
         """Samples of one plane in scene units -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
-        calibration, signal = self.calibration, self.samples[rows, columns]
-        if calibration.shading is not None:
-            signal = signal / calibration.shading.of_plane(self.shape, plane, rows, columns)
+        calibration = self.calibration
         with np.errstate(over="ignore"):  # what overflows is clipped to the highest code anyway
-            codes = signal * np.float32(1 / calibration.scale()[plane])
+            codes: FloatArray = self.samples[rows, columns] * np.float32(1 / calibration.scale()[plane])
+        if calibration.shading is not None:
+            codes /= calibration.shading.of_plane(self.shape, plane, rows, columns)
         codes += np.float32(calibration.black_level[plane])
         return np.rint(codes, out=codes).clip(0, (1 << calibration.bits) - 1, out=codes)

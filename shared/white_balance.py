@@ -63,8 +63,7 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
         blocks *= calibration.scale()[:-1].astype(np.float32)[:, None, None]
         if calibration.shading is not None and len(tops):
             seen = slice(tops[0], tops[-1] + 1, every * pattern.period), slice(lefts[0], lefts[-1] + 1, pattern.period)
-            for channel, plane in enumerate(blocks):
-                plane *= calibration.shading.of_plane(mosaic.shape, channel, *seen)
+            blocks *= np.stack([calibration.shading.of_plane(mosaic.shape, channel, *seen) for channel in range(len(blocks))])
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
     left, middle, right = (blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3))
     medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     light.add_argument(
         "--shading",
         metavar="STOPS,PERCENT",
-        help="a lens whose light falls off by STOPS in the corners, there with PERCENT less of the first and more of the last channel",
+        help="a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one",
     )
     light.add_argument(
         "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"

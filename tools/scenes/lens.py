@@ -50,6 +50,8 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
 
 def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:
     """Control points of a map that is known at every pixel."""
-    down, right = (np.linalg.pinv(basis(length, count, np.arange(length))) for length, count in zip(gain.shape, _POINTS, strict=True))
+    down, right = (
+        np.linalg.pinv(basis(length, count, np.arange(length))) for length, count in zip(gain.shape, _POINTS, strict=True)
+    )
     points: list[list[float]] = (down @ gain @ right.T).tolist()
     return points
