@@ -21,6 +21,7 @@ _LARGEST = 1e4  # control point: those beyond the edges, of which little is seen
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
+_ZOOMED = 0.02  # relative difference of focal lengths
 _STRETCH = 0.02  # how far two frames may differ in their ratio of sides
 
 
@@ -103,10 +104,35 @@ class Shading:
             gain += weights[tap][:, None] * curves[place + tap]
         return gain
 
+    def zoomed(self, focal_length: float | None) -> str:
+        """What to tell of a shot at this focal length, millimetres: "" unless the shading was measured at another one.
+
+        >>> from shared import Shading
+        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
+        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
+        """
+        known = self.focal_length
+        if not known or not focal_length or abs(math.log(focal_length / known)) <= _ZOOMED:
+            return ""
+        return (
+            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: colours towards the corners may be wrong"
+        )
+
     @cached_property
     def sketch(self) -> FloatArray:
         """The gains at a few places, edges and middle among them, float32 (planes, 129, 129)."""
         return np.stack([self.of_plane((_SKETCH, _SKETCH), plane) for plane in range(len(self.gain))])
+
+    @property
+    def stops(self) -> float:
+        """The largest fall-off of panchromatic samples."""
+        return math.log2(self.sketch[-1].max())
+
+    @property
+    def colour(self) -> float:
+        """The largest difference between how a colour and panchromatic samples fall off, as a share."""
+        *colours, panchromatic = self.sketch
+        return max(float(np.abs(panchromatic / colour - 1).max()) for colour in colours)
 
     def to_json(self) -> dict[str, Any]:
         """The shading as a JSON object; `from_json` turns it back."""

@@ -141,8 +141,8 @@ def conclude(
         measured["shading"] = {
             **noted,
             "frames": shading.frames,
-            "stops": round(shading.stops, 3),
-            "colour": round(shading.colour, 4),
+            "stops": round(shading.shading.stops, 3),
+            "colour": round(shading.shading.colour, 4),
             "standard_error": float(f"{shading.error:.2g}"),
             "residual": shading.shading.residual,
             "focal_length": shading.shading.focal_length,

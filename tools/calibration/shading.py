@@ -55,27 +55,12 @@ class ShadingResult:
     error: float
 
     @property
-    def stops(self) -> float:
-        """The largest fall-off of panchromatic samples."""
-        return 0.0 if self.shading is None else float(np.log2(self.shading.sketch[-1].max()))
-
-    @property
-    def colour(self) -> float:
-        """The largest difference between how a colour and panchromatic samples fall off, as a share."""
-        if self.shading is None:
-            return 0.0
-        *colours, panchromatic = self.shading.sketch
-        return float(max(np.abs(panchromatic / colour - 1).max() for colour in colours))
-
-    @property
     def words(self) -> str:
         """The shading, for people."""
         if self.shading is None:
             return f"no shading: the flat frames are even to ±{100 * self.error:.2g} % (standard error)"
-        return (
-            f"shading: {self.stops:.2f} stops, {100 * self.colour:.1f} % between colours, known to ±{100 * self.error:.2g} % "
-            f"(standard error), residual {100 * self.shading.residual:.2g} %"
-        )
+        lens, known = self.shading, f"known to ±{100 * self.error:.2g} % (standard error)"
+        return f"shading: {lens.stops:.2f} stops, {100 * lens.colour:.1f} % between colours, {known}, residual {100 * lens.residual:.2g} %"
 
 
 class _Tiles(NamedTuple):
