@@ -59,8 +59,9 @@ class ShadingResult:
         """The shading, for people."""
         if self.shading is None:
             return f"no shading: the flat frames are even to ±{100 * self.error:.2g} % (standard error)"
-        lens, known = self.shading, f"known to ±{100 * self.error:.2g} % (standard error)"
-        return f"shading: {lens.stops:.2f} stops, {100 * lens.colour:.1f} % between colours, {known}, residual {100 * lens.residual:.2g} %"
+        lens = self.shading
+        known = f"known to ±{100 * self.error:.2g} % (standard error), residual {100 * lens.residual:.2g} %"
+        return f"shading: {lens.stops:.2f} stops, {100 * lens.colour:.1f} % between colours, {known}"
 
 
 class _Tiles(NamedTuple):
