@@ -26,16 +26,17 @@ from .samples import CLIPPED, levels_of, robust_deviation
 _CLIPPED_PART = 1e-3  # of the panchromatic samples: more of them, and it is not just defects
 _TILE, _MOST_TILES = 5, 48  # periods along a side of a tile, at least, and tiles along an axis, at most
 _POINTS, _COLOUR_POINTS = (9, 11), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
+_ROUGH, _COLOUR_ROUGH = 0.5, 0.05  # third differences of control points that are likely; noise makes larger ones at the edges
 _ROUNDS = 2  # the second one sees tiles that are nearly even: their means are then those of their middles
 _OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
-_WORST = 0.03  # standard error of the gain, as a share: beyond it the frames are too dark
+_WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
 _NOISE = 1.3  # times the noise that tiles show of themselves: they do not know it better
 _RESIDUAL = 0.005  # share of the light, beyond noise: more is no shading
 _TILT = 0.03  # share by which one side may be brighter than the other
 _CENTRE = 0.05  # of the diagonal
 _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames better than a tilt
-_EVEN = 0.01  # less than this is no shading
+_EVEN = 0.02  # less than this is no shading
 _ERRORS = 4.0  # standard errors: less than this is none either
 _ZOOMED = 0.01  # relative difference of focal lengths
 _DIGITS = 6
@@ -150,14 +151,15 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
         for number, window in enumerate(windows):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
-            # Second differences do not see light that falls off. Their robust deviation does not see defects.
-            noise = robust_deviation(np.diff(values, 2)) / 6**0.5
             apart = np.abs(values - np.median(values))
-            kept = apart <= _OUTLIER * robust_deviation(apart)
-            mean = float(values[kept].mean())
+            kept = values[
+                apart <= max(_OUTLIER * robust_deviation(apart), float(apart.std()))
+            ]  # few codes have no median deviation
+            noise = np.diff(kept, 2).std() / 6**0.5  # second differences do not see light that falls off
+            mean = float(kept.mean())
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
             undone = float(gain[window][rows, columns].mean())
-            found[:, plane, number] = *middle, undone, mean, max(noise / kept.sum() ** 0.5, _FLOOR * mean)
+            found[:, plane, number] = *middle, undone, mean, max(noise / len(kept) ** 0.5, _FLOOR * mean)
     return _Tiles((len(cuts[0]), len(cuts[1])), *found)
 
 
@@ -171,13 +173,13 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
         for points in (_POINTS, _COLOUR_POINTS)
     )
     missing, unsure = tiles.gain / tiles.light, tiles.error / tiles.light
-    panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], unsure[-1])
+    panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], unsure[-1], _ROUGH)
     # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
     places = [np.linspace(0, length - 1, 4 * number) for length, number in zip(shading.size, full, strict=True)]
     gains = []
     for plane in range(len(missing) - 1):
         known = _values(panchromatic, shading.size, tiles.row[plane], tiles.column[plane])
-        relative, own = _spline(tiles, plane, shading.size, low, missing[plane] / known, unsure[plane])
+        relative, own = _spline(tiles, plane, shading.size, low, missing[plane] / known, unsure[plane], _COLOUR_ROUGH)
         error = max(error, own)
         down, right = (basis(length, number, place) for length, number, place in zip(shading.size, full, places, strict=True))
         of_colour, at = (basis(*each) for each in zip(shading.size, low, places, strict=True))
@@ -197,15 +199,24 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
 
 
 def _spline(
-    tiles: _Tiles, plane: int, size: tuple[int, int], points: tuple[int, ...], target: DoubleArray, unsure: DoubleArray
+    tiles: _Tiles,
+    plane: int,
+    size: tuple[int, int],
+    points: tuple[int, ...],
+    target: DoubleArray,
+    unsure: DoubleArray,
+    rough: float,
 ) -> tuple[DoubleArray, float]:
     """Return the control points of the spline through values in the tiles, and its largest standard error, as a share.
 
     target: (N,), the values; unsure: (N,), their standard errors, as a share.
+    rough: standard deviation of third differences of the control points.
     """
     design = _design(size, points, tiles.row[plane], tiles.column[plane]) / target[:, None]
+    down, right = (np.diff(np.eye(number), 3, axis=0) for number in points)
+    smooth = np.concatenate([np.kron(down, np.eye(points[1])), np.kron(np.eye(points[0]), right)]) / rough
     weighted = design / unsure[:, None]
-    inverse = np.linalg.pinv(weighted.T @ weighted, hermitian=True)
+    inverse = np.linalg.inv(weighted.T @ weighted + smooth.T @ smooth)
     found = inverse @ (weighted.T @ (1 / unsure))
     variance = ((design @ inverse) * design).sum(axis=1)
     return found.reshape(points), float(variance.max() ** 0.5)
