@@ -113,17 +113,21 @@ class Session:
         """
         frames = self._each(paths, "flat", lambda path, mosaic: (path, _as_recorded(mosaic)))
 
-        def measure() -> tuple[FlatResult, list[int]]:
+        def differ() -> bool:
             refuse_copies(frames, FLAT_ALIKE)
+            return True
+
+        def measure() -> tuple[FlatResult, list[int]]:
             flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
             noise_of_flats(flats, frames[0][1].calibration, dark)  # refused here, where the frames can be named
             return flats, unpaired
 
-        flats, unpaired = (self._together(paths, measure) if frames else None) or (None, [])
+        if not frames or not self._together(paths, differ):
+            return None
+        self._measure_shading([mosaic for _, mosaic in frames])
+        flats, unpaired = self._together(paths, measure) or (None, [])
         for index in unpaired:
             self._console.note(f"{frames[index][0]} is left out: it is clipped, or no other flat frame has its exposure")
-        if frames:
-            self._measure_shading([mosaic for _, mosaic in frames])
         return flats
 
     def _measure_shading(self, frames: Sequence[Mosaic]) -> None:
