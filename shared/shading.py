@@ -5,7 +5,7 @@ over the frame, so that it also serves frames with fewer, larger pixels of the s
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -134,13 +134,9 @@ class Shading:
         *colours, panchromatic = self.sketch
         return max(float(np.abs(panchromatic / colour - 1).max()) for colour in colours)
 
-    def to_json(self) -> dict[str, Any]:
-        """The shading as a JSON object; `from_json` turns it back."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, document: Any) -> "Shading":
-        """The shading in a JSON object made by `to_json`. Raises InputError that names the field."""
+        """The shading in a JSON object whose fields are those of this class. Raises InputError that names the field."""
         if not isinstance(document, dict) or not {"gain", "size"} <= document.keys() <= {
             "gain",
             "size",

@@ -35,9 +35,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for seed in ("1", "2"):
             photographed(folder, "flat", f"flat{light}-{seed}.dng", "--protocol", "sensor", "--light", light, "--seed", seed)
     photographed(folder, "builtin", "shot.dng", "--bits", "12", "--protocol", "sensor", "--light", "0.9", focal=50.0)
-    outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json")
+    outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder)
     assert outcome.code == 0, outcome.err
     assert "shading: 1.4" in outcome.out
+    assert "bottom right" in (folder / "report.html").read_text("utf-8")
     return folder
 
 
