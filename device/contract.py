@@ -5,9 +5,9 @@ side, and returns the picture of the patches. The tile in it begins at the first
 origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
 
 Inputs, for a pattern of C channels; all but the first are float32:
-    mosaic  uint16 (rows, columns)  sensor codes
-    black   (C + 1,)                black level per plane (the channels, then panchromatic), sensor codes
-    scale   (C + 1,)                scene units per sensor code of each plane
+    mosaic  uint16 (rows, columns)  sensor codes, or finer ones without shading (`device.even_light`)
+    black   (C + 1,)                black level per plane (the channels, then panchromatic), such codes
+    scale   (C + 1,)                scene units per code of each plane
     gamma   (C,)                    weights of Eq. 7
     noise   (2,)                    (shot, read_variance) of a panchromatic sample: variance = shot * signal + read_variance, scene
                                     units; read_variance is the square of `NoiseModel.read`

@@ -22,6 +22,7 @@ from shared.runtime import onnxruntime
 
 from . import contract
 from .border import ExtendedFrame
+from .even_light import even_light
 from .graph_check import check_graph
 
 _STRIP_PIXELS = 1 << 17
@@ -86,18 +87,19 @@ class Preview:
             for size, origin, block in zip(mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True)
         )
         above, below, left, right = description.halo
-        frame = ExtendedFrame(mosaic.codes, pattern, rows.span(above, below), columns.span(left, right))
+        codes, levels = even_light(mosaic)
+        frame = ExtendedFrame(codes, pattern, rows.span(above, below), columns.span(left, right))
         channels = len(pattern.channels) if description.linear else 3
         picture = np.empty((rows.size, columns.size, channels), np.float32 if description.linear else np.uint8)
-        inputs = self._inputs(mosaic.calibration)
+        inputs = self._inputs(mosaic.calibration) | levels
         width = columns.patches * pattern.period
         strip_size = width // description.scale, channels
 
         def develop(patches: range) -> None:
             count = len(patches) * pattern.period
-            codes = np.empty((above + count + below, left + width + right), np.uint16)
-            frame.copy_rows(rows.first + patches.start * pattern.period - above, codes)
-            strip = self._strip(codes, inputs)
+            cut = np.empty((above + count + below, left + width + right), np.uint16)
+            frame.copy_rows(rows.first + patches.start * pattern.period - above, cut)
+            strip = self._strip(cut, inputs)
             if strip.dtype != picture.dtype or strip.shape != (count // description.scale, *strip_size):
                 raise InputError(f"the preview graph returns {strip.dtype} {strip.shape} for a strip: {_DAMAGED}")
             begin = patches.start * pattern.period // description.scale - rows.skip

@@ -82,8 +82,8 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
     rgb = np.empty_like(chromaticity)
     for part in finish(mosaic, measure(mosaic, settings, log), settings, log):
         rows = slice(part.first, part.end)
-        luminance[rows], chromaticity[rows] = part.luminance, part.chromaticity
-        colour(part.chromaticity, part.luminance, rgb[rows])  # Eq. 17
+        luminance[rows], chromaticity[rows] = without_shading(part, mosaic), part.chromaticity
+        colour(part.chromaticity, luminance[rows], rgb[rows])  # Eq. 17
     return Rendering(rgb, luminance, chromaticity, log.solvers)
 
 
@@ -103,7 +103,7 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     """
     for part in finish(mosaic, measure(mosaic, settings, progress), settings, progress):
         band = np.empty_like(part.chromaticity)
-        colour(part.chromaticity, part.luminance, band)  # Eq. 17
+        colour(part.chromaticity, without_shading(part, mosaic), band)  # Eq. 17
         yield band
 
 
@@ -134,8 +134,12 @@ class Measured(NamedTuple):
 
 
 def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Measured:
-    """Everything that looks at the frame as a whole."""
-    clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
+    """Everything that looks at the frame as a whole.
+
+    With shading this and `finish` see a frame that is darker towards its corners, equally for all filters, so that noise and
+    saturation are those of the sensor everywhere; `without_shading` makes the light even at the end.
+    """
+    clipping, samples = clipping_level(mosaic), mosaic.evenly_shaded()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
     trust = trust_in_blocks(samples, clipping, noise, settings.sites)
@@ -152,6 +156,12 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     del samples  # a plane of the frame, before another one is needed
     luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return Measured(luminance, blocks, sites)
+
+
+def without_shading(part: Part, mosaic: Mosaic) -> FloatArray:
+    """The luminance of a part of the picture without the shading of the mosaic's calibration, float32 (rows, W)."""
+    shading, rows = mosaic.calibration.shading, slice(part.first, part.end)
+    return part.luminance if shading is None else part.luminance * shading.of_plane(mosaic.shape, -1, rows)
 
 
 def spread(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progress: Progress) -> Iterator[Part]:

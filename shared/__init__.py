@@ -6,6 +6,7 @@ from .dng import read_dng, write_dng
 from .metadata import CaptureMetadata
 from .mosaic import Mosaic
 from .pattern import BlockGrid, CfaPattern
+from .shading import Shading
 
 __all__ = [
     "BlockGrid",
@@ -15,6 +16,7 @@ __all__ = [
     "Mosaic",
     "NoiseModel",
     "SensorCalibration",
+    "Shading",
     "read_camera",
     "read_dng",
     "write_dng",

@@ -19,6 +19,7 @@ from .arrays import DoubleArray
 from .errors import InputError
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
+from .shading import Shading
 
 SCHEMA = 1
 BITS = range(10, 17)
@@ -87,6 +88,7 @@ class SensorCalibration:
     defects: sensor (row, column) of the pixels that do not measure light, in reading order.
     sensor: a name for people.
     camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
+    shading: of lens and sensor; None = unknown, treated as none. Noise and levels are those before its gain.
 
     >>> from shared import SensorCalibration
     >>> calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
@@ -109,6 +111,7 @@ class SensorCalibration:
     defects: tuple[tuple[int, int], ...] = ()
     sensor: str = ""
     camera: str = ""
+    shading: Shading | None = None
 
     def __post_init__(self) -> None:
         count = len(self.channels)
@@ -165,6 +168,8 @@ class SensorCalibration:
                 raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")
             object.__setattr__(self, "camera_to_xyz", rows)
         object.__setattr__(self, "defects", _places(self.defects))
+        if self.shading is not None and len(self.shading.gain) != count + 1:
+            raise InputError(f"calibration: shading has {len(self.shading.gain)} planes, expected {count + 1} ({letters}W)")
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -229,6 +234,8 @@ class SensorCalibration:
         document = {"schema": SCHEMA, **asdict(self)}
         if not self.neutral_estimated:  # so that ids and files from before there were estimates stay the same
             del document["neutral_estimated"]
+        if self.shading is None:  # likewise
+            del document["shading"]
         return document
 
     @classmethod
@@ -249,6 +256,8 @@ class SensorCalibration:
             if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
                 raise InputError('calibration: noise is not an object with "shot" and "read"')
             given["noise"] = NoiseModel(**noise)
+        if "shading" in given:
+            given["shading"] = Shading.from_json(given["shading"])
         return cls(**given)
 
     def _set(self, name: str, values: Any, count: int) -> None:

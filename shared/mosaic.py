@@ -1,7 +1,6 @@
 """The mosaic: what the sensor measured, with everything needed to make sense of it."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +16,12 @@ from .pattern import CfaPattern
 class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
 
-    samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted; noise may make it negative, and 1.0 is
-        the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns its memory.
+    samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading undone; noise may make it
+        negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns
+        its memory.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
-    the calibration's bits, or when pattern and calibration name different channels.
+    the calibration's bits, when pattern and calibration name different channels, and when the calibration's shading is that of
+    frames of another shape.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -41,6 +42,8 @@ class Mosaic:
             raise InputError(f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}")
         self.calibration.check_pattern(self.pattern)
         self.pattern.grid((samples.shape[0], samples.shape[1]))
+        if self.calibration.shading is not None:
+            self.calibration.shading.check((samples.shape[0], samples.shape[1]))
         owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
         if samples.dtype == np.uint16:
             kept = samples if owned else np.array(samples, order="C")
@@ -63,7 +66,7 @@ class Mosaic:
 
     @property
     def signal(self) -> FloatArray:
-        """m[n] in scene units, float32 (H, W): black subtracted, `calibration.full_scale` at the white level.
+        """m[n] in scene units, float32 (H, W): black subtracted, `calibration.full_scale` at the white level, shading undone.
 
         Computed from sensor codes on every access: keep it in a variable, or use `in_scene_units`.
         """
@@ -72,11 +75,16 @@ class Mosaic:
         # There are few codes: look their values up. Double precision then costs nothing, and white reads exactly full scale.
         every = np.arange(1 << self.calibration.bits)[:, None]
         values = ((every - self.calibration.black_level) * self.calibration.scale()).astype(np.float32)
+        shading = self.calibration.shading
         codes, signal, panchromatic = self.codes, np.empty(self.shape, np.float32), values[:, -1].copy()
         for rows in strips(self.shape[0], max(1, CACHED // self.shape[1])):  # the look-up takes eight bytes per pixel
             panchromatic.take(codes[rows], out=signal[rows], mode="clip")  # no code is out of range
+            if shading:
+                signal[rows] *= shading.of_plane(self.shape, -1, rows)
         for channel, *lattice in self.pattern.lattices:
             signal[*lattice] = values[:, channel][codes[*lattice]]
+            if shading:
+                signal[*lattice] *= shading.of_plane(self.shape, channel, *lattice)
         signal.flags.writeable = False
         return signal
 
@@ -90,9 +98,9 @@ class Mosaic:
             return self.samples  # type: ignore[return-value]
         codes = np.empty(self.shape, np.uint16)
         for rows in strips(self.shape[0]):
-            codes[rows] = self._quantised(self.samples[rows], -1)
+            codes[rows] = self._quantised(-1, rows)
         for channel, *lattice in self.pattern.lattices:
-            codes[*lattice] = self._quantised(self.samples[*lattice], channel)
+            codes[*lattice] = self._quantised(channel, *lattice)
         codes.flags.writeable = False
         return codes
 
@@ -100,9 +108,39 @@ class Mosaic:
         """The same mosaic with float32 samples in scene units; the mosaic itself if it has them already."""
         return self if self.samples.dtype == np.float32 else replace(self, samples=self.signal)
 
-    def _quantised(self, signal: NDArray[Any], plane: int) -> NDArray[np.float32]:
-        """Scene units of one plane -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
+    def evenly_shaded(self) -> "Mosaic":
+        """The mosaic in scene units as if all planes had the shading of the panchromatic one; without shading `in_scene_units`.
+
+        Such a frame is an ordinary one of a darker scene: Eq. 7 holds, panchromatic samples have the calibration's noise and reach
+        full scale where they saturate. Its calibration has no shading. Light times the panchromatic gain is that of the scene.
+
+        >>> import numpy as np
+        >>> from shared import CfaPattern, Mosaic, SensorCalibration
+        >>> mosaic = Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), SensorCalibration.of_bits(12))
+        >>> float(mosaic.evenly_shaded().signal[5, 5])
+        3.0
+        """
+        shading = self.calibration.shading
+        if shading is None:
+            return self.in_scene_units()
+        bare = replace(self, calibration=replace(self.calibration, shading=None))
+        signal = bare.signal.copy()
+        if self.samples.dtype == np.float32:
+            for rows in strips(self.shape[0]):
+                signal[rows] /= shading.of_plane(self.shape, -1, rows)
+        else:
+            for channel, *lattice in self.pattern.lattices:
+                ours, panchromatic = (shading.of_plane(self.shape, plane, *lattice) for plane in (channel, -1))
+                signal[*lattice] *= ours / panchromatic
+        signal.flags.writeable = False
+        return replace(bare, samples=signal)
+
+    def _quantised(self, plane: int, rows: slice, columns: slice = slice(None)) -> FloatArray:
+        """Samples of one plane in scene units -> whole codes. Single precision is off by less than a hundredth of a 16-bit code."""
+        calibration = self.calibration
         with np.errstate(over="ignore"):  # what overflows is clipped to the highest code anyway
-            codes = signal * np.float32(1 / self.calibration.scale()[plane])
-        codes += np.float32(self.calibration.black_level[plane])
-        return np.rint(codes, out=codes).clip(0, (1 << self.calibration.bits) - 1, out=codes)
+            codes: FloatArray = self.samples[rows, columns] * np.float32(1 / calibration.scale()[plane])
+        if calibration.shading is not None:
+            codes /= calibration.shading.of_plane(self.shape, plane, rows, columns)
+        codes += np.float32(calibration.black_level[plane])
+        return np.rint(codes, out=codes).clip(0, (1 << calibration.bits) - 1, out=codes)

@@ -18,11 +18,12 @@ MOST_ELECTRONS = 1e18  # NumPy draws no Poisson numbers much beyond it; no pixel
 
 
 def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration) -> FloatArray:
-    """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site, Eq. 7 elsewhere.
+    """The samples of a noiseless sensor, float32 (H, W), scene units: one channel at a colour site, Eq. 7 elsewhere,
+    less what shading takes.
 
     rgb: the scene, (H, W, C), scene units, channels in the order of the pattern.
     pattern: the filter pattern, with C channels.
-    calibration: its gamma is used.
+    calibration: its gamma and its shading are used.
     Raises InputError when the three have different channels.
     """
     if rgb.ndim != 3 or rgb.shape[2] != len(pattern.channels):
@@ -32,7 +33,7 @@ def sample(rgb: FloatArray, pattern: CfaPattern, calibration: SensorCalibration)
         samples: FloatArray = (rgb @ np.array(calibration.gamma, np.float32)).astype(np.float32, copy=False)  # Eq. 7
     for channel, rows, columns in pattern.lattices:
         samples[rows, columns] = rgb[rows, columns, channel]
-    return samples
+    return _shaded(samples, pattern, calibration, undone=False)
 
 
 def simulate_additive(
@@ -60,6 +61,7 @@ def simulate_additive(
     if sigma:
         with np.errstate(over="ignore"):
             samples += rng.normal(0, sigma, samples.shape).astype(np.float32)
+    samples = _shaded(samples, pattern, calibration, undone=True)
     known = replace(calibration, noise=NoiseModel.gaussian(sigma, len(pattern.planes)))
     return Mosaic(samples, pattern, known, metadata or CaptureMetadata())
 
@@ -93,7 +95,19 @@ def simulate_sensor(
     electrons = (light / np.where(shot > 0, shot, 1)).clip(0, MOST_ELECTRONS)
     counted = np.where(shot > 0, rng.poisson(electrons) * shot, light)
     noisy = np.minimum(counted + rng.normal(0, 1, light.shape) * read, calibration.full_scale)
-    return Mosaic(Mosaic(noisy, pattern, known).codes, pattern, known, metadata or CaptureMetadata())
+    codes = Mosaic(noisy, pattern, replace(known, shading=None)).codes
+    return Mosaic(codes, pattern, known, metadata or CaptureMetadata())
+
+
+def _shaded(samples: FloatArray, pattern: CfaPattern, calibration: SensorCalibration, *, undone: bool) -> FloatArray:
+    """Samples with the calibration's shading, or with it undone, in place."""
+    if calibration.shading is None:
+        return samples
+    shape, change = (samples.shape[0], samples.shape[1]), np.multiply if undone else np.divide
+    gain = calibration.shading.of_plane(shape)
+    for channel, *lattice in pattern.lattices:
+        gain[*lattice] = calibration.shading.of_plane(shape, channel, *lattice)
+    return change(samples, gain, out=samples)
 
 
 def typical_noise(calibration: SensorCalibration) -> NoiseModel:

@@ -61,6 +61,9 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     if mosaic.samples.dtype == np.uint16:
         blocks -= np.array(calibration.black_level[:-1], np.float32)[:, None, None]
         blocks *= calibration.scale()[:-1].astype(np.float32)[:, None, None]
+        if calibration.shading is not None and len(tops):
+            seen = slice(tops[0], tops[-1] + 1, every * pattern.period), slice(lefts[0], lefts[-1] + 1, pattern.period)
+            blocks *= np.stack([calibration.shading.of_plane(mosaic.shape, channel, *seen) for channel in range(len(blocks))])
     # The sixth power would believe a single hot pixel: the median of three neighbours does not.
     left, middle, right = (blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3))
     medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))

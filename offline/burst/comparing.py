@@ -10,14 +10,14 @@ from shared.mosaic import Mosaic
 from shared.progress import Progress
 
 from ..defects import mend_defects
-from ..highlights import clipping_level, restore_highlights
+from ..highlights import restore_highlights
 from ..luminance import recover_luminance
 from ..settings import RenderSettings
 from ..sites import unclipped_blocks
 from ..trust import trust_in_blocks
 from .agreement import unclipped
 from .colour_doubts import block_colours
-from .frames import Frame, prepared
+from .frames import Frame, limit_of, prepared
 from .judging import Judged, judged, misfit
 from .motion import Motion
 
@@ -86,7 +86,7 @@ def _with(
     motions: Sequence[Motion] | None,
 ) -> Comparison:
     """Compare all frames with one of them."""
-    reference, noise, clipping = shots[number], frames[number].noise, clipping_level(shots[number])
+    reference, noise, clipping = shots[number], frames[number].noise, limit_of(shots[number])
     samples = mend_defects(reference.in_scene_units(), clipping, noise, settings.defects)
     trust, clear = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
     samples = restore_highlights(samples, clipping, settings.highlights)

@@ -67,11 +67,20 @@ class Frame:
 
 def prepared(mosaic: Mosaic, settings: RenderSettings) -> Frame:
     """A frame as it is merged."""
-    clipping, samples = clipping_level(mosaic), mosaic.in_scene_units()
+    clipping, samples = limit_of(mosaic), mosaic.in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects)
     colours = gathered(samples.signal, block_sites(mosaic.pattern, mosaic.pattern.grid(mosaic.shape)))
     return Frame(recover_luminance(samples, settings.luminance), colours, noise, clipping)
+
+
+def limit_of(mosaic: Mosaic) -> float:
+    """Scene units from which on a sample may be saturated. With shading that is as the brightest place of the frame has it.
+
+    Frames are compared without shading, because what moves from the middle to a corner shall look alike.
+    """
+    shading = mosaic.calibration.shading
+    return clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
 
 
 def scaled(noise: NoiseModel | None, gain: float) -> NoiseModel | None:

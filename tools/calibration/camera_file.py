@@ -23,6 +23,7 @@ _FIELDS = {
     "black_level": ("black_level",),
     "defects": ("defects",),
     "colour": ("camera_to_xyz", "neutral"),
+    "shading": ("shading",),
 }
 _ERRORS = {"gamma": "half_width_95", "noise": "shot_error", "colour": "leave_one_out_dE2000"}
 _LONG = 8  # longer lists are not spelt out in the difference
@@ -57,6 +58,7 @@ def unsupported(old: Camera, known: Observations) -> list[str]:
         "black_level": known.dark,
         "defects": known.dark or known.flats,
         "colour": known.charts,
+        "shading": True,  # replaced as a whole
     }
     return [part for part in old.measured if not supported[part]]
 

@@ -19,6 +19,7 @@ from .gamma import GammaFit, check_determined, combined
 from .noise import DarkResult, NoiseResult, noise_of_flats, noise_of_places
 from .observations import KEPT, Observations
 from .samples import PlaceSamples
+from .shading import ShadingResult
 from .shot import ShotMeasurement
 
 _BAD_COLOUR = 6.0  # mean dE2000: above it the colours are useless
@@ -39,6 +40,7 @@ class Outcome:
     before: (24, 3), L*a*b* of its patches with the matrix in the shot (without one: sRGB primaries).
     camera_rgb: (24, C), its patches under even light, 1 = what white reads in the largest channel.
     noise, dark: measurements of the flat (or chart) and dark frames.
+    shading: what the flat frames show of it.
     channels: letters of the channels.
 
     What was not measured is None.
@@ -55,6 +57,7 @@ class Outcome:
     camera_rgb: DoubleArray | None
     noise: NoiseResult | None
     dark: DarkResult | None
+    shading: ShadingResult | None
     channels: str
 
     @property
@@ -66,7 +69,12 @@ class Outcome:
 
 
 def conclude(
-    base: Mosaic, seen: Observations, reference: DoubleArray, provenance: dict[str, Any] | None = None, notes: Sequence[str] = ()
+    base: Mosaic,
+    seen: Observations,
+    reference: DoubleArray,
+    provenance: dict[str, Any] | None = None,
+    notes: Sequence[str] = (),
+    shading: ShadingResult | None = None,
 ) -> Outcome:
     """Combine all measurements into one camera. The order in which they were made does not matter.
 
@@ -75,6 +83,7 @@ def conclude(
     reference: (24, 3), XYZ (D50) of the chart, white = 1.
     provenance: facts that every part of the camera file records.
     notes: further warnings.
+    shading: of new flat frames; None = there are none, or they do not tell it.
     """
     noted = provenance or {}
     changes: dict[str, Any] = {}
@@ -126,6 +135,18 @@ def conclude(
             "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
         }
         warnings += noise_warnings(noise, dark)
+    if shading:
+        changes["shading"] = shading.shading
+    if shading and shading.shading:
+        measured["shading"] = {
+            **noted,
+            "frames": shading.frames,
+            "stops": round(shading.shading.stops, 3),
+            "colour": round(shading.shading.colour, 4),
+            "standard_error": float(f"{shading.error:.2g}"),
+            "residual": shading.shading.residual,
+            "focal_length": shading.shading.focal_length,
+        }
     colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference, base.pattern.channels)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
@@ -144,7 +165,7 @@ def conclude(
         measured[part] = {**measured[part], KEPT: kept}
     camera = None if refusal else Camera(replace(calibration, **changes), base.pattern, measured)
     channels = base.pattern.channels
-    return Outcome(camera, refusal, tuple(warnings), shots, gamma, colour, shot, before, camera_rgb, noise, dark, channels)
+    return Outcome(camera, refusal, tuple(warnings), shots, gamma, colour, shot, before, camera_rgb, noise, dark, shading, channels)
 
 
 def _colour(

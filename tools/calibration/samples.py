@@ -66,7 +66,7 @@ class PlaceSamples:
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
-    """Return the samples in parts of full scale, float32 (H, W)."""
+    """Return the samples in parts of full scale, without shading, float32 (H, W)."""
     return mosaic.signal / np.float32(mosaic.calibration.full_scale)
 
 
@@ -82,12 +82,13 @@ def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
     are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
     levels, planes = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape)
-    rows = [_statistics(levels, planes, region, len(mosaic.pattern.planes)) for region in regions]
+    clipped = levels_of(mosaic.evenly_shaded()) >= CLIPPED  # what saturates is what the sensor reads
+    rows = [_statistics(levels, clipped, planes, region, len(mosaic.pattern.planes)) for region in regions]
     return PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _statistics(
-    levels: FloatArray, planes: np.ndarray, region: Region, number: int
+    levels: FloatArray, clipped: BoolArray, planes: np.ndarray, region: Region, number: int
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray, bool]:
     """Return mean, variance and count per plane, and whether a sample is clipped."""
     window = np.s_[region.top : region.top + region.mask.shape[0], region.left : region.left + region.mask.shape[1]]
@@ -102,7 +103,7 @@ def _statistics(
     for index in range(number):
         of_plane = plane == index
         mean[index], variance[index], count[index] = _robust(values[of_plane], shading[of_plane])
-    return mean, variance, count, bool((values >= CLIPPED).any())
+    return mean, variance, count, bool(clipped[window][region.mask].any())
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:

@@ -83,7 +83,7 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     Returns the panchromatic level at a block's centre (n, m), the channels there (n, m, C), the variance of the ring about a linear
     surface (n, m), and whether the block can be used (n, m).
     """
-    pattern, levels = mosaic.pattern, levels_of(mosaic).astype(np.float64)
+    pattern, levels = mosaic.pattern, levels_of(mosaic.evenly_shaded()).astype(np.float64)
     grid, tiles, period = pattern.grid(mosaic.shape), _tiles_together(pattern), pattern.period
     high, wide = (size + (tiles - 1) * period for size in pattern.block_shape)
     reach = min(_REACH, period - max(pattern.block_shape))

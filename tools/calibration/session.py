@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from shared import Camera, Mosaic, read_dng
+from shared import Camera, Mosaic, SensorCalibration, read_dng
 from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError, OutputError, PanchromaError
@@ -15,6 +15,7 @@ from tools.host.jobs import identity
 
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .noise import DarkResult, FlatResult, measure_dark, measure_flats, noise_of_flats
+from .shading import ShadingResult, measure_shading
 from .shot import ShotMeasurement, measure_chart, measure_scene
 
 T = TypeVar("T")
@@ -69,19 +70,29 @@ class Session:
 
     console: for lines, records and progress.
     sensor: name of the sensor; None = the name in the frames.
+    known: what a camera file knows of the camera; the frames get its shading. None = nothing.
     black: black level per plane, codes, if it is known before; None = that of the frames.
 
-    Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame.
+    Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame. `shading`
+    is what the flat frames show of it, None if they were refused or there are none; `notes` has the reason.
     """
 
-    def __init__(self, console: Console, sensor: str | None, black: tuple[float, ...] | None = None) -> None:
-        self._console, self._sensor, self._black = console, sensor, black
+    def __init__(
+        self,
+        console: Console,
+        sensor: str | None,
+        known: SensorCalibration | None = None,
+        black: tuple[float, ...] | None = None,
+    ) -> None:
+        self._console, self._sensor, self._known, self._black = console, sensor, known, black
         self.base: Mosaic | None = None
         self.skipped: list[str] = []
+        self.shading: ShadingResult | None = None
+        self.notes: list[str] = []
 
     def dark(self, paths: Sequence[str]) -> DarkResult | None:
         """Measure the dark frames; later frames get their black level. Returns None if there are none that can be used."""
-        frames = self._each(paths, "dark", lambda path, mosaic: (path, mosaic))
+        frames = self._each(paths, "dark", lambda path, mosaic: (path, _as_recorded(mosaic)))
 
         def measure() -> DarkResult:
             refuse_copies(frames, DARK_ALIKE)
@@ -96,19 +107,42 @@ class Session:
         return dark
 
     def flat(self, paths: Sequence[str], dark: DarkResult | None) -> FlatResult | None:
-        """Measure the flat frames; dark: what is known of dark frames. Returns None if there are none that can be used."""
-        frames = self._each(paths, "flat", lambda path, mosaic: (path, mosaic))
+        """Measure the flat frames, their shading too; dark: what is known of dark frames.
+
+        Returns None if there are none that can be used for noise. Later frames get the shading.
+        """
+        frames = self._each(paths, "flat", lambda path, mosaic: (path, _as_recorded(mosaic)))
+
+        def differ() -> bool:
+            refuse_copies(frames, FLAT_ALIKE)
+            return True
 
         def measure() -> tuple[FlatResult, list[int]]:
-            refuse_copies(frames, FLAT_ALIKE)
             flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
             noise_of_flats(flats, frames[0][1].calibration, dark)  # refused here, where the frames can be named
             return flats, unpaired
 
-        flats, unpaired = (self._together(paths, measure) if frames else None) or (None, [])
+        if not frames or not self._together(paths, differ):
+            return None
+        self._measure_shading([mosaic for _, mosaic in frames])
+        flats, unpaired = self._together(paths, measure) or (None, [])
         for index in unpaired:
             self._console.note(f"{frames[index][0]} is left out: it is clipped, or no other flat frame has its exposure")
         return flats
+
+    def _measure_shading(self, frames: Sequence[Mosaic]) -> None:
+        """Measure the shading of flat frames; what a shot says of its shading does not count any more."""
+        calibration = self._known or _as_recorded(frames[0]).calibration
+        try:
+            self.shading = measure_shading(frames)
+        except InputError as error:
+            self.notes.append(f"no shading was measured: {error}")
+        else:
+            calibration = replace(calibration, shading=self.shading.shading)
+            self._console.say(self.shading.words)
+        self._known = calibration
+        if self.base is not None:
+            self.base = replace(self.base, calibration=replace(self.base.calibration, shading=calibration.shading))
 
     def charts(self, paths: Sequence[str], reference: DoubleArray, corners: Matrix | None) -> list[ShotMeasurement]:
         """Measure shots of a chart; parameters: see `measure_chart`."""
@@ -156,7 +190,8 @@ class Session:
         calibration = replace(mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor)
         if self.base is not None:
             Camera(self.base.calibration, self.base.pattern).check(mosaic.pattern, calibration)
-        calibration = replace(calibration, black_level=self._black or calibration.black_level)
+        shading = self._known.shading if self._known else calibration.shading
+        calibration = replace(calibration, black_level=self._black or calibration.black_level, shading=shading)
         mosaic = Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
         self.base = self.base or mosaic
         return mosaic
@@ -166,6 +201,11 @@ class Session:
         self.skipped.append(line)
         self._console.error(f"skipped {line}")
         self._console.record(source=path, ok=False, error=" ".join(reason.split()))
+
+
+def _as_recorded(mosaic: Mosaic) -> Mosaic:
+    """Return a frame whose calibration has no shading."""
+    return replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
 
 
 def figures(values: Sequence[float] | DoubleArray) -> str:

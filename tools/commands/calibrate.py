@@ -1,4 +1,4 @@
-"""Calibrate a camera from a few shots: gamma, noise, black level, defects and colour, in one camera.json.
+"""Calibrate a camera from a few shots: gamma, noise, black level, defects, colour and shading, in one camera.json.
 
 A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
 be a folder with DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat
@@ -31,7 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dark", nargs="+", metavar="F", help="frames (or folders of them) with the lens covered: black level, read noise, defects"
     )
     parser.add_argument(
-        "--flat", nargs="+", metavar="F", help="evenly lit frames (or folders of them), two of each exposure: gain, read noise"
+        "--flat",
+        nargs="+",
+        metavar="F",
+        help="evenly lit frames (or folders of them), two of each exposure: gain, read noise, shading",
     )
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
@@ -73,25 +76,26 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     reference = read_reference(Path(arguments.reference)) if arguments.reference else color_checker_xyz()
     old, known = read_known(output) if arguments.update and output.exists() else (None, Observations())
 
-    session = Session(console, arguments.sensor, old.calibration.black_level if old and "black_level" in old.measured else None)
+    black = old.calibration.black_level if old and "black_level" in old.measured else None
+    session = Session(console, arguments.sensor, old.calibration if old else None, black)
     dark = session.dark(files.dark)
     flats = session.flat(files.flat, dark or known.dark)
     shots = session.scenes(files.shots) if arguments.no_chart else session.charts(files.shots, reference, corners)
-    if session.base is None or not (shots or dark or flats):
+    if session.base is None or not (shots or dark or flats or (session.shading and session.shading.shading)):
         console.error("no frame could be used, and no camera file was written")
         return FAILED
-    base, notes, fixed = session.base, [], []
+    base, notes, fixed = session.base, session.notes, []
     if old is not None:
         check_same(output, old, base)
         base = Mosaic(base.codes, base.pattern, replace(old.calibration, sensor=old.calibration.sensor or base.calibration.sensor))
         if fixed := unsupported(old, known):
-            notes = [f"{output} does not keep what its {', '.join(fixed)} came from: these are not judged anew"]
+            notes = [*notes, f"{output} does not keep what its {', '.join(fixed)} came from: these are not judged anew"]
     charts = () if arguments.no_chart else tuple(shots)
     seen, lines = Observations(dark, flats, charts, tuple(shots[len(charts) :])).with_known(known)
     for line in lines:
         console.note(line)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
-    outcome = conclude(base, seen, reference, provenance, notes)
+    outcome = conclude(base, seen, reference, provenance, notes, session.shading)
 
     for warning in outcome.warnings:
         console.note(f"warning: {warning}")

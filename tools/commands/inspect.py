@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Mosaic, read_camera, read_dng
+from shared import Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_digest_kind, read_preview
 from shared.dng.exif_reading import place, shown_fields
 from tools.host import options
@@ -81,7 +81,8 @@ def _text(value: Any) -> str:
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
     from offline import network_name
 
-    panchromatic = mosaic.signal[mosaic.pattern.panchromatic_mask(mosaic.shape)]
+    clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    panchromatic, read = (each.signal[clear] for each in (mosaic, mosaic.evenly_shaded()))
     taken = mosaic.metadata.taken
     return {
         "width": mosaic.shape[1],
@@ -95,7 +96,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "learned": network_name(mosaic.pattern),
         "bits": mosaic.calibration.bits,
         "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
-        "saturated": float((panchromatic >= mosaic.calibration.full_scale).mean()),
+        "saturated": float((read >= mosaic.calibration.full_scale).mean()),
         "calibration": mosaic.calibration.to_json(),
         "calibration_id": mosaic.calibration.id,
         "metadata": {
@@ -151,7 +152,17 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
         "colour": "calibrated" if document["camera_to_xyz"] else "no matrix",
         "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown")
         + (", estimated from the picture" if document.get("neutral_estimated") else ""),
+        **_shading(document),
     }
+
+
+def _shading(document: dict[str, Any]) -> dict[str, str]:
+    """A row where the shading is known."""
+    if "shading" not in document:
+        return {}
+    shading = Shading.from_json(document["shading"])
+    focal = f" at {shading.focal_length:g} mm" if shading.focal_length else ""
+    return {"shading": f"{shading.stops:.2f} stops, {100 * shading.colour:.1f} % between colours{focal}; undone"}
 
 
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:

@@ -45,6 +45,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
+        shading = mosaic.calibration.shading
+        if shading and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
+            console.note(f"{job.source}: {zoomed}")
         start = time.monotonic()
         picture = previews(mosaic)
         milliseconds = (time.monotonic() - start) * 1e3

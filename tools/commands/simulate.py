@@ -34,6 +34,7 @@ from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
 from tools.scenes.filters import Filters, filters_for
+from tools.scenes.lens import lens_shading, parsed_shading
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
@@ -69,6 +70,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
     options.add_light(light, default=1.0, help="amount of light of --protocol sensor, 2 is one stop more")
+    light.add_argument(
+        "--shading",
+        metavar="STOPS,PERCENT",
+        help="a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one",
+    )
     light.add_argument(
         "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"
     )
@@ -112,7 +118,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
     options.check_at_least_one(arguments, "reduce")
     is_series, burst = arguments.burst is not None, _burst(arguments)
+    lens = None if arguments.shading is None else parsed_shading(arguments.shading)
     known, pattern = options.camera_of(arguments)
+    if lens and known and known.calibration.shading:
+        raise InputError(f"{arguments.camera} has a shading of its own: leave --shading out")
     camera = _calibration(arguments, known, pattern)
     folder = output_folder(arguments.output)
     previews = Previews()
@@ -139,6 +148,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             for shot in shots:
                 frame = next(frames)
                 frame = replace(frame, rgb=filters.of(frame.rgb))
+                if lens:
+                    shape = frame.rgb.shape[0], frame.rgb.shape[1]
+                    calibration = replace(calibration, shading=lens_shading(*lens, len(pattern.planes), shape))
                 metadata = frame.metadata(scene.metadata)
                 mosaic = photograph(frame, pattern, calibration, metadata, arguments, random(shot))
                 job.make_folders()

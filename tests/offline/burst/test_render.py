@@ -1,6 +1,7 @@
 """The picture of a burst as a whole: what it gains, and what it must leave as it is."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
+from tools.scenes.lens import lens_shading
 
 from .scenes import SHAPE, light
 
@@ -57,6 +59,17 @@ def test_more_frames_show_more(sigma: float, gain: float) -> None:
     assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
     assert psnr(picture(merged), truth) > single + gain
     assert np.median(merged.shares) < 0.3
+
+
+def test_shading_does_not_show() -> None:
+    motions = MOTIONS[:3]
+    lens = lens_shading(2, 0.15, 4, SHAPE)
+    found = []
+    for shading in (None, lens):
+        taken = [replace(shot, calibration=replace(shot.calibration, shading=shading)) for shot in shots(0.0, motions)]
+        merged = merge_burst([replace(shot, samples=shot.codes) for shot in taken], reference=0, motions=motions)
+        found.append(psnr(picture(merged), scene(motions[0])))
+    assert found[1] == pytest.approx(found[0], abs=0.1)
 
 
 def test_other_filters() -> None:

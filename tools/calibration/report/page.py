@@ -8,7 +8,7 @@ from string import Template
 from tools.pictures.html import bullets
 
 from ..measure import Outcome
-from .sections import camera_file, charts, colour, dark, gamma, luminance, noise
+from .sections import camera_file, charts, colour, dark, gamma, luminance, noise, shading
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 _TONES = {"use it": "good", "use it with care": "care", "do not use it": "bad"}
@@ -28,6 +28,7 @@ def report(outcome: Outcome, skipped: Sequence[str], provenance: Mapping[str, st
         "Colour": colour(outcome),
         "Noise (photon transfer)": noise(outcome),
         "Dark frames": dark(outcome),
+        "Shading": shading(outcome),
         "Skipped files": bullets(skipped),
         "camera.json": camera_file(outcome.camera),
     }

@@ -139,6 +139,18 @@ def dark(outcome: Outcome) -> str:
     return _table(("plane", "black level, codes", "read noise, codes"), rows) + facts
 
 
+def shading(outcome: Outcome) -> str:
+    """List the gain of each plane in the corners, and how well it is known."""
+    if outcome.shading is None:
+        return ""
+    words = f"<p>{escape(outcome.shading.words.capitalize())}.</p>"
+    if outcome.shading.shading is None:
+        return words
+    corners = outcome.shading.shading.sketch[:, [0, 0, -1, -1], [0, -1, 0, -1]]
+    rows = [(letter, *(f"{gain:.3f}" for gain in gains)) for letter, gains in zip(outcome.channels + "W", corners, strict=True)]
+    return _table(("plane", "gain top left", "top right", "bottom left", "bottom right"), rows) + words
+
+
 def camera_file(camera: Camera | None) -> str:
     """Show the content of camera.json."""
     if camera is None:

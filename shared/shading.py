@@ -1,0 +1,181 @@
+"""Shading: how much less light lens and sensor collect away from the middle of the frame, for each filter.
+
+Each plane has a smooth map of the factor that undoes its shading: a cubic B-spline, which needs few figures. The map is stretched
+over the frame, so that it also serves frames with fewer, larger pixels of the same sensor.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import FloatArray
+from .errors import InputError
+
+_WHOLE = slice(None)
+_GAINS = (0.05, 64.0)
+_LARGEST = 1e4  # control point: those beyond the edges, of which little is seen, may be far from the gain
+_SKETCH = 129
+_POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
+_MIDDLE = 0.01  # how far the gain in the middle may be from 1
+_ZOOMED = 0.02  # relative difference of focal lengths
+_STRETCH = 0.02  # how far two frames may differ in their ratio of sides
+
+
+@dataclass(frozen=True)
+class Shading:
+    """The gain that undoes the shading of each plane, 1 in the middle of the frame.
+
+    gain: control points of uniform cubic B-splines over the frame: plane (the channels, then panchromatic), row, column; 4 to 32
+        rows and columns. The gain itself is 0.05 to 64.
+    size: (rows, columns) of the frames that it was measured on; frames with other sides have to have the same ratio of sides.
+    focal_length: of the lens then, millimetres; None = unknown.
+    residual: how far the flat frames are from it, beyond their noise: root mean square, as a share of the light.
+    Raises InputError that names the field.
+
+    >>> from shared import Shading
+    >>> even = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))
+    >>> even.of_plane((800, 1200), 0, slice(0, 2), slice(0, 3)).tolist()
+    [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
+    """
+
+    gain: tuple[tuple[tuple[float, ...], ...], ...]
+    size: tuple[int, int]
+    focal_length: float | None = None
+    residual: float = 0.0
+
+    def __post_init__(self) -> None:
+        try:
+            points = np.array(self.gain, np.float64)
+        except (TypeError, ValueError):
+            points = np.zeros(0)
+        if points.ndim != 3 or not all(count in _POINTS for count in points.shape[1:]):
+            raise InputError(
+                f"shading: gain is not a list of planes of {_POINTS[0]} to {_POINTS[-1]} rows and columns of control points"
+            )
+        if not np.abs(points).max() <= _LARGEST:  # not for NaN either
+            raise InputError(f"shading: gain holds a figure that is not -{_LARGEST:g} to {_LARGEST:g}")
+        object.__setattr__(self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist()))
+        sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
+        if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
+            raise InputError(f"shading: size is {self.size!r}, expected [rows, columns]")
+        object.__setattr__(self, "size", sides)
+        for name in ("focal_length", "residual"):
+            value = getattr(self, name)
+            if value is None and name == "focal_length":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e6:
+                raise InputError(f"shading: {name} is {value!r}, expected a number that is not negative")
+        seen = self.sketch
+        if not _GAINS[0] <= seen.min() <= seen.max() <= _GAINS[1]:
+            raise InputError(
+                f"shading: the gains are {seen.min():.3g} to {seen.max():.3g}, expected {_GAINS[0]:g} to {_GAINS[1]:g}"
+            )
+        middle = seen[:, _SKETCH // 2, _SKETCH // 2]
+        if np.abs(middle - 1).max() > _MIDDLE:
+            raise InputError(f"shading: the gains in the middle of the frame are {middle.tolist()}, expected 1")
+
+    def check(self, shape: tuple[int, int]) -> None:
+        """Raise InputError unless frames of this shape, (rows, columns), can have this shading."""
+        if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
+            raise InputError(
+                f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
+                f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure the shading on such frames "
+                "(panchroma calibrate --flat)"
+            )
+
+    def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:
+        """The gain of a plane in a part of a frame, float32 (rows, columns).
+
+        shape: (rows, columns) of the frame.
+        plane: index of the channel; -1 = panchromatic.
+        rows, columns: the part, also with a step. What a pixel gets does not depend on the part.
+        """
+        points = np.array(self.gain[plane], np.float32)
+        # Along the rows first: that is little work. Sums are spelt out, because a product of matrices rounds as its size suggests.
+        place, weights = _weights(shape[1], len(points[0]), columns)
+        curves = sum(weights[tap] * points[:, place + tap] for tap in range(4))
+        place, weights = _weights(shape[0], len(points), rows)
+        gain: FloatArray = weights[0][:, None] * curves[place]
+        for tap in range(1, 4):
+            gain += weights[tap][:, None] * curves[place + tap]
+        return gain
+
+    def zoomed(self, focal_length: float | None) -> str:
+        """What to tell of a shot at this focal length, millimetres: "" unless the shading was measured at another one.
+
+        >>> from shared import Shading
+        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
+        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
+        """
+        known = self.focal_length
+        if not known or not focal_length or abs(math.log(focal_length / known)) <= _ZOOMED:
+            return ""
+        return (
+            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: colours towards the corners may be wrong"
+        )
+
+    @cached_property
+    def sketch(self) -> FloatArray:
+        """The gains at a few places, edges and middle among them, float32 (planes, 129, 129)."""
+        return np.stack([self.of_plane((_SKETCH, _SKETCH), plane) for plane in range(len(self.gain))])
+
+    @property
+    def stops(self) -> float:
+        """The largest fall-off of panchromatic samples."""
+        return math.log2(self.sketch[-1].max())
+
+    @property
+    def colour(self) -> float:
+        """The largest difference between how a colour and panchromatic samples fall off, as a share."""
+        *colours, panchromatic = self.sketch
+        return max(float(np.abs(panchromatic / colour - 1).max()) for colour in colours)
+
+    @classmethod
+    def from_json(cls, document: Any) -> "Shading":
+        """The shading in a JSON object whose fields are those of this class. Raises InputError that names the field."""
+        if not isinstance(document, dict) or not {"gain", "size"} <= document.keys() <= {
+            "gain",
+            "size",
+            "focal_length",
+            "residual",
+        }:
+            raise InputError('calibration: shading is not an object with "gain", "size", "focal_length" and "residual"')
+        return cls(**document)
+
+
+def basis(length: int, points: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The weights of all control points at some places, float64 (places, points).
+
+    length: of the frame along this axis, pixels.
+    points: number of control points.
+    place: pixels, the middle of the first one is 0.
+
+    >>> import numpy as np
+    >>> from shared.shading import basis
+    >>> basis(100, 5, np.array([0.0, 49.5, 99.0])).sum(axis=1).round(12).tolist()
+    [1.0, 1.0, 1.0]
+    """
+    first, weights = _pieces((place + 0.5) / length, points)
+    full = np.zeros((len(place), points))
+    for tap in range(4):
+        full[np.arange(len(place)), first + tap] = weights[tap]
+    return full
+
+
+def _weights(length: int, points: int, part: slice) -> tuple[NDArray[np.intp], FloatArray]:
+    """Of a part of an axis of pixels: the first of the four control points of each, and their weights, float32 (4, pixels)."""
+    first, weights = _pieces((np.arange(length)[part] + 0.5) / length, points)
+    return first, weights.astype(np.float32)
+
+
+def _pieces(place: NDArray[np.float64], points: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The same for places from 0, one edge of the frame, to 1, the other one."""
+    along = place * (points - 3)
+    first = np.clip(along.astype(np.intp), 0, points - 4)
+    t = along - first
+    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]) / 6
+    return first, weights

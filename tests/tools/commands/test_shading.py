@@ -1,0 +1,110 @@
+"""A lens with shading, from its simulation to pictures, by the commands."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from shared import CaptureMetadata, Mosaic, read_camera, read_dng, write_dng
+from tests.tools.command import Outcome, run
+from tools.scenes.lens import lens_shading
+
+SIZE, SHAPE = "450x300", (300, 450)
+
+
+def photographed(folder: Path, scene: str, name: str, *options: str, focal: float | None = 35.0) -> Path:
+    """A shot of a camera that does not know the shading of its lens."""
+    outcome = run("simulate", f"{scene}:{SIZE}", "-o", folder / "true", "--shading", "1.5,10", "--overwrite", *options)
+    assert outcome.code == 0, outcome.err
+    shot = read_dng(folder / "true" / f"{scene}-{SIZE}.dng")
+    assert shot.calibration.shading == lens_shading(1.5, 0.1, 4, SHAPE)
+    calibration = replace(shot.calibration, shading=None)
+    shot = Mosaic(shot.codes, shot.pattern, calibration, CaptureMetadata(focal_length=focal))
+    write_dng(folder / name, shot, np.zeros((20, 30, 3), np.uint8))
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Flat frames, a shot, and the camera file that the flat frames make."""
+    folder = tmp_path_factory.mktemp("lens")
+    for light in ("0.2", "0.6"):
+        for seed in ("1", "2"):
+            photographed(folder, "flat", f"flat{light}-{seed}.dng", "--protocol", "sensor", "--light", light, "--seed", seed)
+    photographed(folder, "builtin", "shot.dng", "--bits", "12", "--protocol", "sensor", "--light", "0.9", focal=50.0)
+    outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder)
+    assert outcome.code == 0, outcome.err
+    assert "shading: 1.4" in outcome.out
+    assert "bottom right" in (folder / "report.html").read_text("utf-8")
+    return folder
+
+
+def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
+    camera = read_camera(folder / "camera.json")
+    assert camera.calibration.shading is not None
+    np.testing.assert_allclose(
+        camera.calibration.shading.of_plane(SHAPE, 0), lens_shading(1.5, 0.1, 4, SHAPE).of_plane(SHAPE, 0), rtol=0.02
+    )
+    assert camera.measured["shading"]["frames"] == 4
+    assert camera.measured["shading"]["focal_length"] == 35
+    shown = run("inspect", folder / "camera.json").out
+    assert "% between colours at 35 mm; undone" in shown
+
+
+def test_render_and_preview_undo_it_and_tell_another_focal_length(folder: Path, tmp_path: Path) -> None:
+    told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
+    camera = "--camera", folder / "camera.json"
+    outcome = run("render", folder / "shot.dng", "-o", tmp_path, "--bits", "32", "--space", "camera", *camera)
+    assert outcome.code == 0, outcome.err
+    assert told in outcome.err
+    known = run("render", folder / "true" / f"builtin-{SIZE}.dng", "-o", tmp_path, "--bits", "32", "--space", "camera")
+    assert "focal" not in known.err
+    assert " mm" not in known.err
+    measured, true = (tifffile.imread(tmp_path / name) for name in ("shot.tif", f"builtin-{SIZE}.tif"))
+    assert float(np.median(np.abs(measured - true))) < 0.003
+    outcome = run("preview", folder / "shot.dng", "-o", tmp_path, *camera)
+    assert outcome.code == 0
+    assert told in outcome.err
+
+
+def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, tmp_path: Path) -> None:
+    """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots say of it taken over."""
+    slope = np.linspace(0.9, 1.1, SHAPE[1])
+    for path in folder.glob("flat*.dng"):
+        flat = read_dng(path)
+        codes = np.rint((flat.codes - 256.0) * slope + 256).astype(np.uint16)
+        known = replace(flat.calibration, shading=lens_shading(1.5, 0.1, 4, SHAPE))
+        write_dng(tmp_path / path.name, Mosaic(codes, flat.pattern, known, flat.metadata), np.zeros((20, 30, 3), np.uint8))
+    outcome = run("calibrate", "--flat", *tmp_path.glob("flat*.dng"), "-o", tmp_path / "camera.json", "--json")
+    assert outcome.code == 0
+    assert "no shading was measured: flat frames: the light is tilted" in outcome.err
+    assert outcome.records[-1]["verdict"] == "use it with care"
+    assert "shading" not in json.loads((tmp_path / "camera.json").read_text())
+
+
+def test_an_update_keeps_it(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_bytes((folder / "camera.json").read_bytes())
+    dark = run("simulate", f"dark:{SIZE}", "-o", tmp_path, "--protocol", "sensor")
+    assert dark.code == 0
+    assert run("calibrate", "--dark", tmp_path / f"dark-{SIZE}.dng", "-o", path, "--update").code == 0
+    before, after = (read_camera(each) for each in (folder / "camera.json", path))
+    assert after.calibration.shading == before.calibration.shading
+    assert after.measured["shading"] == before.measured["shading"]
+    assert "black_level" in after.measured
+
+
+def usage(outcome: Outcome, words: str) -> bool:
+    return outcome.code == 2 and words in outcome.err
+
+
+def test_impossible_lenses_are_usage(folder: Path, tmp_path: Path) -> None:
+    for text in ("9,0", "1,99", "much", "1,2,3", "-1"):
+        assert usage(run("simulate", "flat:60x40", "-o", tmp_path, f"--shading={text}"), "expected STOPS,PERCENT")
+    camera = "--camera", folder / "camera.json"
+    assert usage(run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "1,5", *camera), "has a shading of its own")
+    assert run("simulate", "flat:60x40", "-o", tmp_path, *camera).code == 0  # the camera's own
+    assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is not None

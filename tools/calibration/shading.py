@@ -1,0 +1,278 @@
+"""Shading from flat frames: a smooth gain for each plane, and the reasons for which flat frames cannot tell it.
+
+An evenly lit surface shows the shading itself. Nothing tells uneven light from shading but what lenses do: they darken the picture
+around a centre near its middle. So light that is brighter on one side, and a centre far off, are refused, and so is what no smooth
+map describes.
+
+Flat frames have few colour samples. How a colour differs from panchromatic varies less over the frame than the light itself, so
+that its map has fewer control points.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from shared import CfaPattern, Mosaic, Shading
+from shared.arrays import BoolArray, DoubleArray
+from shared.errors import InputError
+from shared.shading import basis
+
+from .samples import CLIPPED, levels_of, robust_deviation
+
+_CLIPPED_PART = 1e-3  # of the panchromatic samples: more of them, and it is not just defects
+_TILE, _MOST_TILES = 5, 48  # periods along a side of a tile, at least, and tiles along an axis, at most
+_POINTS, _COLOUR_POINTS = (9, 11), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
+_ROUGH, _COLOUR_ROUGH = 0.5, 0.05  # third differences of control points that are likely; noise makes larger ones at the edges
+_ROUNDS = 2  # the second one sees tiles that are nearly even: their means are then those of their middles
+_OUTLIER = 5.0  # standard deviations
+_FLOOR = 1e-4  # share of the light: no flat frame is more exact
+_WORST = 0.01  # standard error of the gain, as a share: beyond it the frames are too dark
+_NOISE = 1.3  # times the noise that tiles show of themselves: they do not know it better
+_RESIDUAL = 0.005  # share of the light, beyond noise: more is no shading
+_TILT = 0.03  # share by which one side may be brighter than the other
+_CENTRE = 0.05  # of the diagonal
+_CLEARLY = 0.8  # times the residual: a displaced centre explains the frames better than a tilt
+_EVEN = 0.02  # less than this is no shading
+_ERRORS = 4.0  # standard errors: less than this is none either
+_ZOOMED = 0.01  # relative difference of focal lengths
+_DIGITS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingResult:
+    """What flat frames show of the shading.
+
+    shading: None = there is none to speak of.
+    frames: number of frames.
+    error: standard error of the gain where it is known worst, as a share.
+    """
+
+    shading: Shading | None
+    frames: int
+    error: float
+
+    @property
+    def words(self) -> str:
+        """The shading, for people."""
+        if self.shading is None:
+            return f"no shading: the flat frames are even to ±{100 * self.error:.2g} % (standard error)"
+        lens = self.shading
+        known = f"known to ±{100 * self.error:.2g} % (standard error), residual {100 * lens.residual:.2g} %"
+        return f"shading: {lens.stops:.2f} stops, {100 * lens.colour:.1f} % between colours, {known}"
+
+
+class _Tiles(NamedTuple):
+    """Light in the tiles of a frame; per plane and tile.
+
+    number: rows and columns of tiles.
+    row, column: (P, N), the middle of the plane's samples, pixels.
+    gain: (P, N), by which its light was multiplied.
+    light: (P, N), mean after that.
+    error: (P, N), standard error of the mean.
+    """
+
+    number: tuple[int, int]
+    row: DoubleArray
+    column: DoubleArray
+    gain: DoubleArray
+    light: DoubleArray
+    error: DoubleArray
+
+
+def measure_shading(frames: Sequence[Mosaic]) -> ShadingResult:
+    """Measure the shading that evenly lit frames show, whose calibration has none.
+
+    Raises InputError with the reason if they do not tell it.
+    """
+    focal = _focal_length(frames)
+    pattern, shape = frames[0].pattern, frames[0].shape
+    light, used = _unclipped(frames, pattern.panchromatic_mask(shape))
+    shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
+    for _ in range(_ROUNDS):
+        tiles = _measured(light, pattern, shading)
+        if not tiles.light.min() > 0:
+            raise InputError("flat frames: they are dark; expose more, up to three quarters of full scale")
+        shading, error = _refined(shading, tiles)
+    left = _measured(light, pattern, shading)
+    _check_light(left, shape)
+    if (residual := _residual(left)) > _RESIDUAL:
+        raise InputError(
+            f"flat frames: they differ by {100 * residual:.1f} % from any smooth shading, {100 * _RESIDUAL:.1f} % are allowed; "
+            "take an evenly lit surface without texture, out of focus"
+        )
+    if float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error):
+        return ShadingResult(None, used, error)
+    return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), used, error)
+
+
+def _focal_length(frames: Sequence[Mosaic]) -> float | None:
+    """Return the focal length of the lens, if the frames tell it. Raises InputError if they tell several."""
+    known = sorted(each for frame in frames if (each := frame.metadata.focal_length) is not None)
+    if known and known[-1] > known[0] * (1 + _ZOOMED):
+        raise InputError(f"flat frames: their focal lengths are {known[0]:g} to {known[-1]:g} mm; take all with the same")
+    return known[0] if known else None
+
+
+def _unclipped(frames: Sequence[Mosaic], clear: BoolArray) -> tuple[DoubleArray, int]:
+    """Return the mean of the frames that are not clipped, (H, W), and their number; clear: the panchromatic pixels.
+
+    Raises InputError if all are clipped, or no light is in them.
+    """
+    total, used, shares = np.zeros(clear.shape), 0, []
+    for frame in frames:
+        levels = levels_of(frame)
+        shares.append(float((levels[clear] >= CLIPPED).mean()))
+        if shares[-1] <= _CLIPPED_PART:
+            total += levels
+            used += 1
+    if not used:
+        raise InputError(
+            f"flat frames: {100 * min(shares):.2g} % of the panchromatic samples or more are clipped; expose less, so that the "
+            "brightest read about three quarters of full scale"
+        )
+    return total / used, used
+
+
+def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
+    """Measure the light of a frame, (H, W), in tiles, with the shading undone as far as it is known."""
+    shape = light.shape[0], light.shape[1]
+    planes, cuts = pattern.filter_map(shape), []
+    for length in shape:
+        number = int(np.clip(length // (_TILE * pattern.period), 2, _MOST_TILES))
+        cuts.append(list(pairwise(np.linspace(0, length, number + 1).astype(int).tolist())))
+    windows = [(slice(*rows), slice(*columns)) for rows, columns in product(*cuts)]
+    found = np.zeros((5, len(shading.gain), len(windows)))
+    for plane in range(len(shading.gain)):
+        gain = shading.of_plane(shape, plane)
+        for number, window in enumerate(windows):
+            rows, columns = np.nonzero(planes[window] == plane)
+            values = (light[window] * gain[window])[rows, columns]
+            apart = np.abs(values - np.median(values))
+            kept = values[
+                apart <= max(_OUTLIER * robust_deviation(apart), float(apart.std()))
+            ]  # few codes have no median deviation
+            noise = np.diff(kept, 2).std() / 6**0.5  # second differences do not see light that falls off
+            mean = float(kept.mean())
+            middle = window[0].start + rows.mean(), window[1].start + columns.mean()
+            undone = float(gain[window][rows, columns].mean())
+            found[:, plane, number] = *middle, undone, mean, max(noise / len(kept) ** 0.5, _FLOOR * mean)
+    return _Tiles((len(cuts[0]), len(cuts[1])), *found)
+
+
+def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
+    """Return the shading that also undoes what is left in the tiles, and the standard error of its gain, as a share.
+
+    Raises InputError if that is too large.
+    """
+    full, low = (
+        tuple(min(most, number // 3 + 3) for most, number in zip(points, tiles.number, strict=True))
+        for points in (_POINTS, _COLOUR_POINTS)
+    )
+    missing, unsure = tiles.gain / tiles.light, tiles.error / tiles.light
+    panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], unsure[-1], _ROUGH)
+    # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
+    places = [np.linspace(0, length - 1, 4 * number) for length, number in zip(shading.size, full, strict=True)]
+    gains = []
+    for plane in range(len(missing) - 1):
+        known = _values(panchromatic, shading.size, tiles.row[plane], tiles.column[plane])
+        relative, own = _spline(tiles, plane, shading.size, low, missing[plane] / known, unsure[plane], _COLOUR_ROUGH)
+        error = max(error, own)
+        down, right = (basis(length, number, place) for length, number, place in zip(shading.size, full, places, strict=True))
+        of_colour, at = (basis(*each) for each in zip(shading.size, low, places, strict=True))
+        gain = (down @ panchromatic @ right.T) * (of_colour @ relative @ at.T)
+        gains.append(np.linalg.pinv(down) @ gain @ np.linalg.pinv(right).T)
+    if not error <= _WORST:
+        raise InputError(
+            f"flat frames: they are too dark, and tell the shading only to ±{100 * error:.1f} % (standard error), "
+            f"{100 * _WORST:.0f} % are allowed; expose more, up to three quarters of full scale, or take more"
+        )
+    middle = [np.array([(length - 1) / 2]) for length in shading.size]
+    rounded = []
+    for gain in (*gains, panchromatic):
+        scaled = gain / _values(gain, shading.size, *middle)[0]
+        rounded.append([[float(f"{value:.{_DIGITS}g}") for value in row] for row in scaled.tolist()])
+    return replace(shading, gain=rounded), error  # type: ignore[arg-type]
+
+
+def _spline(
+    tiles: _Tiles,
+    plane: int,
+    size: tuple[int, int],
+    points: tuple[int, ...],
+    target: DoubleArray,
+    unsure: DoubleArray,
+    rough: float,
+) -> tuple[DoubleArray, float]:
+    """Return the control points of the spline through values in the tiles, and its largest standard error, as a share.
+
+    target: (N,), the values; unsure: (N,), their standard errors, as a share.
+    rough: standard deviation of third differences of the control points.
+    """
+    design = _design(size, points, tiles.row[plane], tiles.column[plane]) / target[:, None]
+    down, right = (np.diff(np.eye(number), 3, axis=0) for number in points)
+    smooth = np.concatenate([np.kron(down, np.eye(points[1])), np.kron(np.eye(points[0]), right)]) / rough
+    weighted = design / unsure[:, None]
+    inverse = np.linalg.inv(weighted.T @ weighted + smooth.T @ smooth)
+    found = inverse @ (weighted.T @ (1 / unsure))
+    variance = ((design @ inverse) * design).sum(axis=1)
+    return found.reshape(points), float(variance.max() ** 0.5)
+
+
+def _design(size: tuple[int, int], points: tuple[int, ...], rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
+    """Return the weights of all control points at N places, (N, points)."""
+    down, right = (basis(*each) for each in zip(size, points, (rows, columns), strict=True))
+    return (down[:, :, None] * right[:, None, :]).reshape(len(rows), -1)
+
+
+def _values(points: DoubleArray, size: tuple[int, int], rows: DoubleArray, columns: DoubleArray) -> DoubleArray:
+    """Return a spline's values at N places, (N,)."""
+    values: DoubleArray = _design(size, points.shape, rows, columns) @ points.ravel()
+    return values
+
+
+def _residual(tiles: _Tiles) -> float:
+    """Return how far tiles differ, beyond their noise: root mean square, as a share of the light, of the worst plane."""
+    share = tiles.light / tiles.light.mean(axis=1, keepdims=True) - 1
+    beyond = (share**2).mean(axis=1) - _NOISE * ((tiles.error / tiles.light) ** 2).mean(axis=1)
+    return float(max(beyond.max(), 0.0) ** 0.5)
+
+
+def _check_light(tiles: _Tiles, size: tuple[int, int]) -> None:
+    """Raise InputError if the light is brighter on one side, or falls off around a place far from the middle."""
+    half = np.hypot(*size) / 2
+    y, x = ((place[-1] - (length - 1) / 2) / half for place, length in zip((tiles.row, tiles.column), size, strict=True))
+    seen = np.log(tiles.light[-1] / tiles.gain[-1])
+    weight = (tiles.light / tiles.error)[-1]
+
+    def around(centre: DoubleArray, *more: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+        """Fit what falls off around a centre; returns the residuals and the coefficients, those of `more` last."""
+        down, right = y - centre[0], x - centre[1]
+        square = down**2 + right**2
+        design = np.stack([np.ones_like(x), down**2, right**2, square**2, square**3, *more], axis=1) * weight[:, None]
+        found, *_ = np.linalg.lstsq(design, seen * weight, rcond=None)
+        return design @ found - seen * weight, found
+
+    tilted, found = around(np.zeros(2), y, x)
+    sides = np.abs(found[-2:]) * size / half
+    tilt = float(np.expm1(np.hypot(*sides)))
+
+    def missed(centre: DoubleArray) -> DoubleArray:
+        return around(centre)[0]
+
+    displaced = least_squares(missed, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
+    away = float(np.hypot(*displaced.x)) / 2
+    if np.square(displaced.fun).sum() < _CLEARLY**2 * np.square(tilted).sum():
+        if away > _CENTRE:
+            raise InputError(
+                f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the diagonal off the middle, "
+                f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
+            )
+    elif tilt > _TILT:
+        raise InputError(
+            f"flat frames: the light is tilted: {100 * tilt:.1f} % brighter on one side than on the other, {100 * _TILT:.0f} % are "
+            "allowed; take an evenly lit surface, and turn the camera by half a turn to see what is the light's"
+        )
