@@ -141,9 +141,9 @@ class Picture:
         quality: int | None = None,
         overwrite: bool = False,
     ) -> None:
-        """Write a picture file; the end of its name says which: .tif, .png, .jpg, .exr, .npy, or .dng (linear, for raw developers).
+        """Write a picture file; the end of its name says which: .tif, .png, .jpg, .jxl, .exr, .npy, or .dng (linear).
 
-        format: which, where several have this ending; an unknown one is answered by a list.
+        format: which, where several have this ending ("uhdr" is a .jpg with its highlights); an unknown one is answered by a list.
         bits: 8, 16 or 32 (floating point); by default what is usual for the format.
         space: "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is usual for the format.
         exposure: brighten by this many stops.
