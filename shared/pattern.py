@@ -58,6 +58,8 @@ class CfaPattern:
                 raise InputError(f"pattern: tile row {row!r} must consist of the letters A to Z")
         letters = "".join(self.tile).replace(PANCHROMATIC, "")
         found = "".join(dict.fromkeys(letters))
+        if PANCHROMATIC not in "".join(self.tile):
+            raise InputError("pattern: the tile has no panchromatic pixel (W), which is where luminance is measured")
         if len(found) < 2:
             raise InputError(f"pattern: the tile has {len(found)} colour channels; at least two are needed")
         if not self.channels:
@@ -99,6 +101,10 @@ class CfaPattern:
             )
         side = lcm(len(rows), width)
         side *= -(-PERIODS[0] // side)
+        if side not in PERIODS:
+            raise InputError(
+                f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; the largest period is {PERIODS[-1]}"
+            )
         return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
 
     @property

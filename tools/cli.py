@@ -29,7 +29,7 @@ VERBS = {
     "preview": "make the camera's own preview of shots",
     "render": "make the full-quality pictures of shots",
     "burst": "merge a series of one scene into one picture, with less noise and more colour",
-    "evaluate": "compare this camera with Bayer cameras: figures, and a page to look at",
+    "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: figures, and a page to look at",
     "bench": "measure the speed of Panchroma and of other programs",
     "export-preview": "write the graph that makes a camera's previews",
     "doctor": "check the installation, and say how to repair it",

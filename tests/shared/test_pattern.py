@@ -136,6 +136,10 @@ def test_letters_make_square_tiles() -> None:
     for letters in ("RGW/GB/WWW", "", "/", "RGW/GBW/"):
         with pytest.raises(InputError, match="row by row"):
             CfaPattern.of_letters(letters)
+    with pytest.raises(InputError, match="3 x 7 letters repeats in squares of 21"):
+        CfaPattern.of_letters("ABCDEFG/WWWWWWW/WWWWWWW")
+    with pytest.raises(InputError, match="no panchromatic pixel"):
+        CfaPattern.of_letters("RRRR/GGGG/BBBB")
 
 
 def test_scattered_sites_have_the_tile_for_a_block() -> None:

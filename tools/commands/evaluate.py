@@ -165,10 +165,10 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     if not scenes:
         raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
     study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, protocol, reading)
-    for remark in study.remarks():
+    made, without = study.remarks()
+    for remark in (*made, *without):
         console.note(remark)
-        left_out.append(remark)
-    return study, failures, left_out
+    return study, failures, [*left_out, *without]
 
 
 def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":

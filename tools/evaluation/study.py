@@ -88,18 +88,18 @@ class Study:
         """The patterns whose shots a method renders; (None,) for a Bayer camera's method."""
         return self.tiles if method.sparse else (None,)
 
-    def remarks(self) -> list[str]:
-        """What the user should know about scenes that a camera cannot photograph, and about filters that are made from others."""
-        found, by_channels = [], {scene.channels: scene.name for scene in self.scenes}
+    def remarks(self) -> tuple[list[str], list[str]]:
+        """What the user should know about filters that are made from others, and which scenes a camera cannot photograph."""
+        made, found, by_channels = [], [], {scene.channels: scene.name for scene in self.scenes}
         for channels, name in by_channels.items():
             if channels != RGB and any(not methods()[method].sparse for method in self.methods):
                 found.append(f"scenes with the channels {channels}, such as {name}: no Bayer camera photographs them")
             for tile in self.tiles:
                 try:
-                    found += [f"{tile.name}: {note}" for note in filters_of(tile.pattern, channels).notes]
+                    made += [f"{tile.name}: {note}" for note in filters_of(tile.pattern, channels).notes]
                 except InputError as error:
                     found.append(f"{name}, and others with these channels, without {tile.name}: {error}")
-        return found
+        return made, found
 
     def cell(self, scene: SceneInfo, level: float, method: Method, tile: Tile | None) -> Cell:
         """One result, with its name in the cache. tile: None for a Bayer camera's method."""

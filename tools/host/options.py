@@ -144,6 +144,15 @@ def add_overwrite(group: argparse._ActionsContainer) -> None:
     group.add_argument("--overwrite", action="store_true", help="replace results that exist already")
 
 
+def _factor(argument: str) -> float:
+    """A number, or a fraction such as 1/4."""
+    number, slash, divisor = argument.partition("/")
+    try:
+        return float(number) / float(divisor if slash else 1)
+    except (ValueError, ZeroDivisionError):
+        raise argparse.ArgumentTypeError(f"{argument!r} is neither a number nor a fraction such as 1/4") from None
+
+
 class _CalledLight(argparse.Action):
     def __call__(self, *_: object) -> None:
         raise InputError("--exposure is called --light here, a factor (2 is one stop more); --exposure, in stops, is for render")
@@ -151,7 +160,7 @@ class _CalledLight(argparse.Action):
 
 def add_light(group: argparse._ActionsContainer, **described: Any) -> None:
     """Add --light, amounts of light of --protocol sensor; --exposure, its former name, raises InputError that says so."""
-    group.add_argument("--light", type=float, metavar="FACTOR", **described)
+    group.add_argument("--light", type=_factor, metavar="FACTOR", **described)
     group.add_argument("--exposure", nargs="?", action=_CalledLight, help=argparse.SUPPRESS)
 
 

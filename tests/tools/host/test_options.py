@@ -1,4 +1,4 @@
-"""Patterns as a user writes them: letters, or a file with letters."""
+"""Options as a user writes them: patterns, as letters or a file with letters, and light."""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from shared import CfaPattern
 from shared.errors import InputError
-from tools.host.options import add_pattern, parsed_pattern, pattern_of
+from tools.host.options import add_light, add_pattern, parsed_pattern, pattern_of
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 
@@ -84,3 +84,19 @@ def test_the_pattern_that_options_describe(options: str, known: CfaPattern | Non
     for option in ("--period 4", "--order RGGB"):
         with pytest.raises(InputError, match=f"--pattern says where every filter is; leave {option.split()[0]} out"):
             pattern_of(parser.parse_args(f"--pattern {KODAK} {option}".split()))
+
+
+@pytest.mark.parametrize(("text", "factor"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)])
+def test_light_may_be_a_fraction(text: str, factor: float) -> None:
+    parser = ArgumentParser()
+    add_light(parser)
+    assert parser.parse_args(["--light", text]).light == factor
+
+
+@pytest.mark.parametrize("text", ["1/0", "1/", "/4", "bright", ""])
+def test_other_light_is_a_usage_error(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    parser = ArgumentParser()
+    add_light(parser)
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--light", text])
+    assert "neither a number nor a fraction" in capsys.readouterr().err
