@@ -103,7 +103,7 @@ class CfaPattern:
         side *= -(-PERIODS[0] // side)
         if side not in PERIODS:
             raise InputError(
-                f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; the largest period is {PERIODS[-1]}"
+                f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; at most {PERIODS[-1]} is possible"
             )
         return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
 

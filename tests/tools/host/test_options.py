@@ -30,7 +30,7 @@ def test_a_file_is_read_as_letters_are(tmp_path: Path, text: str) -> None:
         ("RGWW/GBW", "differ in length"),
         ("RGGB", "no panchromatic pixel"),
         ("WWWW/WRWW/WWWW/WWWW", "1 colour channels; at least two"),
-        ("RG" + 15 * "W" + "/GB" + 15 * "W", "34 rows; the period must be 3 to 16"),
+        ("RG" + 15 * "W" + "/GB" + 15 * "W", "2 x 17 letters repeats in squares of 34"),
         ("RGWW/GBWW/" * 10**5, "1000000 letters are more than the largest tile has, 16 x 16"),
         (300 * "x" + ".txt", "no file has this name"),
         ("RGWW\0", "no file has this name"),
