@@ -230,6 +230,8 @@ def decode_exr(path: Path, max_pixels: int = MAX_PIXELS, channels: str = RGB) ->
     """Decode `channels`, what they can be made from, or Y, of the first part of an OpenEXR file; its values are linear."""
     # OpenEXR takes tiles, attributes and further parts of whatever size they declare.
     pixels, found, chromaticities = run_limited(path, ("OpenEXR",), _read_exr, path, max_pixels, channels)
+    if pixels.dtype.kind != "f":
+        raise InputError(f"the EXR holds whole numbers ({pixels.dtype}), which are labels and no light; save it as half or float")
     if chromaticities is None:
         return Decoded(pixels, None, channels=found)
     red, green, blue, white = chromaticities
