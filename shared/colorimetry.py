@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .arrays import DoubleArray, FloatArray
 
@@ -88,3 +88,26 @@ def lab_to_xyz(lab: DoubleArray) -> DoubleArray:
 
 
 SRGB_TO_XYZ = as_rows(primaries_to_xyz(SRGB_PRIMARIES))
+
+
+def among(matrix: ArrayLike, channels: str) -> DoubleArray:
+    """A matrix (3, 3) of red, green and blue for channels that have these three among them; float64 (3, C).
+
+    The other channels have no colour.
+
+    >>> from shared.colorimetry import among
+    >>> among([[1, 2, 3]] * 3, "GNRB")[0].tolist()
+    [2.0, 0.0, 1.0, 3.0]
+    """
+    wide = np.zeros((3, len(channels)))
+    wide[:, [channels.index(letter) for letter in "RGB"]] = matrix
+    return wide
+
+
+def nominal_to_xyz(channels: str, neutral: Sequence[float] | None) -> DoubleArray:
+    """The matrix from channels, R, G and B among them, to XYZ (D50) if those three have the primaries of sRGB; float64 (3, C).
+
+    neutral: what white reads in each channel; None = the same. The primaries belong to balanced channels, where white reads 1.
+    """
+    balance = 1.0 if neutral is None else max(neutral) / np.array(neutral)
+    return np.asarray(among(SRGB_TO_XYZ, channels) * balance)

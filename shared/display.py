@@ -23,7 +23,18 @@ from numpy.typing import NDArray
 
 from .arrays import CACHED, DoubleArray, FloatArray, strips
 from .calibration import SensorCalibration
-from .colorimetry import BRADFORD, D50, P3_PRIMARIES, SRGB_PRIMARIES, Matrix, adaptation, as_rows, encode_srgb, primaries_to_xyz
+from .colorimetry import (
+    BRADFORD,
+    D50,
+    P3_PRIMARIES,
+    SRGB_PRIMARIES,
+    Matrix,
+    adaptation,
+    as_rows,
+    encode_srgb,
+    nominal_to_xyz,
+    primaries_to_xyz,
+)
 from .errors import InputError
 
 MAX_EXPOSURE = 16.0
@@ -158,11 +169,7 @@ def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
             f"no colour matrix for the channels {channels}: calibrate the camera (panchroma calibrate), "
             "or render with --space camera, as tif, exr or npy"
         )
-    nominal = np.zeros((3, len(channels)))
-    nominal[:, [channels.index(letter) for letter in "RGB"]] = SPACES["srgb"].to_xyz
-    # The nominal primaries belong to white-balanced channels, in which white reads (1, 1, 1).
-    balance = 1.0 if calibration.neutral is None else max(calibration.neutral) / np.array(calibration.neutral)
-    return np.asarray(nominal * balance)
+    return nominal_to_xyz(channels, calibration.neutral)
 
 
 def _figures(values: DoubleArray) -> str:

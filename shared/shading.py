@@ -167,13 +167,13 @@ def basis(length: int, points: int, place: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def _weights(length: int, points: int, part: slice) -> tuple[NDArray[np.intp], FloatArray]:
-    """Of a part of an axis of pixels: the first of the four control points of each, and their weights, float32 (4, pixels)."""
+    """For each pixel of a part of an axis the first of its four control points, and their weights, float32 (4, pixels)."""
     first, weights = _pieces((np.arange(length)[part] + 0.5) / length, points)
     return first, weights.astype(np.float32)
 
 
 def _pieces(place: NDArray[np.float64], points: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The same for places from 0, one edge of the frame, to 1, the other one."""
+    """For each place, from 0 to 1 across the frame, the first of its four control points, and their weights, (4, places)."""
     along = place * (points - 3)
     first = np.clip(along.astype(np.intp), 0, points - 4)
     t = along - first

@@ -11,7 +11,7 @@ import numpy as np
 
 from shared import CfaPattern, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
-from shared.colorimetry import SRGB_TO_XYZ, Matrix, as_rows
+from shared.colorimetry import Matrix, as_rows, nominal_to_xyz
 from shared.errors import InputError
 from shared.sensor import TYPICAL_READ, TYPICAL_SHOT
 
@@ -77,7 +77,7 @@ class Filters:
         if to_xyz is None and not set(RGB) <= set(scene.channels):
             return None, seen
         # Eq. 17 gives the filters' readings; the pseudo-inverse takes them back to the scene's channels.
-        known = (_nominal(scene) if to_xyz is None else np.array(to_xyz)) @ np.linalg.pinv(matrix)
+        known = (nominal_to_xyz(scene.channels, neutral) if to_xyz is None else np.array(to_xyz)) @ np.linalg.pinv(matrix)
         return (as_rows(known) if np.linalg.matrix_rank(known) == 3 else None), seen
 
 
@@ -141,13 +141,6 @@ def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[tuple[floa
         parts = " + ".join(f"{share:.3g} {letter}" for letter, share in zip(there, seen, strict=True) if share > _LEAST)
         notes = (f"no weights of {_listed(channels)} add up to all light: panchromatic pixels see {parts} of the scene",)
     return tuple((weights / passed.sum(axis=1).mean()).round(_DIGITS).tolist()), notes
-
-
-def _nominal(scene: Scene) -> DoubleArray:
-    """camera_to_xyz (3, N) of a scene whose red, green and blue have the primaries of sRGB when white-balanced."""
-    matrix = np.zeros((3, len(scene.channels)))
-    matrix[:, [scene.channels.index(letter) for letter in RGB]] = SRGB_TO_XYZ
-    return matrix if scene.neutral is None else matrix * (max(scene.neutral) / np.array(scene.neutral))
 
 
 def _listed(letters: str | list[str]) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.colorimetry import Matrix, as_rows
+from shared.colorimetry import Matrix, among, as_rows
 from shared.errors import InputError
 
 from .decoders import Decoded
@@ -47,9 +47,7 @@ def _to_xyz(to_xyz: Matrix, channels: str) -> Matrix | None:
         return to_xyz
     if not set(RGB) <= set(channels):
         return None
-    matrix = np.zeros((3, len(channels)))
-    matrix[:, [channels.index(letter) for letter in RGB]] = to_xyz
-    return as_rows(matrix)
+    return as_rows(among(to_xyz, channels))
 
 
 def _encoding(picture: Decoded, linear: bool) -> tuple[Encoding, tuple[str, ...]]:
