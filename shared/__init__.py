@@ -1,5 +1,6 @@
 """The camera itself: filter pattern, calibration, mosaic, sensor model and file format. README.md in this folder explains them."""
 
+from .aberration import Aberration
 from .calibration import NoiseModel, SensorCalibration
 from .camera import Camera, read_camera
 from .dng import read_dng, write_dng
@@ -9,6 +10,7 @@ from .pattern import BlockGrid, CfaPattern
 from .shading import Shading
 
 __all__ = [
+    "Aberration",
     "BlockGrid",
     "Camera",
     "CaptureMetadata",

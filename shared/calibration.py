@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from .aberration import Aberration
 from .arrays import DoubleArray
 from .errors import InputError
 from .pattern import PANCHROMATIC, CfaPattern
@@ -89,6 +90,7 @@ class SensorCalibration:
     sensor: a name for people.
     camera: id of the camera file that the calibration came from ("" = none); it stays when fields are replaced.
     shading: of lens and sensor; None = unknown, treated as none. Noise and levels are those before its gain.
+    aberration: lateral chromatic aberration of the lens; None = unknown, treated as none.
 
     >>> from shared import SensorCalibration
     >>> calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
@@ -112,6 +114,7 @@ class SensorCalibration:
     sensor: str = ""
     camera: str = ""
     shading: Shading | None = None
+    aberration: Aberration | None = None
 
     def __post_init__(self) -> None:
         count = len(self.channels)
@@ -170,6 +173,8 @@ class SensorCalibration:
         object.__setattr__(self, "defects", _places(self.defects))
         if self.shading is not None and len(self.shading.gain) != count + 1:
             raise InputError(f"calibration: shading has {len(self.shading.gain)} planes, expected {count + 1} ({letters}W)")
+        if self.aberration is not None and len(self.aberration.radial) != count:
+            raise InputError(f"calibration: aberration has {len(self.aberration.radial)} channels, expected {count} ({letters})")
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -234,8 +239,9 @@ class SensorCalibration:
         document = {"schema": SCHEMA, **asdict(self)}
         if not self.neutral_estimated:  # so that ids and files from before there were estimates stay the same
             del document["neutral_estimated"]
-        if self.shading is None:  # likewise
-            del document["shading"]
+        for name in ("shading", "aberration"):  # likewise
+            if document[name] is None:
+                del document[name]
         return document
 
     @classmethod
@@ -258,6 +264,8 @@ class SensorCalibration:
             given["noise"] = NoiseModel(**noise)
         if "shading" in given:
             given["shading"] = Shading.from_json(given["shading"])
+        if "aberration" in given:
+            given["aberration"] = Aberration.from_json(given["aberration"])
         return cls(**given)
 
     def _set(self, name: str, values: Any, count: int) -> None:

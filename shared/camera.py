@@ -16,7 +16,7 @@ from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_whole
 
-MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading")
+MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading", "aberration")
 """The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral."""
 
 
@@ -54,7 +54,7 @@ class Camera:
                 raise InputError(f"camera: measured.{part} is {how!r}, expected an object")
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
-        """The shot with this camera's calibration; what it does not know of colours, noise and shading stays that of the shot.
+        """The shot with this camera's calibration; what it does not know of colours, noise and lens stays that of the shot.
 
         Raises InputError when the shot has another sensor, pattern, or number of bits; the message names both.
         """
@@ -65,6 +65,7 @@ class Camera:
             known,
             noise=known.noise or own.noise,
             shading=known.shading or own.shading,
+            aberration=known.aberration or own.aberration,
             sensor=known.sensor or own.sensor,
             camera_to_xyz=colours.camera_to_xyz,
             neutral=colours.neutral,

@@ -20,8 +20,7 @@ class Mosaic:
         negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns
         its memory.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
-    the calibration's bits, when pattern and calibration name different channels, and when the calibration's shading is that of
-    frames of another shape.
+    the calibration's bits, when pattern and calibration name different channels, and when its lens is that of another shape.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -42,8 +41,9 @@ class Mosaic:
             raise InputError(f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}")
         self.calibration.check_pattern(self.pattern)
         self.pattern.grid((samples.shape[0], samples.shape[1]))
-        if self.calibration.shading is not None:
-            self.calibration.shading.check((samples.shape[0], samples.shape[1]))
+        for lens in (self.calibration.shading, self.calibration.aberration):
+            if lens is not None:
+                lens.check((samples.shape[0], samples.shape[1]))
         owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
         if samples.dtype == np.uint16:
             kept = samples if owned else np.array(samples, order="C")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .arrays import FloatArray
 from .errors import InputError
+from .lens import OfLens
 
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
@@ -21,12 +22,10 @@ _LARGEST = 1e4  # control point: those beyond the edges, of which little is seen
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
-_ZOOMED = 0.02  # relative difference of focal lengths
-_STRETCH = 0.02  # how far two frames may differ in their ratio of sides
 
 
 @dataclass(frozen=True)
-class Shading:
+class Shading(OfLens):
     """The gain that undoes the shading of each plane, 1 in the middle of the frame.
 
     gain: control points of uniform cubic B-splines over the frame: plane (the channels, then panchromatic), row, column; 4 to 32
@@ -41,6 +40,8 @@ class Shading:
     >>> even.of_plane((800, 1200), 0, slice(0, 2), slice(0, 3)).tolist()
     [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
     """
+
+    _name, _option, _harm = "shading", "--flat", "colours towards the corners may be wrong"
 
     gain: tuple[tuple[tuple[float, ...], ...], ...]
     size: tuple[int, int]
@@ -59,16 +60,8 @@ class Shading:
         if not np.abs(points).max() <= _LARGEST:  # not for NaN either
             raise InputError(f"shading: gain holds a figure that is not -{_LARGEST:g} to {_LARGEST:g}")
         object.__setattr__(self, "gain", tuple(tuple(tuple(row) for row in plane) for plane in points.tolist()))
-        sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
-        if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
-            raise InputError(f"shading: size is {self.size!r}, expected [rows, columns]")
-        object.__setattr__(self, "size", sides)
-        for name in ("focal_length", "residual"):
-            value = getattr(self, name)
-            if value is None and name == "focal_length":
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e6:
-                raise InputError(f"shading: {name} is {value!r}, expected a number that is not negative")
+        self._check_frame()
+        self._check_figure("residual")
         seen = self.sketch
         if not _GAINS[0] <= seen.min() <= seen.max() <= _GAINS[1]:
             raise InputError(
@@ -77,15 +70,6 @@ class Shading:
         middle = seen[:, _SKETCH // 2, _SKETCH // 2]
         if np.abs(middle - 1).max() > _MIDDLE:
             raise InputError(f"shading: the gains in the middle of the frame are {middle.tolist()}, expected 1")
-
-    def check(self, shape: tuple[int, int]) -> None:
-        """Raise InputError unless frames of this shape, (rows, columns), can have this shading."""
-        if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
-            raise InputError(
-                f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
-                f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure the shading on such frames "
-                "(panchroma calibrate --flat)"
-            )
 
     def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:
         """The gain of a plane in a part of a frame, float32 (rows, columns).
@@ -103,20 +87,6 @@ class Shading:
         for tap in range(1, 4):
             gain += weights[tap][:, None] * curves[place + tap]
         return gain
-
-    def zoomed(self, focal_length: float | None) -> str:
-        """What to tell of a shot at this focal length, millimetres: "" unless the shading was measured at another one.
-
-        >>> from shared import Shading
-        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
-        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
-        """
-        known = self.focal_length
-        if not known or not focal_length or abs(math.log(focal_length / known)) <= _ZOOMED:
-            return ""
-        return (
-            f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: colours towards the corners may be wrong"
-        )
 
     @cached_property
     def sketch(self) -> FloatArray:

@@ -18,7 +18,7 @@ from .tags import MAKER
 SCHEMA = 1
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
-_BESIDE = {"neutral_estimated", "shading"}  # fields of the calibration that came later than the record
+_BESIDE = {"neutral_estimated", "shading", "aberration"}  # fields of the calibration that came later than the record
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
 from tools.scenes.filters import Filters, filters_for
-from tools.scenes.lens import lens_shading, parsed_shading
+from tools.scenes.lens import lens_aberration, lens_shading, parsed_aberration, parsed_shading
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
@@ -74,6 +74,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shading",
         metavar="STOPS,PERCENT",
         help="a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one",
+    )
+    light.add_argument(
+        "--aberration",
+        metavar="PIXELS,PIXELS",
+        help="a lens with lateral chromatic aberration: how much further out the first and the last channel look in the corners; "
+        "negative is further in (--aberration=-1,1)",
     )
     light.add_argument(
         "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"
@@ -118,10 +124,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
     options.check_at_least_one(arguments, "reduce")
     is_series, burst = arguments.burst is not None, _burst(arguments)
-    lens = None if arguments.shading is None else parsed_shading(arguments.shading)
+    shading = None if arguments.shading is None else parsed_shading(arguments.shading)
+    aberration = None if arguments.aberration is None else parsed_aberration(arguments.aberration)
     known, pattern = options.camera_of(arguments)
-    if lens and known and known.calibration.shading:
-        raise InputError(f"{arguments.camera} has a shading of its own: leave --shading out")
+    for name, asked in (("shading", shading), ("aberration", aberration)):
+        if asked and known and getattr(known.calibration, name):
+            raise InputError(f"{arguments.camera} has its own {name}: leave --{name} out")
     camera = _calibration(arguments, known, pattern)
     folder = output_folder(arguments.output)
     previews = Previews()
@@ -148,9 +156,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             for shot in shots:
                 frame = next(frames)
                 frame = replace(frame, rgb=filters.of(frame.rgb))
-                if lens:
-                    shape = frame.rgb.shape[0], frame.rgb.shape[1]
-                    calibration = replace(calibration, shading=lens_shading(*lens, len(pattern.planes), shape))
+                shape = frame.rgb.shape[0], frame.rgb.shape[1]
+                if shading:
+                    calibration = replace(calibration, shading=lens_shading(*shading, len(pattern.planes), shape))
+                if aberration:
+                    calibration = replace(calibration, aberration=lens_aberration(*aberration, len(pattern.channels), shape))
                 metadata = frame.metadata(scene.metadata)
                 mosaic = photograph(frame, pattern, calibration, metadata, arguments, random(shot))
                 job.make_folders()

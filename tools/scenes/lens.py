@@ -1,16 +1,17 @@
-"""The shading of a simulated lens: its light falls off towards the corners, and not alike for all filters."""
+"""A simulated lens: its light falls off towards the corners, not alike for all filters, and each colour has a size of its own."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from shared import Shading
+from shared import Aberration, Shading
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.shading import basis
 
 _POINTS = 9, 11  # control points: the maps are then within 0.02 % of the lens
 _MOST_STOPS, _MOST_PERCENT = 4.0, 50.0
+_MOST_PIXELS, _MOST_SHARE = 20.0, 0.05  # the latter of half the diagonal
 
 
 def parsed_shading(text: str) -> tuple[float, float]:
@@ -46,6 +47,44 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     panchromatic = (1 + (2 ** (stops / 2) - 1) * square) ** 2
     less = [*np.linspace(colour, -colour, planes - 1), 0.0]
     return Shading([_points(panchromatic / (1 - each * square)) for each in less], shape)  # type: ignore[arg-type]
+
+
+def parsed_aberration(text: str) -> tuple[float, float]:
+    """The displacements of the first and the last channel in the corners, pixels, of a text such as "1,-0.5".
+
+    Raises InputError for any other.
+    """
+    try:
+        first, last = (float(part) for part in text.split(","))
+        if not max(abs(first), abs(last)) <= _MOST_PIXELS:
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"--aberration is {text!r}, expected PIXELS,PIXELS: -{_MOST_PIXELS:g} to {_MOST_PIXELS:g} each, such as 1,-0.5"
+        ) from None
+    return first, last
+
+
+def lens_aberration(first: float, last: float, channels: int, shape: tuple[int, int]) -> Aberration:
+    """The lateral chromatic aberration of a lens whose optical axis meets the middle of the frame.
+
+    first, last: how far outside the corners the first and the last channel look there, pixels. Half of it grows with the distance
+        from the middle, half with its cube. Those between lie between these and 0, which the middle one has.
+    channels: number of channels.
+    shape: (rows, columns) of the frame.
+    Raises InputError when the frame is too small for such displacements.
+
+    >>> from tools.scenes.lens import lens_aberration
+    >>> [round(each, 2) for each in lens_aberration(1, -0.5, 3, (600, 900)).corner((600, 900))]
+    [1.0, 0.0, -0.5]
+    """
+    half, middle = np.hypot(shape[0] - 1, shape[1] - 1) / 2, channels // 2
+    if max(abs(first), abs(last)) > _MOST_SHARE * half:
+        raise InputError(
+            f"--aberration is {first:g},{last:g}: the most in a frame of {shape[1]} x {shape[0]} pixels is {_MOST_SHARE * half:.2g}"
+        )
+    corners = [*np.linspace(first, 0, middle + 1), *np.linspace(0, last, channels - middle)[1:]]
+    return Aberration([[each / half / 2] * 2 for each in corners], shape)  # type: ignore[arg-type]
 
 
 def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:

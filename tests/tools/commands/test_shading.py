@@ -105,6 +105,6 @@ def test_impossible_lenses_are_usage(folder: Path, tmp_path: Path) -> None:
     for text in ("9,0", "1,99", "much", "1,2,3", "-1"):
         assert usage(run("simulate", "flat:60x40", "-o", tmp_path, f"--shading={text}"), "expected STOPS,PERCENT")
     camera = "--camera", folder / "camera.json"
-    assert usage(run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "1,5", *camera), "has a shading of its own")
+    assert usage(run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "1,5", *camera), "has its own shading")
     assert run("simulate", "flat:60x40", "-o", tmp_path, *camera).code == 0  # the camera's own
     assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is not None

@@ -1,0 +1,58 @@
+"""What is measured of a lens belongs to one part of the sensor, and to one focal length."""
+
+import math
+from typing import Any, ClassVar
+
+from .errors import InputError
+
+_ZOOMED = 0.02  # relative difference of focal lengths
+_STRETCH = 0.02  # how far two frames may differ in their ratio of sides
+
+
+class OfLens:
+    """Base of what is measured of a lens: checks of the frames and of the focal length that it was measured with.
+
+    size: (rows, columns) of the frames that it was measured on; frames with other sides have to have the same ratio of sides.
+    focal_length: of the lens then, millimetres; None = unknown.
+    """
+
+    size: tuple[int, int]
+    focal_length: float | None
+    _name: ClassVar[str]  # for messages
+    _option: ClassVar[str]  # of `panchroma calibrate`, that measures it
+    _harm: ClassVar[str]  # what is wrong at another focal length
+
+    def _check_frame(self) -> None:
+        """Check `size` and `focal_length`, and make `size` a tuple. Raises InputError that names the field."""
+        sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
+        if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
+            raise InputError(f"{self._name}: size is {self.size!r}, expected [rows, columns]")
+        object.__setattr__(self, "size", sides)
+        if self.focal_length is not None:
+            self._check_figure("focal_length")
+
+    def _check_figure(self, name: str) -> None:
+        value: Any = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e6:
+            raise InputError(f"{self._name}: {name} is {value!r}, expected a number that is not negative")
+
+    def check(self, shape: tuple[int, int]) -> None:
+        """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
+        if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
+            raise InputError(
+                f"the {self._name} was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
+                f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure the {self._name} on such frames "
+                f"(panchroma calibrate {self._option})"
+            )
+
+    def zoomed(self, focal_length: float | None) -> str:
+        """What to tell of a shot at this focal length, millimetres: "" unless this was measured at another one.
+
+        >>> from shared import Shading
+        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)
+        'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
+        """
+        known = self.focal_length
+        if not known or not focal_length or abs(math.log(focal_length / known)) <= _ZOOMED:
+            return ""
+        return f"taken at {focal_length:g} mm, but its {self._name} was measured at {known:g} mm: {self._harm}"
