@@ -37,6 +37,7 @@ _USED: dict[str, Callable[[RenderSettings], bool]] = {
     "displace": lambda _: False,
     "spread_samples": lambda _: False,
     "pin_samples": lambda _: False,  # only for patterns whose colour sites are scattered; then when it is called
+    "undo_aberration": lambda _: False,  # only for lenses that have it; then when it is called
     "surroundings": lambda settings: settings.highlights.restored or settings.defects.listed or settings.defects.contrast > 0,
 }
 

@@ -5,8 +5,9 @@ and for too little.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from .chromaticity import estimate_chromaticities
 from .defects import mend_defects
 from .denoising import denoise_luminance
 from .highlights import clipping_level, restore_highlights
+from .kernels.aberration import undo_aberration
 from .kernels.mixing import colour
 from .learned import learner_for
 from .luminance import recover_luminance
@@ -30,7 +32,7 @@ from .pinning import Pinning
 from .pooling import pool_blocks
 from .propagation import propagate
 from .refinement import noise_level, reach, refine
-from .settings import BEST, RenderSettings
+from .settings import BEST, LearnedSettings, RenderSettings
 from .sites import SiteSamples, correct_sites, settle_luminance, site_samples, unclipped_blocks
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
@@ -139,7 +141,7 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     With shading this and `finish` see a frame that is darker towards its corners, equally for all filters, so that noise and
     saturation are those of the sensor everywhere; `without_shading` makes the light even at the end.
     """
-    clipping, samples = clipping_level(mosaic), mosaic.evenly_shaded()
+    clipping, samples = clipping_level(mosaic), registered(mosaic, settings, progress).evenly_shaded()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects, progress)
     trust = trust_in_blocks(samples, clipping, noise, settings.sites)
@@ -156,6 +158,32 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     del samples  # a plane of the frame, before another one is needed
     luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return Measured(luminance, blocks, sites)
+
+
+def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mosaic:
+    """The mosaic as it would be if its lens had no lateral chromatic aberration; the mosaic itself if it has none.
+
+    A first picture, rendered as if there were none, tells how much the displacement of channels changes each sample. What is not in
+    that picture, such as noise, stays as it is. Samples that are saturated stay so.
+    """
+    lens = mosaic.calibration.aberration
+    if lens is None:
+        return mosaic
+    rough = replace(settings, learned=LearnedSettings())  # the network changes little of the difference, and takes half of the time
+    plain = replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
+    planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
+    radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)
+    signal, white = mosaic.signal.copy(), mosaic.calibration.white_level
+    parts = finish(plain, measure(plain, rough, progress), rough, progress)
+    for part, (first, end) in windows(parts, height, ceil(lens.reach(mosaic.shape)) + 2, 1, 0):
+        picture, rows = np.empty_like(part.chromaticity), slice(first, end)
+        colour(part.chromaticity, without_shading(part, plain), picture)
+        changed = signal[rows].copy()
+        undo_aberration(picture, part.first, height, radial, gamma, planes, first, changed)
+        unclipped = mosaic.samples[rows] < white if mosaic.samples.dtype == np.uint16 else True
+        np.copyto(signal[rows], changed, where=unclipped)
+    signal.flags.writeable = False
+    return replace(plain, samples=signal)
 
 
 def without_shading(part: Part, mosaic: Mosaic) -> FloatArray:

@@ -281,7 +281,10 @@ class RenderSettings:
 
     @property
     def asks_for_codes(self) -> bool:
-        """Whether it matters which samples are saturated. If not, `Mosaic.in_scene_units` renders to the same picture."""
+        """Whether it matters which samples are saturated.
+
+        If not, `Mosaic.in_scene_units` renders to the same picture, unless the lens has lateral chromatic aberration.
+        """
         defects = self.defects.listed or self.defects.contrast > 0
         return defects or self.highlights.restored or self.asks_for_sites
 

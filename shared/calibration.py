@@ -18,6 +18,7 @@ import numpy as np
 from .aberration import Aberration
 from .arrays import DoubleArray
 from .errors import InputError
+from .lens import OfLens
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
 from .shading import Shading
@@ -193,6 +194,11 @@ class SensorCalibration:
             "white_level": highest - black if headroom else highest,
         }
         return cls(**{**levels, **fields})
+
+    @property
+    def lens(self) -> tuple[OfLens, ...]:
+        """What is known of the lens: shading, aberration."""
+        return tuple(each for each in (self.shading, self.aberration) if each is not None)
 
     @property
     def full_scale(self) -> float:

@@ -41,9 +41,8 @@ class Mosaic:
             raise InputError(f"a mosaic has two axes (rows, columns); the samples have shape {samples.shape}")
         self.calibration.check_pattern(self.pattern)
         self.pattern.grid((samples.shape[0], samples.shape[1]))
-        for lens in (self.calibration.shading, self.calibration.aberration):
-            if lens is not None:
-                lens.check((samples.shape[0], samples.shape[1]))
+        for each in self.calibration.lens:
+            each.check((samples.shape[0], samples.shape[1]))
         owned = samples.base is None and not samples.flags.writeable and samples.flags.c_contiguous
         if samples.dtype == np.uint16:
             kept = samples if owned else np.array(samples, order="C")

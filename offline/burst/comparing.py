@@ -12,6 +12,7 @@ from shared.progress import Progress
 from ..defects import mend_defects
 from ..highlights import restore_highlights
 from ..luminance import recover_luminance
+from ..render import registered
 from ..settings import RenderSettings
 from ..sites import unclipped_blocks
 from ..trust import trust_in_blocks
@@ -59,7 +60,7 @@ def compared(
 
     motions: where the reference's points lie in each frame, if that is known.
     """
-    frames = [prepared(shot, settings) for shot in shots]
+    frames = [prepared(shot, settings, progress) for shot in shots]
     found: list[Comparison] = []
     for candidate in _candidates(frames) if reference is None else [reference]:
         found.append(_with(candidate, shots, frames, settings, progress, motions))
@@ -87,7 +88,8 @@ def _with(
 ) -> Comparison:
     """Compare all frames with one of them."""
     reference, noise, clipping = shots[number], frames[number].noise, limit_of(shots[number])
-    samples = mend_defects(reference.in_scene_units(), clipping, noise, settings.defects)
+    samples = registered(reference, settings, progress).in_scene_units()
+    samples = mend_defects(samples, clipping, noise, settings.defects)
     trust, clear = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
     samples = restore_highlights(samples, clipping, settings.highlights)
     base = replace(frames[number], luminance=recover_luminance(samples, settings.luminance))

@@ -7,6 +7,7 @@ import numpy as np
 from shared.arrays import BoolArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
+from shared.progress import SILENT, Progress
 
 from ..blocks import block_sites
 from ..defects import mend_defects
@@ -15,6 +16,7 @@ from ..highlights import clipping_level
 from ..kernels.smoothing import smooth
 from ..luminance import recover_luminance
 from ..noise import noise_of
+from ..render import registered
 from ..settings import RenderSettings
 from ..sites import gathered
 
@@ -65,9 +67,9 @@ class Frame:
         return float(beyond**0.5) / max(float(self.luminance.mean(dtype=np.float64)), _TINY)
 
 
-def prepared(mosaic: Mosaic, settings: RenderSettings) -> Frame:
+def prepared(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
     """A frame as it is merged."""
-    clipping, samples = limit_of(mosaic), mosaic.in_scene_units()
+    clipping, samples = limit_of(mosaic), registered(mosaic, settings, progress).in_scene_units()
     noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects)
     colours = gathered(samples.signal, block_sites(mosaic.pattern, mosaic.pattern.grid(mosaic.shape)))

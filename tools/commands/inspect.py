@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from shared import Mosaic, Shading, read_camera, read_dng
+from shared import Aberration, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_digest_kind, read_preview
 from shared.dng.exif_reading import place, shown_fields
+from shared.lens import OfLens
 from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console
@@ -152,17 +153,26 @@ def _calibration(document: dict[str, Any]) -> dict[str, str]:
         "colour": "calibrated" if document["camera_to_xyz"] else "no matrix",
         "neutral": (_row(document["neutral"]) if document["neutral"] else "unknown")
         + (", estimated from the picture" if document.get("neutral_estimated") else ""),
-        **_shading(document),
+        **_lens(document),
     }
 
 
-def _shading(document: dict[str, Any]) -> dict[str, str]:
-    """A row where the shading is known."""
-    if "shading" not in document:
-        return {}
-    shading = Shading.from_json(document["shading"])
-    focal = f" at {shading.focal_length:g} mm" if shading.focal_length else ""
-    return {"shading": f"{shading.stops:.2f} stops, {100 * shading.colour:.1f} % between colours{focal}; undone"}
+def _lens(document: dict[str, Any]) -> dict[str, str]:
+    """Rows of what is known of the lens."""
+    rows: dict[str, str] = {}
+    if "shading" in document:
+        shading = Shading.from_json(document["shading"])
+        rows["shading"] = f"{shading.stops:.2f} stops, {100 * shading.colour:.1f} % between colours{_focal(shading)}; undone"
+    if "aberration" in document:
+        lens = Aberration.from_json(document["aberration"])
+        corners = zip(document["channels"], lens.corner(lens.size), strict=True)
+        rows["aberration"] = ", ".join(f"{channel} {pixels:+.2f}" for channel, pixels in corners if pixels)
+        rows["aberration"] += f" pixels in the corners{_focal(lens)}; undone"
+    return rows
+
+
+def _focal(lens: OfLens) -> str:
+    return f" at {lens.focal_length:g} mm" if lens.focal_length else ""
 
 
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:

@@ -68,7 +68,8 @@ class Order:
         note: called with each remark for the user.
         """
         mosaic = self.read(shot.source)
-        return Subject(mosaic if self.settings.asks_for_codes else mosaic.in_scene_units())
+        needs_codes = self.settings.asks_for_codes or mosaic.calibration.aberration is not None
+        return Subject(mosaic if needs_codes else mosaic.in_scene_units())
 
     def read(self, source: str) -> Mosaic:
         """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
