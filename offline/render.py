@@ -32,7 +32,7 @@ from .pinning import Pinning
 from .pooling import pool_blocks
 from .propagation import propagate
 from .refinement import noise_level, reach, refine
-from .settings import BEST, LearnedSettings, RenderSettings
+from .settings import BEST, LearnedSettings, RenderSettings, SiteSettings
 from .sites import SiteSamples, correct_sites, settle_luminance, site_samples, unclipped_blocks
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
@@ -169,7 +169,8 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
     lens = mosaic.calibration.aberration
     if lens is None:
         return mosaic
-    rough = replace(settings, learned=LearnedSettings())  # the network changes little of the difference, and takes half of the time
+    # At its sites a picture that is corrected shows the displaced samples themselves, and would hide what is displaced.
+    rough = replace(settings, sites=SiteSettings(), learned=LearnedSettings())
     plain = replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
     planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
     radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)

@@ -18,6 +18,7 @@ from shared.arrays import FloatArray
 from shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
+from tools.scenes.lens import lens_aberration
 
 PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # Rounding does not move a picture as far as this; every setting and stage does.
@@ -129,6 +130,7 @@ def untrusted(*given: Any) -> SiteSamples:
 
 
 NEUTRAL: dict[str, Callable[..., Any]] = {
+    "registered": lambda mosaic, *_: mosaic,
     "noise_of": lambda *_: None,
     "clipping_level": lambda _: np.inf,
     "mend_defects": lambda mosaic, *_: mosaic,
@@ -169,6 +171,8 @@ IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks
 def test_every_stage_matters(preset: str, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
     settings = PRESETS[preset]
     mosaic = damaged_shot(0.02) if stage in DAMAGED else busy_shot(0.02)
+    if stage == "registered":
+        mosaic = replace(mosaic, calibration=replace(mosaic.calibration, aberration=lens_aberration(0.8, 0, 3, (45, 50))))
     whole = render(mosaic, settings).rgb
     monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
     idle = render(mosaic, settings).rgb

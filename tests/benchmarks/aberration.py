@@ -1,0 +1,79 @@
+"""Measure chromatic aberration: python -m tests.benchmarks.aberration SCENE... [--sigma 0 0.01] [--lens 1,-1] [--preset best]
+
+Each scene is photographed through a lens that displaces the first and the last channel, in the corners by so many pixels. PSNR
+(dB): of luminance and chrominance the median of all 10 x 10 patches, chrominance of the whole picture, and the 10 % quantile of the
+patches' chrominance, each with
+
+    no lens         the same without aberration
+    unknown         with the aberration, of which the shot says nothing
+    undone          with the aberration, which the shot knows
+    measured        with the aberration as the edges of the shot itself show it; left out where they do not tell it
+
+and how much of the chrominance that is lost comes back, of the whole picture.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from offline import BEST, PAPER, RenderSettings, render
+from shared import Aberration, CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import FloatArray
+from shared.sensor import simulate_additive
+from tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
+from tools.scenes.lens import lens_aberration, parsed_aberration
+from tools.scenes.load import load_scene
+
+PATTERN = CfaPattern.bayer(6)
+SEED = 3
+
+
+def photographed(rgb: FloatArray, sigma: float, lens: Aberration | None, seed: int = SEED) -> Mosaic:
+    """A shot as it is in a file."""
+    sensor = SensorCalibration.of_bits(16, aberration=lens)
+    taken = simulate_additive(rgb, PATTERN, sensor, sigma, np.random.default_rng(seed))
+    return Mosaic(taken.codes, PATTERN, taken.calibration)
+
+
+def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
+    """Median PSNR of luminance and chrominance, that of chrominance of the whole picture, and its 10 % quantile."""
+    patches = patch_psnr(picture, rgb)
+    medians = [float(np.median(plane)) for plane in (patches.luminance, patches.chrominance)]
+    return [*medians, whole_psnr(picture, rgb, BORDER)[2], float(np.quantile(patches.chrominance, 0.1))]
+
+
+def pictures(rgb: FloatArray, sigma: float, lens: Aberration, settings: RenderSettings) -> Iterator[tuple[str, FloatArray]]:
+    """The pictures that are compared, by name."""
+    yield "no lens", render(photographed(rgb, sigma, None), settings).rgb
+    shot = photographed(rgb, sigma, lens)
+    for name, known in (("unknown", None), ("undone", lens)):
+        yield name, render(replace(shot, calibration=replace(shot.calibration, aberration=known)), settings).rgb
+
+
+def main() -> None:
+    """Print a table for each scene and noise."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--sigma", type=float, nargs="+", default=[0.0, 0.01])
+    parser.add_argument("--lens", type=parsed_aberration, default=(1.0, -1.0))
+    parser.add_argument("--preset", choices=("best", "paper"), default="best")
+    arguments = parser.parse_args()
+    first, last = arguments.lens
+    for source in arguments.scenes:
+        rgb = load_scene(source).rgb
+        lens = lens_aberration(first, last, rgb.shape[2], (rgb.shape[0], rgb.shape[1]))
+        for sigma in arguments.sigma:
+            print(f"{Path(source).name}, sigma {sigma:g}: luminance, chrominance, of the whole, 10 % (dB)")
+            settings = BEST if arguments.preset == "best" else PAPER
+            found = {name: figures(picture, rgb) for name, picture in pictures(rgb, sigma, lens, settings)}
+            lost = found["no lens"][2] - found["unknown"][2]
+            for name, row in found.items():
+                back = f"{100 * (row[2] - found['unknown'][2]) / lost:7.0f} %" if name not in ("no lens", "unknown") else ""
+                print(f"  {name:16}" + "".join(f"{figure:8.2f}" for figure in row) + back, flush=True)
+
+
+if __name__ == "__main__":
+    main()

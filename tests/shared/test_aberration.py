@@ -1,0 +1,106 @@
+"""Lateral chromatic aberration as a value, in calibrations and files, and in what a sensor sees."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from shared import Aberration, Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
+from shared.dng.record import RECORD_ID, decode_record, encode_record
+from shared.errors import InputError
+from shared.sensor import sample, simulate_sensor
+
+SHAPE = (61, 90)
+LENS = Aberration([(0.02, 0.01), (0, 0), (-0.01, -0.02)], SHAPE, 35)  # type: ignore[arg-type]
+PATTERN = CfaPattern.bayer(6, origin=(4, 1))
+BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
+CALIBRATION = replace(BARE, aberration=LENS)
+
+
+def scene() -> Any:
+    return np.random.default_rng(1).uniform(0.1, 1, (*SHAPE, 3)).astype(np.float32)
+
+
+def test_channels_are_displaced_by_cubic_splines() -> None:
+    rgb, (y, x) = scene(), np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    y0, x0 = (SHAPE[0] - 1) / 2, (SHAPE[1] - 1) / 2
+    square = ((y - y0) ** 2 + (x - x0) ** 2) / (y0**2 + x0**2)
+    seen = LENS.displaced(rgb)
+    for channel, (a, b) in enumerate(LENS.radial):
+        size = 1 + a + b * square
+        places = y0 + (y - y0) * size, x0 + (x - x0) * size
+        expected = map_coordinates(rgb[..., channel].astype(float), places, order=3, mode="mirror")
+        np.testing.assert_allclose(seen[..., channel], expected, atol=2e-6)
+    assert np.array_equal(seen[..., 1], rgb[..., 1])
+
+
+def test_displacements_are_told_in_pixels() -> None:
+    half = np.hypot(60, 89) / 2
+    assert LENS.corner(SHAPE) == pytest.approx((0.03 * half, 0, -0.03 * half))
+    assert LENS.reach(SHAPE) == pytest.approx(0.03 * half)
+    turning = Aberration([(0, 0), (0.04, -0.04), (0, 0)], SHAPE)  # type: ignore[arg-type]
+    assert turning.corner(SHAPE) == (0, 0, 0)
+    assert turning.reach(SHAPE) == pytest.approx(0.04 * half * 2 / 3 / 3**0.5, rel=1e-3)
+
+
+def test_a_calibration_without_it_is_what_it_was() -> None:
+    assert "aberration" not in BARE.to_json()
+    assert BARE.id != CALIBRATION.id
+    assert BARE.lens == ()
+    assert CALIBRATION.lens == (LENS,)
+
+
+def test_files_keep_it(tmp_path: Path) -> None:
+    shot = simulate_sensor(scene(), PATTERN, CALIBRATION, 1.0, np.random.default_rng(0))
+    write_dng(tmp_path / "shot.dng", shot, np.zeros((10, 10, 3), np.uint8))
+    assert read_dng(tmp_path / "shot.dng").calibration == shot.calibration
+    (tmp_path / "camera.json").write_text(json.dumps(Camera(CALIBRATION).to_json()))
+    camera = read_camera(tmp_path / "camera.json")
+    assert camera.calibration.aberration == LENS
+    assert camera.calibrated(replace(shot, calibration=BARE)).calibration.aberration == LENS
+    assert Camera(BARE).calibrated(shot).calibration.aberration == LENS  # what the camera file does not know
+
+
+def test_earlier_versions_read_the_record() -> None:
+    shot = simulate_sensor(scene(), PATTERN, CALIBRATION, 1.0, np.random.default_rng(0))
+    record = encode_record(shot, b"", b"")
+    document = json.loads(record[len(RECORD_ID) :])
+    assert "aberration" in document
+    assert "aberration" not in document["calibration"]  # which they would refuse
+    assert decode_record(record).calibration == shot.calibration
+
+
+def test_the_sensor_sees_what_the_lens_makes_of_a_scene() -> None:
+    assert np.array_equal(sample(scene(), PATTERN, CALIBRATION), sample(LENS.displaced(scene()), PATTERN, BARE))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"radial": [(0.1, 0), (0, 0), (0, 0)]}, "holds a figure that is not -0.05 to 0.05"),
+        ({"radial": [(float("nan"), 0), (0, 0), (0, 0)]}, "holds a figure"),
+        ({"radial": [(0.01, 0), (0.01, 0), (0.01, 0)]}, "one channel with"),
+        ({"radial": [0.01, 0, 0]}, "is not a list of"),
+        ({"size": (0, 5)}, "chromatic aberration: size is"),
+        ({"focal_length": "50"}, "focal_length is '50'"),
+    ],
+)
+def test_what_is_none_is_refused(changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Aberration(**{"radial": LENS.radial, "size": SHAPE, **changed})
+
+
+def test_other_channels_and_other_frames_are_refused() -> None:
+    with pytest.raises(InputError, match=r"aberration has 2 channels, expected 3 \(RGB\)"):
+        SensorCalibration(aberration=Aberration([(0, 0), (0, 0)], SHAPE))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"the chromatic aberration was measured on frames of 90 x 61 .* --edges"):
+        Mosaic(np.zeros((90, 90), np.float32), PATTERN, CALIBRATION)
+    documents: list[Any] = [{"radial": LENS.radial}, [], {"radial": LENS.radial, "size": SHAPE, "more": 1}]
+    for document in documents:
+        with pytest.raises(InputError, match="aberration is not an object"):
+            Aberration.from_json(document)
+    assert LENS.zoomed(50) == "taken at 50 mm, but its chromatic aberration was measured at 35 mm: fringes may remain, or be made"
