@@ -84,7 +84,7 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     path: the file.
     camera: a camera.json (from `panchroma calibrate`) to use in place of the shot's own calibration.
     max_pixels: a larger shot is refused.
-    Raises InputError that names the file and says what is wrong with it.
+    Raises PanchromaError that names the file and says what is wrong with it.
 
     >>> import panchroma
     >>> panchroma.simulate("builtin:120x90").save("leaves.dng")
@@ -104,7 +104,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None
     shot: a `Shot`, or the name of its file.
     scale: pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's period.
     graph: a file of `panchroma export-preview` to use in place of the graph that comes with the program.
-    Raises InputError for another scale.
+    Raises PanchromaError for another scale.
 
     >>> import panchroma
     >>> panchroma.preview(panchroma.simulate("builtin:120x90"), scale=3)
