@@ -17,7 +17,7 @@ import offline
 import panchroma
 from panchroma import wording
 from panchroma.wording import for_notebooks
-from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, read_dng
+from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.pictures.writer import POSSIBLE, PictureKind
@@ -157,6 +157,19 @@ def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: 
     monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
         panchroma.render(shot)
+
+
+def test_notes_are_told(shot: panchroma.Shot, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = panchroma.simulate((65535 * GREY).astype(np.uint16))
+    assert "taken as linear light" in made.notes[0]
+    assert f"array: {made.notes[0]}" in capsys.readouterr().err
+    shading = Shading([[[1.0] * 4] * 4] * 4, shot.shape, focal_length=35)
+    mosaic = replace(
+        shot.mosaic, calibration=replace(shot.calibration, shading=shading), metadata=CaptureMetadata(focal_length=50.0)
+    )
+    panchroma.Shot(mosaic).save(tmp_path / "zoomed.dng")
+    assert "measured at 35 mm" in panchroma.open(tmp_path / "zoomed.dng").notes[0]
+    assert "zoomed: taken at 50 mm" in capsys.readouterr().err
 
 
 def test_what_is_shown_is_upright(shot: panchroma.Shot) -> None:

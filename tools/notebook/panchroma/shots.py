@@ -11,6 +11,7 @@ import numpy as np
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
+from tools.host.console import to_stderr
 from tools.pictures.previews import Previews
 from tools.pictures.samples import upright
 
@@ -25,7 +26,7 @@ class Shot:
     mosaic: samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and capture data.
     truth: the light that a simulated camera saw, in the units of a render; None for other shots.
     name: of the file or the scene.
-    notes: remarks on how the scene was understood.
+    notes: remarks on how the scene or the file was understood; standard error has them too.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
@@ -94,7 +95,9 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    return Shot(mosaic, name=Path(path).stem)
+    shading = mosaic.calibration.shading
+    zoomed = shading.zoomed(mosaic.metadata.focal_length) if shading else ""
+    return told(Shot(mosaic, name=Path(path).stem, notes=(zoomed,) if zoomed else ()))
 
 
 @for_notebooks
@@ -113,6 +116,13 @@ def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None
     mosaic = as_shot(shot).mosaic
     pixels = _previews(scale, None if graph is None else str(graph))(mosaic)
     return Image(np.ascontiguousarray(upright(pixels, mosaic.metadata.orientation)))
+
+
+def told(shot: Shot) -> Shot:
+    """The shot, after standard error has its notes, as it has those of the commands."""
+    for note in shot.notes:
+        to_stderr(f"{shot.name}: {note}")
+    return shot
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:

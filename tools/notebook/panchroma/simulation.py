@@ -22,7 +22,7 @@ from tools.scenes.picture import picture_scene
 from tools.scenes.scene import Scene
 
 from .pictures import Picture
-from .shots import Shot
+from .shots import Shot, told
 from .wording import for_notebooks
 
 _PERIOD, _BITS = 6, 12
@@ -96,7 +96,7 @@ def simulate(
     else:
         mosaic = simulate_sensor(rgb, tile, sensor, light, rng, seen.metadata)
         rgb = rgb * np.float32(light)  # what reaches the sensor, as a render shows it
-    return Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes))
+    return told(Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes)))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:

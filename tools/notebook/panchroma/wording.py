@@ -31,7 +31,8 @@ _ARGUMENTS = {
     r"simulate --max-pixels\b": "max_pixels",
     r"`?\bpanchroma (simulate|render)\b`?": r"panchroma.\1",
 }
-_OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")
+# An option, but not where it is that of a command for a terminal.
+_OPTION = re.compile(r"(panchroma [a-z-]+ [^;:,()]*)|--([a-z]+(?:-[a-z]+)*)")
 # Arguments of any function, what they are to be, and their types. True is no number, although Python takes it for 1.
 _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("path", "camera", "graph"), "the name of a file", (str, PathLike)),
@@ -50,10 +51,12 @@ def in_arguments(text: str) -> str:
     'x.png: exists already; use overwrite=True to replace it'
     >>> in_arguments("the limit is 9, --max-pixels raises it")
     'the limit is 9, max_pixels raises it'
+    >>> in_arguments("measure it (panchroma calibrate --flat), or leave --camera out")
+    'measure it (panchroma calibrate --flat), or leave camera out'
     """
     for option, argument in _ARGUMENTS.items():
         text = re.sub(option, argument, text)
-    return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)
+    return _OPTION.sub(lambda found: found[1] or found[2].replace("-", "_"), text)
 
 
 def check_argument(name: str, value: object) -> None:
