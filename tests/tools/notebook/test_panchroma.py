@@ -163,7 +163,7 @@ def test_notes_are_told(shot: panchroma.Shot, tmp_path: Path, capsys: pytest.Cap
     made = panchroma.simulate((65535 * GREY).astype(np.uint16))
     assert "taken as linear light" in made.notes[0]
     assert f"array: {made.notes[0]}" in capsys.readouterr().err
-    shading = Shading([[[1.0] * 4] * 4] * 4, shot.shape, focal_length=35)
+    shading = Shading((((1.0,) * 4,) * 4,) * 4, shot.shape, focal_length=35)
     mosaic = replace(
         shot.mosaic, calibration=replace(shot.calibration, shading=shading), metadata=CaptureMetadata(focal_length=50.0)
     )
