@@ -247,6 +247,8 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.Picture(GREY).save("nowhere/picture.tif"), "nowhere"),
+        (lambda: panchroma.Picture(GREY, calibration=None), "calibration is None"),  # type: ignore[arg-type]
+        (lambda: panchroma.Shot(GREY), "panchroma.simulate makes a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(GREY).save("there.tif"), "png"),
         (lambda: panchroma.to_srgb(GREY).save("there.png", quality=9), "quality"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),

@@ -17,7 +17,7 @@ from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
 
-from .wording import for_notebooks
+from .wording import check_argument, for_notebooks
 
 _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
@@ -115,6 +115,8 @@ class Picture:
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
 
     def __post_init__(self) -> None:
+        check_argument("calibration", self.calibration)
+        check_argument("metadata", self.metadata)
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)

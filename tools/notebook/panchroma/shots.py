@@ -16,7 +16,7 @@ from tools.pictures.previews import Previews
 from tools.pictures.samples import upright
 
 from .pictures import Image, Picture
-from .wording import for_notebooks
+from .wording import check_argument, for_notebooks
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
@@ -41,6 +41,9 @@ class Shot:
     truth: Picture | None = None
     name: str = ""
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_argument("mosaic", self.mosaic)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -15,6 +15,7 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
+from shared import CaptureMetadata, Mosaic, SensorCalibration
 from shared.errors import InputError, PanchromaError
 from tools.host.console import fault
 
@@ -40,6 +41,9 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure"), "a number", (Real,)),
     (("linear", "learned", "overwrite"), "True or False", (bool, np.bool_)),
+    (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
+    (("calibration",), "a shared.SensorCalibration", (SensorCalibration,)),
+    (("metadata",), "a shared.CaptureMetadata", (CaptureMetadata,)),
 )
 _EXPECTED = {name: (what, types) for names, what, types in _TYPES for name in names}
 
