@@ -54,7 +54,7 @@ def encode_part(rgb: FloatArray, preview: ByteArray | None, shape: tuple[int, in
     if not np.isfinite(rgb).all():
         raise InputError("the picture has values that are not finite (NaN or infinite)")
     scaled = rgb * (_WHITE_CODE / white)
-    codes = np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16)
+    codes = np.rint(scaled, out=scaled).clip(0, _WHITE_CODE, out=scaled).astype(np.uint16, order="C")
     tall, wide = _tile(shape)
     pieces = [codes[:, left : left + wide] for left in range(0, shape[1], wide)]
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so takes a bit per sample.

@@ -19,7 +19,11 @@ def ssim(rendered: FloatArray, truth: FloatArray, border: int = 0) -> float:
         raise InputError(f"rendered has shape {rendered.shape}, the truth {truth.shape}; expected (rows, columns, channels) alike")
     rows, columns = (size - 2 * border for size in rendered.shape[:2])
     if min(rows, columns) < 2 * _RADIUS + 1:
-        raise InputError(f"no {2 * _RADIUS + 1} x {2 * _RADIUS + 1} window fits into a picture less a border of {border} pixels")
+        window = 2 * _RADIUS + 1
+        raise InputError(
+            f"a picture of {rendered.shape[1]} x {rendered.shape[0]} pixels has no {window} x {window} window inside a border of "
+            f"{border}; at least {2 * border + window} pixels each way are needed"
+        )
     inner = (slice(border, border + rows), slice(border, border + columns))
     return float(np.mean([_index(rendered[(*inner, c)], truth[(*inner, c)]) for c in range(rendered.shape[2])]))
 

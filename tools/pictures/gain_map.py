@@ -55,10 +55,12 @@ class GainMap:
         """The highest gain, stops: from display white, or from the white that a positive exposure clips."""
         return log2(self.headroom) + max(self.exposure, 0.0)
 
-    @property
-    def capacity(self) -> float:
-        """How much brighter than white a display has to be to show all, stops."""
-        return max(log2(self.headroom) + self.exposure, _LEAST)
+    def capacity(self, brightest: int) -> float:
+        """How much brighter than white a display has to be to show all of a picture whose highest code is this, stops.
+
+        Less bright displays show less of every gain: range that a picture does not use would dim its highlights there.
+        """
+        return max(brightest / _TOP * self.highest + min(self.exposure, 0.0), _LEAST)
 
     def codes(self, rgb: FloatArray, picture: ByteArray) -> ByteArray:
         """The gains of a rendering in scene units, (H, W, C), of which `picture` has the codes (H, W, 3): uint8 (H, W)."""
@@ -80,7 +82,6 @@ class GainMap:
         return result
 
     def _luminance(self, light: FloatArray) -> FloatArray:
-        red, green, blue = self.shown.space.to_xyz[1].astype(
-            np.float32
-        )  # no product of matrices: its last bits depend on the shape
+        red, green, blue = self.shown.space.to_xyz[1].astype(np.float32)
+        # No product of matrices: its last bits depend on the shape.
         return np.asarray(light[:, 0] * red + light[:, 1] * green + light[:, 2] * blue)

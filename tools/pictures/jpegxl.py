@@ -22,7 +22,8 @@ from shared.errors import InputError
 LOSSLESS = 100
 """The quality of a JPEG XL without loss."""
 
-_LOSSLESS_EFFORT, _LOSSY_EFFORT = 1, 5
+# Of floating point, libjxl 0.7 (Ubuntu 24.04, Debian 12) cannot decode what effort 1 and 2 make of negative values.
+_INTEGER_EFFORT, _FLOAT_EFFORT, _LOSSY_EFFORT = 1, 3, 5
 _HEADER = 64  # bytes in which the header of a codestream ends at the latest
 _STREAM = b"jxlc"  # the box with the codestream
 
@@ -55,7 +56,8 @@ def encode_jpegxl(samples: NDArray[Any], space: str, *, exif: bytes, quality: in
     """
     samples = np.ascontiguousarray(samples)
     if quality in (None, LOSSLESS):
-        file = imagecodecs.jpegxl_encode(samples, lossless=True, effort=_LOSSLESS_EFFORT, usecontainer=True)
+        effort = _FLOAT_EFFORT if samples.dtype.kind == "f" else _INTEGER_EFFORT
+        file = imagecodecs.jpegxl_encode(samples, lossless=True, effort=effort, usecontainer=True)
     else:
         light = samples if SPACES[space].linear else _linear_srgb(samples, space)
         file = imagecodecs.jpegxl_encode(light, distance=_distance(quality), effort=_LOSSY_EFFORT, usecontainer=True)

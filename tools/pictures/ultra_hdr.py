@@ -54,12 +54,13 @@ def encode_ultra_hdr_bands(
     """
     level, segments = jpeg_level(quality), jpeg_segments(shape, icc, exif)
 
-    def encode(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip]:
+    def encode(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip, int]:
         picture, codes = rows[..., :3].copy(), rows[..., 3].copy()  # copies, even of one pixel: the codec looks at the strides
-        return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444")
+        return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444"), int(codes.max())
 
-    pictures, maps = zip(*ahead(encode, regrouped(bands, ROWS), threads), strict=True)
-    described = segment(_APP1, _XMP + _xmp(gains)) + segment(_APP2, _ISO + _iso(gains))
+    pictures, maps, highest = zip(*ahead(encode, regrouped(bands, ROWS), threads), strict=True)
+    capacity = gains.capacity(max(highest))
+    described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
     gain_map, base = join_strips(maps, described), join_strips(pictures, segments)
     packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
     inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), _JFIF_ENDS + len(segments)
@@ -67,7 +68,7 @@ def encode_ultra_hdr_bands(
     return b"".join((base[:place], inserted, sizes, base[place:], gain_map))
 
 
-def _xmp(gains: GainMap) -> bytes:
+def _xmp(gains: GainMap, capacity: float) -> bytes:
     """The metadata of a gain map in XMP; gains and capacities are logarithms to the base 2."""
     values = {
         "GainMapMin": 0.0,
@@ -76,15 +77,15 @@ def _xmp(gains: GainMap) -> bytes:
         "OffsetSDR": OFFSET,
         "OffsetHDR": OFFSET,
         "HDRCapacityMin": 0.0,
-        "HDRCapacityMax": gains.capacity,
+        "HDRCapacityMax": capacity,
     }
     attributes = "".join(f' hdrgm:{name}="{value:.6f}"' for name, value in values.items())
     return _PACKET.format(f'{attributes} hdrgm:BaseRenditionIsHDR="False">').encode()
 
 
-def _iso(gains: GainMap) -> bytes:
+def _iso(gains: GainMap, capacity: float) -> bytes:
     """The metadata of a gain map by ISO 21496-1, annex C."""
-    values = 0.0, gains.capacity, 0.0, gains.highest, 1.0, OFFSET, OFFSET
+    values = 0.0, capacity, 0.0, gains.highest, 1.0, OFFSET, OFFSET
     return struct.pack(">HHB", 0, 0, _SAME_PRIMARIES) + b"".join(map(_fraction, values))
 
 

@@ -56,6 +56,7 @@ _RAWS = (
 )
 ENDINGS = (*(suffix for *_, suffixes, _ in _KINDS for suffix in suffixes), *_TIFF_SUFFIXES, *(f".{name}" for name in _RAWS.split()))
 """Endings of the names of files that may be scenes: what is looked for in folders."""
+_JPEG_XL = (b"\xff\x0a", b"\0\0\0\x0cJXL ")
 _TEXT_BYTES = 512  # from which a text is known
 
 
@@ -106,6 +107,8 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             with guarded(path):
                 picture = decode_tiff(path, max_pixels, channels)
             return picture_scene(picture, path.stem, linear=linear)
+    if start.startswith(_JPEG_XL):  # its decoder allocates what frames declare, and does not tell their colours
+        raise InputError("is a JPEG XL picture, which no scene is read from; convert it to TIFF or PNG, or render the shot as tif")
     if _is_text(path) or not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
         what = "a text" if _is_text(path) else "of no known kind by its name and its first bytes"
         raise InputError(

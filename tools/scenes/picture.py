@@ -10,7 +10,7 @@ from .decoders import Decoded
 from .icc_reading import LINEAR, SRGB, Encoding
 from .scene import RGB, Scene
 
-_ASSUMED_LINEAR = "the file does not say how its values are encoded: taken as linear light with sRGB primaries, white balanced"
+_ASSUMED_LINEAR = "nothing says how the values are encoded: taken as linear light with sRGB primaries, white balanced"
 
 
 def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene:

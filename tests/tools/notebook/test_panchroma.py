@@ -17,7 +17,7 @@ import offline
 import panchroma
 from panchroma import wording
 from panchroma.wording import for_notebooks
-from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, read_dng
+from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.pictures.writer import POSSIBLE, PictureKind
@@ -70,6 +70,12 @@ def test_every_format_of_the_command_can_be_saved(format: str, tmp_path: Path) -
     path = tmp_path / f"picture{PictureKind.of(format).suffix}"
     panchroma.Picture(GREY).save(path, format=format)
     assert path.stat().st_size > 0
+
+
+def test_formats_have_the_names_that_they_have_in_commands(tmp_path: Path) -> None:
+    panchroma.Picture(GREY).save(tmp_path / "plain.JPG")
+    panchroma.Picture(GREY).save(tmp_path / "named.jpeg", format="JPEG")
+    assert (tmp_path / "plain.JPG").read_bytes() == (tmp_path / "named.jpeg").read_bytes()
 
 
 def test_a_shot_is_that_of_the_command(tmp_path: Path) -> None:
@@ -153,6 +159,19 @@ def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: 
         panchroma.render(shot)
 
 
+def test_notes_are_told(shot: panchroma.Shot, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = panchroma.simulate((65535 * GREY).astype(np.uint16))
+    assert "taken as linear light" in made.notes[0]
+    assert f"array: {made.notes[0]}" in capsys.readouterr().err
+    shading = Shading((((1.0,) * 4,) * 4,) * 4, shot.shape, focal_length=35)
+    mosaic = replace(
+        shot.mosaic, calibration=replace(shot.calibration, shading=shading), metadata=CaptureMetadata(focal_length=50.0)
+    )
+    panchroma.Shot(mosaic).save(tmp_path / "zoomed.dng")
+    assert "measured at 35 mm" in panchroma.open(tmp_path / "zoomed.dng").notes[0]
+    assert "zoomed: taken at 50 mm" in capsys.readouterr().err
+
+
 def test_what_is_shown_is_upright(shot: panchroma.Shot) -> None:
     turned = replace(shot, mosaic=replace(shot.mosaic, metadata=CaptureMetadata(orientation=6)))
     assert shown(turned).shape == (96, 72, 3)
@@ -183,6 +202,9 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     [
         (lambda: panchroma.open("nothing.dng"), "nothing.dng"),
         (lambda: panchroma.open("shot.dng", max_pixels=100), "max_pixels"),
+        (lambda: panchroma.open("shot.dng", max_pixels="100"), "max_pixels is '100'"),  # type: ignore[arg-type]
+        (lambda: panchroma.open(GREY), "path is array"),  # type: ignore[arg-type]
+        (lambda: panchroma.open(""), "path is '', expected the name of a file"),
         (lambda: panchroma.simulate("nothing.png"), "nothing.png"),
         (lambda: panchroma.simulate("shot.dng"), "panchroma.render"),
         (lambda: panchroma.simulate("builtin:999x999", max_pixels=10), "max_pixels"),
@@ -197,11 +219,18 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate(GREY, seed=-1), "seed"),
         (lambda: panchroma.simulate(GREY, bits=99), "bits"),
         (lambda: panchroma.simulate(GREY, channels="RG"), "channels"),
+        (lambda: panchroma.simulate("there.tif", channels="BGR"), "channels is 'BGR'"),
+        (lambda: panchroma.simulate(GREY, pattern=6.0), "pattern is 6.0"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, bits="12"), "bits is '12', expected a whole number"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, sigma="0.1"), "sigma is '0.1', expected a number"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, seed=None), "seed is None"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
         (lambda: panchroma.simulate(GREY.astype(complex)), "array"),
         (lambda: panchroma.simulate(GREY - 1), "negative"),
         (lambda: panchroma.render("shot.dng", preset="bset"), "preset"),
         (lambda: panchroma.render("shot.dng", wb="sunny"), "wb is 'sunny'"),
         (lambda: panchroma.render("shot.dng", wb=(1, 2)), "wb has 2 multipliers"),
+        (lambda: panchroma.render("shot.dng", wb=3), "wb is 3"),  # type: ignore[arg-type]
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY)), "black level"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
@@ -212,10 +241,14 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.bmp"), "bmp"),
+        (lambda: panchroma.Picture(GREY).save("picture"), "the end of its name"),
+        (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "overwrite is 'no'"),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.Picture(GREY).save("nowhere/picture.tif"), "nowhere"),
+        (lambda: panchroma.Picture(GREY, calibration=None), "calibration is None"),  # type: ignore[arg-type]
+        (lambda: panchroma.Shot(GREY), "panchroma.simulate makes a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(GREY).save("there.tif"), "png"),
         (lambda: panchroma.to_srgb(GREY).save("there.png", quality=9), "quality"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
@@ -228,6 +261,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.evaluate(GREY, None), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
         (lambda: panchroma.evaluate(GREY[:9], GREY[:9]), "patch"),
+        (lambda: panchroma.evaluate(GREY[:40], GREY[:40]), "at least 41 pixels"),
         (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
 )
@@ -241,6 +275,12 @@ def test_an_error_names_what_is_wrong_and_no_option(
         wrong()
     assert said in str(caught.value)
     assert "--" not in str(caught.value)
+
+
+def test_true_is_no_number_and_leaves_no_preview_behind(shot: panchroma.Shot) -> None:
+    with pytest.raises(panchroma.PanchromaError, match="scale is True, expected a whole number"):
+        panchroma.preview(shot, scale=True)
+    assert panchroma.preview(shot).shape == shot.shape
 
 
 def test_the_examples_of_wording_are_true() -> None:

@@ -1,6 +1,8 @@
 """JPEG XL, read back by another program: the samples, and in which colours they are."""
 
 import json
+import shutil
+import subprocess
 from pathlib import Path
 
 import imagecodecs
@@ -41,6 +43,25 @@ def test_without_loss_every_sample_comes_back(kind: PictureKind, shape: tuple[in
     expected = samples(rgb, kind)
     assert read.dtype == expected.dtype
     assert np.array_equal(read, expected)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_older_decoders_read_it(kind: PictureKind, tmp_path: Path) -> None:
+    """Those of libjxl 0.7, which Linux distributions have, stumbled over negative values in floating point."""
+    if shutil.which("djxl") is None:
+        pytest.skip("djxl is not installed")
+    rgb = 4 * scene((300, 400))
+    assert samples(rgb, PictureKind("jxl", 32, "linear-srgb")).min() < 0
+    written, read = tmp_path / "picture.jxl", tmp_path / ("picture.pfm" if kind.bits == 32 else "picture.png")
+    written.write_bytes(encoded(rgb, kind).getvalue())
+    done = subprocess.run(["djxl", written, read], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    expected, data = samples(rgb, kind), read.read_bytes()
+    if kind.bits < 32:
+        assert np.array_equal(imagecodecs.png_decode(data), expected)
+    else:
+        order = "<" if data.split(b"\n", 3)[2].startswith(b"-") else ">"
+        assert np.array_equal(np.frombuffer(data[-expected.nbytes :], f"{order}f4").reshape(expected.shape)[::-1], expected)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=str)

@@ -34,9 +34,9 @@ def highlights() -> FloatArray:
     return np.repeat(np.repeat(np.stack([greys, colours]), 16, axis=0), 16, axis=1).astype(np.float32)
 
 
-def hdr(data: bytes) -> NDArray[np.float32]:
-    """What a display without limits shows of a file, 1.0 = display white."""
-    return imagecodecs.ultrahdr_decode(data, dtype=np.float16)[..., :3].astype(np.float32)
+def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
+    """What a display shows of a file, 1.0 = display white; boost: how much more it can show, None = everything."""
+    return imagecodecs.ultrahdr_decode(data, dtype=np.float16, boost=boost)[..., :3].astype(np.float32)
 
 
 def light(rgb: FloatArray, space: str, exposure: float, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
@@ -79,6 +79,13 @@ def test_a_display_with_room_shows_the_render(space: str, exposure: float, orien
     np.testing.assert_allclose(seen[inside][grey], expected[inside][grey], rtol=STEP)
 
 
+def test_a_display_as_bright_as_the_highlights_shows_all_of_them() -> None:
+    data = encoded(highlights(), PictureKind.of("uhdr")).getvalue()
+    bright, dim = (hdr(data, boost)[4::16, 4::16] for boost in (4, 2))
+    np.testing.assert_allclose(bright, hdr(data)[4::16, 4::16], rtol=STEP)
+    assert dim.max() < 0.6 * bright.max()
+
+
 def test_a_clipped_lamp_is_white_and_bright() -> None:
     """Channels that all read the same, as where a sensor clips, are magenta in linear light."""
     rgb = np.full((32, 32, 3), 2.0, np.float32)
@@ -98,11 +105,11 @@ def test_without_highlights_every_display_shows_the_same() -> None:
 def test_the_range_is_that_of_the_sensor() -> None:
     gains = GainMap.of(CALIBRATION, "srgb")  # a white of which red reads half as much as green
     assert gains.headroom == pytest.approx(6)
-    assert gains.capacity == pytest.approx(np.log2(6))
+    assert [gains.capacity(code) for code in (0, 51, 255)] == pytest.approx([1, 1, np.log2(6)])
     assert GainMap.of(SensorCalibration(), "srgb").headroom == pytest.approx(3)
     brighter, darker = (GainMap.of(CALIBRATION, "srgb", stops) for stops in (2.0, -1.0))
-    assert (brighter.highest, brighter.capacity) == pytest.approx((np.log2(24), np.log2(24)))
-    assert (darker.highest, darker.capacity) == pytest.approx((np.log2(6), np.log2(3)))
+    assert (brighter.highest, brighter.capacity(255)) == pytest.approx((np.log2(24), np.log2(24)))
+    assert (darker.highest, darker.capacity(255)) == pytest.approx((np.log2(6), np.log2(3)))
     burnt = np.full((2, 2, 3), 100.0, np.float32)
     assert (gains.codes(burnt, display_codes(burnt, gains.shown, 8)) >= 250).all()
 
@@ -122,7 +129,7 @@ def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     (described,) = json.loads(exiftool("-j", "-n", "-G1", "-XMP:all", "-warning", tmp_path / "map.jpg"))
     gains = GainMap.of(CALIBRATION, "srgb")
     assert described["XMP-hdrgm:GainMapMax"] == pytest.approx(gains.highest, abs=1e-6)
-    assert described["XMP-hdrgm:HDRCapacityMax"] == pytest.approx(gains.capacity, abs=1e-6)
+    assert described["XMP-hdrgm:HDRCapacityMax"] == pytest.approx(2, abs=0.02)  # the brightest patch is four times white
     assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")
 
 

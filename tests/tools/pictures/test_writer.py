@@ -76,6 +76,14 @@ def exr_pixels(file: io.BytesIO, folder: Path) -> tuple[NDArray[np.floating[Any]
 # --- pixels ---------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+def test_the_order_of_an_array_in_memory_does_not_matter(kind: PictureKind) -> None:
+    rgb = scene((9, 7))
+    expected = encoded(rgb, kind).getvalue()
+    for other in (np.asfortranarray(rgb), np.dstack([rgb, rgb])[..., :3], rgb.astype(rgb.dtype.newbyteorder())):
+        assert encoded(other, kind).getvalue() == expected
+
+
 @pytest.mark.parametrize("kind", LOSSLESS_CODES, ids=str)
 @pytest.mark.parametrize("shape", SIZES)
 def test_codes_come_back(kind: PictureKind, shape: tuple[int, int]) -> None:

@@ -135,6 +135,14 @@ def test_a_stray_file_is_no_raw_cut_short(tmp_path: Path, name: str, data: bytes
         load_scene(str(tmp_path / name))
 
 
+@pytest.mark.parametrize("container", [True, False])
+def test_a_jpeg_xl_is_refused_for_what_it_is(tmp_path: Path, container: bool) -> None:
+    pixels = np.zeros((8, 8, 3), np.uint8)
+    (tmp_path / "a.jxl").write_bytes(imagecodecs.jpegxl_encode(pixels, usecontainer=container))
+    with pytest.raises(InputError, match="is a JPEG XL picture"):
+        load_scene(str(tmp_path / "a.jxl"))
+
+
 def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "photo.dng"
     Image.new("RGB", (40, 30)).save(path, "JPEG")

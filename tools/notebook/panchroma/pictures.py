@@ -17,7 +17,7 @@ from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
 
-from .wording import for_notebooks
+from .wording import check_argument, for_notebooks
 
 _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
@@ -115,6 +115,8 @@ class Picture:
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
 
     def __post_init__(self) -> None:
+        check_argument("calibration", self.calibration)
+        check_argument("metadata", self.metadata)
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
@@ -143,18 +145,20 @@ class Picture:
     ) -> None:
         """Write a picture file; the end of its name says which: .tif, .png, .jpg, .jxl, .exr, .npy, or .dng (linear).
 
-        format: which, where several have this ending ("uhdr" is a .jpg with its highlights); an unknown one is answered by a list.
+        format: "uhdr" for an Ultra HDR JPEG, a .jpg that HDR displays show with its highlights; other formats go by the name.
         bits: 8, 16 or 32 (floating point); by default what is usual for the format.
         space: "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is usual for the format.
         exposure: brighten by this many stops.
-        quality: of a JPEG, 1 to 100.
+        quality: 1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
         overwrite: replace an existing file. The file is whole or absent at any moment.
         """
         from tools.pictures.writer import OTHER_NAMES, PictureKind, check_gain, write_picture
 
         ending = Path(path).suffix.lower().removeprefix(".")
-        ending = OTHER_NAMES.get(ending, ending)
-        kind = PictureKind.of(format or ending, bits, space, quality)
+        if not ending:
+            raise InputError(f"{path}: the end of its name has to say what to write, such as .tif, .jpg or .jxl")
+        ending, wanted = (OTHER_NAMES.get(name, name) for name in (ending, (format or ending).lower()))
+        kind = PictureKind.of(wanted, bits, space, quality)
         if kind.suffix != f".{ending}":
             raise InputError(f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}")
         check_gain(kind, exposure)
@@ -190,7 +194,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
 
     picture: a `Picture`, or an array (H, W, 3) of linear red, green and blue, 1.0 = white.
     exposure: brighten by this many stops, -16 to 16.
-    Raises InputError for channels whose colours nobody knows (see `Picture.calibration`).
+    Raises PanchromaError for channels whose colours nobody knows (see `Picture.calibration`).
 
     >>> import numpy as np
     >>> import panchroma

@@ -71,7 +71,7 @@ def evaluate(picture: Picture | NDArray[np.floating], truth: Shot | Picture | ND
 
     picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
     truth: `shot.truth`, or an array alike; a shot stands for its truth.
-    Raises InputError where their sizes differ, or are below 40 x 40 pixels.
+    Raises PanchromaError where their sizes differ, or are below 41 x 41 pixels.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations  # help() then shows them as they are written here
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     learned: of "best": correct colour by the network that comes with the program.
     wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
         change `Picture.rgb`.
-    Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
+    Raises PanchromaError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
@@ -48,6 +48,8 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     settings = {"best": BEST if learned else replace(BEST, learned=PAPER.learned), "paper": PAPER}.get(preset)
     if settings is None:
         raise InputError(f"preset is {preset!r}, expected 'best' or 'paper'")
+    if not isinstance(wb, Iterable):
+        raise InputError(f'wb is {wb!r}, expected "camera", "auto" or one multiplier for each channel')
     white = WhiteBalance.parse(wb if isinstance(wb, str) else ",".join(map(str, wb)))
     mosaic = white.of(as_shot(shot).mosaic)
     check_light(mosaic, settings)

@@ -11,11 +11,12 @@ import numpy as np
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
+from tools.host.console import to_stderr
 from tools.pictures.previews import Previews
 from tools.pictures.samples import upright
 
 from .pictures import Image, Picture
-from .wording import for_notebooks
+from .wording import check_argument, for_notebooks
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
@@ -25,7 +26,7 @@ class Shot:
     mosaic: samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and capture data.
     truth: the light that a simulated camera saw, in the units of a render; None for other shots.
     name: of the file or the scene.
-    notes: remarks on how the scene was understood.
+    notes: remarks on how the scene or the file was understood; standard error has them too.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
@@ -40,6 +41,9 @@ class Shot:
     truth: Picture | None = None
     name: str = ""
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_argument("mosaic", self.mosaic)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -84,7 +88,7 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     path: the file.
     camera: a camera.json (from `panchroma calibrate`) to use in place of the shot's own calibration.
     max_pixels: a larger shot is refused.
-    Raises InputError that names the file and says what is wrong with it.
+    Raises PanchromaError that names the file and says what is wrong with it.
 
     >>> import panchroma
     >>> panchroma.simulate("builtin:120x90").save("leaves.dng")
@@ -94,7 +98,9 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    return Shot(mosaic, name=Path(path).stem)
+    shading = mosaic.calibration.shading
+    zoomed = shading.zoomed(mosaic.metadata.focal_length) if shading else ""
+    return told(Shot(mosaic, name=Path(path).stem, notes=(zoomed,) if zoomed else ()))
 
 
 @for_notebooks
@@ -104,7 +110,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None
     shot: a `Shot`, or the name of its file.
     scale: pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's period.
     graph: a file of `panchroma export-preview` to use in place of the graph that comes with the program.
-    Raises InputError for another scale.
+    Raises PanchromaError for another scale.
 
     >>> import panchroma
     >>> panchroma.preview(panchroma.simulate("builtin:120x90"), scale=3)
@@ -113,6 +119,13 @@ def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None
     mosaic = as_shot(shot).mosaic
     pixels = _previews(scale, None if graph is None else str(graph))(mosaic)
     return Image(np.ascontiguousarray(upright(pixels, mosaic.metadata.orientation)))
+
+
+def told(shot: Shot) -> Shot:
+    """The shot, after standard error has its notes, as it has those of the commands."""
+    for note in shot.notes:
+        to_stderr(f"{shot.name}: {note}")
+    return shot
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:

@@ -3,6 +3,7 @@
 from __future__ import annotations  # help() then shows them as they are written here
 
 from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from tools.scenes.picture import picture_scene
 from tools.scenes.scene import Scene
 
 from .pictures import Picture
-from .shots import Shot
+from .shots import Shot, told
 from .wording import for_notebooks
 
 _PERIOD, _BITS = 6, 12
@@ -46,7 +47,8 @@ def simulate(
     scene: one of
         the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG, JPEG, EXR, NPY),
         "builtin:600x400", leaves and charts of any size, or "spectral:600x400", in eight channels H I J K L N O P,
-        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB,
+        an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider integers are linear light too,
+            white is their largest value,
         a `Picture`, such as the truth of another shot.
     pattern: the filters of one tile of the sensor, row by row, W is panchromatic, such as "WBWG/BWGW/WGWR/GWRW"; rows may also be
         parted by blanks or lines. A number is the period of the paper's pattern, one 2 x 2 Bayer block in K x K pixels; that with
@@ -60,7 +62,7 @@ def simulate(
     linear: take the values of a picture file, or an array of integers, as linear light.
     camera: a camera.json (from `panchroma calibrate`), whose gamma, noise, levels and colours the sensor has.
     max_pixels: a larger file is refused.
-    Raises InputError for a scene that cannot be read, or that lacks channels of the pattern.
+    Raises PanchromaError for a scene that cannot be read, or that lacks channels of the pattern.
 
     >>> import numpy as np
     >>> import panchroma
@@ -94,19 +96,26 @@ def simulate(
     else:
         mosaic = simulate_sensor(rgb, tile, sensor, light, rng, seen.metadata)
         rgb = rgb * np.float32(light)  # what reaches the sensor, as a render shows it
-    return Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes))
+    return told(Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes)))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
-    if isinstance(pattern, CfaPattern):
-        return pattern
-    if isinstance(pattern, str):
-        return CfaPattern.of_letters("/".join(pattern.split()))
-    return CfaPattern.bayer(_PERIOD if pattern is None else pattern)
+    match pattern:
+        case CfaPattern():
+            return pattern
+        case str():
+            return CfaPattern.of_letters("/".join(pattern.split()))
+        case None:
+            return CfaPattern.bayer(_PERIOD)
+        case Integral():
+            return CfaPattern.bayer(int(pattern))
+    raise InputError(f"pattern is {pattern!r}, expected letters such as WBWG/BWGW/WGWR/GWRW, or a period, 3 to 16")
 
 
 def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Scene:
     """The scene before a pattern with the channels `wanted`."""
+    if channels is not None and isinstance(source, Picture | str | Path):
+        raise InputError(f"channels is {channels!r}, but it names those of an array; a picture or a file has its own")
     if isinstance(source, Picture):
         known = source.calibration
         light = np.maximum(source.rgb, 0)  # noise may be negative, light is not
@@ -116,7 +125,10 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
             return load_scene(str(source), linear=linear, max_pixels=max_pixels, channels=wanted)
         except InputError as error:
             raise type(error)(f"{source}: {error}") from None
-    array = np.asarray(source)
+    try:
+        array = np.asarray(source)
+    except ValueError:  # rows of different lengths
+        array = np.array(None)
     if array.dtype == object:
         raise InputError(f"expected the name of a file, an array or a picture, and not {type(source).__name__}")
     return picture_scene(decode_array(array, wanted) if channels is None else _named(array, channels), "array", linear=linear)
