@@ -9,11 +9,11 @@ patches' chrominance, each with
     undone          with the aberration, which the shot knows
     measured        with the aberration as the edges of the shot itself show it; left out where they do not tell it
 
-and how much of the chrominance that is lost comes back, of the whole picture.
+At the end means of the scenes, and how much comes back of what is lost.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,17 +62,28 @@ def main() -> None:
     parser.add_argument("--preset", choices=("best", "paper"), default="best")
     arguments = parser.parse_args()
     first, last = arguments.lens
-    for source in arguments.scenes:
-        rgb = load_scene(source).rgb
-        lens = lens_aberration(first, last, rgb.shape[2], (rgb.shape[0], rgb.shape[1]))
-        for sigma in arguments.sigma:
+    settings = BEST if arguments.preset == "best" else PAPER
+    for sigma in arguments.sigma:
+        rows: dict[str, list[list[float]]] = {}
+        for source in arguments.scenes:
+            rgb = load_scene(source).rgb
+            lens = lens_aberration(first, last, rgb.shape[2], (rgb.shape[0], rgb.shape[1]))
             print(f"{Path(source).name}, sigma {sigma:g}: luminance, chrominance, of the whole, 10 % (dB)")
-            settings = BEST if arguments.preset == "best" else PAPER
-            found = {name: figures(picture, rgb) for name, picture in pictures(rgb, sigma, lens, settings)}
-            lost = found["no lens"][2] - found["unknown"][2]
-            for name, row in found.items():
-                back = f"{100 * (row[2] - found['unknown'][2]) / lost:7.0f} %" if name not in ("no lens", "unknown") else ""
-                print(f"  {name:16}" + "".join(f"{figure:8.2f}" for figure in row) + back, flush=True)
+            for name, picture in pictures(rgb, sigma, lens, settings):
+                rows.setdefault(name, []).append(figures(picture, rgb))
+                print(line(name, rows[name][-1]), flush=True)
+        means = {name: np.mean(found, axis=0) for name, found in rows.items()}
+        print(f"mean of {len(arguments.scenes)} scenes, sigma {sigma:g}")
+        for name, mean in means.items():
+            print(line(name, mean))
+            if name not in ("no lens", "unknown"):
+                back = (mean - means["unknown"]) / (means["no lens"] - means["unknown"])
+                print("    comes back    " + "".join(f"{100 * share:6.0f} %" for share in back))
+
+
+def line(name: str, row: Iterable[float]) -> str:
+    """Figures as a row of the table."""
+    return f"  {name:16}" + "".join(f"{figure:8.2f}" for figure in row)
 
 
 if __name__ == "__main__":
