@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import FloatArray, mirrored, strips
+from .arrays import CACHED, FloatArray, mirrored, strips
 from .errors import InputError
 from .lens import OfLens
 
@@ -73,7 +73,7 @@ class Aberration(OfLens):
             if a == b == 0:
                 continue
             spline = _coefficients(_coefficients(result[..., channel]).T).T
-            for rows in strips(height, max(1, (1 << 20) // width)):
+            for rows in strips(height, max(1, CACHED // width)):
                 down = np.arange(height)[rows, None] - (height - 1) / 2
                 further = a + b * (down**2 + across**2) / _half((height, width)) ** 2
                 places = (down * (1 + further) + (height - 1) / 2, across * (1 + further) + (width - 1) / 2)
