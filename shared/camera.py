@@ -64,7 +64,7 @@ class Camera:
         calibration = replace(
             known,
             noise=known.noise or own.noise,
-            shading=known.shading or own.shading,
+            shading=known.shading if "shading" in self.measured else known.shading or own.shading,
             sensor=known.sensor or own.sensor,
             camera_to_xyz=colours.camera_to_xyz,
             neutral=colours.neutral,

@@ -21,7 +21,8 @@ _LARGEST = 1e4  # control point: those beyond the edges, of which little is seen
 _SKETCH = 129
 _POINTS = range(4, 33)  # control points along an axis: a cubic piece takes four
 _MIDDLE = 0.01  # how far the gain in the middle may be from 1
-_ZOOMED = 0.02  # relative difference of focal lengths
+ZOOMED = 0.02
+"""Relative difference of focal lengths from which on they are two."""
 _STRETCH = 0.02  # how far two frames may differ in their ratio of sides
 
 
@@ -112,7 +113,7 @@ class Shading:
         'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
         """
         known = self.focal_length
-        if not known or not focal_length or abs(math.log(focal_length / known)) <= _ZOOMED:
+        if not known or not focal_length or abs(math.log(focal_length / known)) <= ZOOMED:
             return ""
         return (
             f"taken at {focal_length:g} mm, but its shading was measured at {known:g} mm: colours towards the corners may be wrong"
