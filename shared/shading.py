@@ -85,7 +85,7 @@ class Shading:
             raise InputError(
                 f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
                 f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure the shading on such frames "
-                "(panchroma calibrate --flat)"
+                "(panchroma calibrate --flat), into a camera file of its own"
             )
 
     def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:
@@ -134,6 +134,17 @@ class Shading:
         """The largest difference between how a colour and panchromatic samples fall off, as a share."""
         *colours, panchromatic = self.sketch
         return max(float(np.abs(panchromatic / colour - 1).max()) for colour in colours)
+
+    @property
+    def words(self) -> str:
+        """Its size and focal length, for people.
+
+        >>> from shared import Shading
+        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).words
+        '0.00 stops, 0.0 % between colours at 35 mm'
+        """
+        focal = f" at {self.focal_length:g} mm" if self.focal_length else ""
+        return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{focal}"
 
     @classmethod
     def from_json(cls, document: Any) -> "Shading":

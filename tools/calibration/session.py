@@ -131,7 +131,7 @@ class Session:
                 self.notes.append(f"no noise was measured: {error}")
             return None
         for index in unpaired:
-            self._console.note(f"{frames[index][0]} is left out: it is clipped, or no other flat frame has its exposure")
+            self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
         return flats
 
     def _measure_shading(self, frames: Sequence[tuple[str, Mosaic]]) -> None:
@@ -140,7 +140,8 @@ class Session:
         try:
             self.shading = measure_shading(frames)
         except InputError as error:
-            self.notes.append(f"no shading was measured: {error}")
+            kept = ", and the one before is kept" if calibration.shading else ""
+            self.notes.append(f"no shading was measured{kept}: {error}")
         else:
             calibration = replace(calibration, shading=self.shading.shading)
             self._console.say(self.shading.words)

@@ -63,7 +63,7 @@ class ShadingResult:
         lens = self.shading
         left = f"{100 * lens.residual:.2g} %" if lens.residual else "none beyond noise"
         known = f"known to ±{100 * self.error:.2g} % (standard error) from {seen}, residual: {left}"
-        return f"shading: {lens.stops:.2f} stops, {100 * lens.colour:.1f} % between colours, {known}"
+        return f"shading: {lens.words}, {known}"
 
 
 class _Tiles(NamedTuple):

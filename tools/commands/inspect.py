@@ -160,9 +160,7 @@ def _shading(document: dict[str, Any]) -> dict[str, str]:
     """A row where the shading is known."""
     if "shading" not in document:
         return {}
-    shading = Shading.from_json(document["shading"])
-    focal = f" at {shading.focal_length:g} mm" if shading.focal_length else ""
-    return {"shading": f"{shading.stops:.2f} stops, {100 * shading.colour:.1f} % between colours{focal}; undone"}
+    return {"shading": f"{Shading.from_json(document['shading']).words}; undone"}
 
 
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:
