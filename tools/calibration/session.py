@@ -173,7 +173,11 @@ class Session:
         results = []
         for path in paths:
             try:
-                results.append(measure(path, self._read(path)))
+                mosaic = self._read(path)
+                shading = mosaic.calibration.shading
+                if kind == "shot" and shading and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
+                    self._console.note(f"{path}: {zoomed}")
+                results.append(measure(path, mosaic))
             except (PanchromaError, MemoryError) as error:
                 self._skip(path, str(error) or "not enough memory")
             else:

@@ -134,9 +134,8 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
             apart = np.abs(values - np.median(values))
-            kept = values[
-                apart <= max(_OUTLIER * robust_deviation(apart), float(apart.std()))
-            ]  # few codes have no median deviation
+            most = max(_OUTLIER * robust_deviation(apart), float(apart.std()))  # few codes have no median deviation
+            kept = values[apart <= most]
             noise = np.diff(kept, 2).std() / 6**0.5  # second differences do not see light that falls off
             mean = float(kept.mean())
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()

@@ -55,9 +55,8 @@ def test_a_lens_is_measured(lens: tuple[float, float], tile: tuple[str, ...] | N
     found = measure_shading(flats(lens=lens, focal=(50.0, 50.0), pattern=pattern))
     assert found.shading is not None
     truth = lens_shading(*lens, 4, SHAPE)
-    order = ["RGBW".index(letter) for letter in pattern.channels + "W"]
     errors = [found.shading.of_plane(SHAPE, plane) / truth.of_plane(SHAPE, plane) - 1 for plane in range(4)]
-    assert order == sorted(order)
+    assert pattern.planes == "RGBW"
     assert max(float(np.sqrt((error**2).mean())) for error in errors) < 0.005
     assert max(float(np.abs(error).max()) for error in errors) < 6 * found.error
     assert found.shading.focal_length == 50
