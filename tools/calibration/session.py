@@ -74,8 +74,8 @@ class Session:
     black: black level per plane, codes, if it is known before; None = that of the frames.
 
     Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame. `shading`
-    is what the flat frames show of it, None if they were refused or there are none; `notes` has the reasons why they tell no shading
-    or no noise.
+    is what the flat frames show of it, None if they were refused or there are none. `notes` has the reasons why they tell no
+    shading or no noise.
     """
 
     def __init__(
