@@ -119,6 +119,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     options.check_at_least_one(arguments, "reduce")
     is_series, burst = arguments.burst is not None, _burst(arguments)
     lens = None if arguments.shading is None else parsed_shading(arguments.shading)
+    lens = lens if lens and any(lens) else None
     known, pattern = options.camera_of(arguments)
     if lens and known and known.calibration.shading:
         raise InputError(f"{arguments.camera} has a shading of its own: leave --shading out")
