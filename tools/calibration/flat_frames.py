@@ -11,7 +11,7 @@ from shared.shading import ZOOMED
 
 from .samples import CLIPPED, levels_of
 
-_CLIPPED_PART = 1e-3  # of the samples of a plane: more of them, and it is not just defects
+_CLIPPED_PART = 2e-3  # of the samples of a plane: more of them, and it is not just defects
 _PARTS = 4  # of an axis, in which frames are compared with each other
 _UNLIKE = 0.03  # share by which the light of a frame may fall off in another way than that of all together
 _COUNTS = 0.1  # of the light of the brightest frame: in dimmer ones, which count little, black level decides how it falls off

@@ -25,8 +25,8 @@ from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
 from .samples import robust_deviation
 
 _TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48  # periods along a side of a tile, at least, and tiles along an axis
-_POINTS, _COLOUR_POINTS = (9, 11), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
-_ROUGH, _COLOUR_ROUGH = 0.5, 0.05  # third differences of control points that are likely; noise makes larger ones at the edges
+_POINTS, _COLOUR_POINTS = (13, 17), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
+_ROUGH, _COLOUR_ROUGH = 5.0, 0.05  # third differences of control points that are likely: large in the corners of fast lenses
 _ROUNDS = 2  # the second one sees tiles that are nearly even: their means are then those of their middles
 _OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
