@@ -51,6 +51,7 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
 
 def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:
     """Control points of a map that is known at evenly spaced places."""
-    down, right = (np.linalg.pinv(basis(_PLACES, count, np.arange(_PLACES))) for count in _POINTS)
+    place = np.arange(_PLACES, dtype=np.float64)
+    down, right = (np.linalg.pinv(basis(_PLACES, count, place)) for count in _POINTS)
     points: list[list[float]] = (down @ gain @ right.T).tolist()
     return points
