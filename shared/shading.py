@@ -84,8 +84,8 @@ class Shading:
         if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
             raise InputError(
                 f"the shading was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
-                f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure the shading on such frames "
-                "(panchroma calibrate --flat), into a camera file of its own"
+                f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure its shading from such "
+                "flat frames, into a camera file of its own"
             )
 
     def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:

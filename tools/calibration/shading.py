@@ -103,7 +103,7 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
     for _ in range(_ROUNDS):
         tiles = _measured(light, pattern, shading)
         if not tiles.light.min() > 0:
-            raise InputError("flat frames: they are dark; expose more, up to three quarters of full scale")
+            raise InputError("flat frames: they are dark, at least in places; expose more, up to three quarters of full scale")
         shading, error = _refined(shading, tiles)
     check_alike(parts)
     left = _measured(light, pattern, shading)
@@ -111,7 +111,7 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
     residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
     if residual > _RESIDUAL:
         raise InputError(
-            f"flat frames: in {letter} they differ by {100 * residual:.1f} % from any smooth shading, {100 * _RESIDUAL:.1f} % are "
+            f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth shading, {100 * _RESIDUAL:.1f} % are "
             "allowed; take an evenly lit surface without texture, out of focus"
         )
     if float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error):
@@ -124,7 +124,7 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
     shape = light.shape[0], light.shape[1]
     planes, cuts = pattern.filter_map(shape), []
     for length in shape:
-        number = int(np.clip(length // (_TILE * pattern.period), 2, _MOST_TILES))
+        number = min(length // (_TILE * pattern.period), _MOST_TILES)
         cuts.append(list(pairwise(np.linspace(0, length, number + 1).astype(int).tolist())))
     windows = [(slice(*rows), slice(*columns)) for rows, columns in product(*cuts)]
     found = np.zeros((5, len(shading.gain), len(windows)))

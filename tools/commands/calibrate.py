@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--flat",
         nargs="+",
         metavar="F",
-        help="evenly lit frames (or folders of them), two of each exposure: gain, read noise, shading",
+        help="evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise",
     )
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
