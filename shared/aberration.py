@@ -37,7 +37,7 @@ class Aberration(OfLens):
     [1.44, 0.0, -0.72]
     """
 
-    _name, _option, _harm = "chromatic aberration", "--edges", "fringes may remain, or be made"
+    _name, _harm = "chromatic aberration", "fringes may remain, or be made"
 
     radial: tuple[tuple[float, float], ...]
     size: tuple[int, int]
@@ -58,6 +58,16 @@ class Aberration(OfLens):
     def corner(self, shape: tuple[int, int]) -> tuple[float, ...]:
         """How far outside the corners of a frame, (rows, columns), each channel looks there, pixels."""
         return tuple((a + b) * _half(shape) for a, b in self.radial)
+
+    def words(self, channels: str) -> str:
+        """Its size and focal length, for people; channels: their letters.
+
+        >>> from shared import Aberration
+        >>> Aberration([[0.001, 0.001], [0, 0], [-0.001, 0]], (800, 1200)).words("RGB")
+        'R +1.44, G +0.00, B -0.72 pixels in the corners'
+        """
+        corners = (f"{channel} {pixels:+.2f}" for channel, pixels in zip(channels, self.corner(self.size), strict=True))
+        return f"{', '.join(corners)} pixels in the corners{self.at_focal_length}"
 
     def reach(self, shape: tuple[int, int]) -> float:
         """The largest displacement of any channel in a frame, (rows, columns), pixels."""

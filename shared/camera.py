@@ -64,8 +64,8 @@ class Camera:
         calibration = replace(
             known,
             noise=known.noise or own.noise,
-            shading=known.shading or own.shading,
-            aberration=known.aberration or own.aberration,
+            shading=known.shading if "shading" in self.measured else known.shading or own.shading,
+            aberration=known.aberration if "aberration" in self.measured else known.aberration or own.aberration,
             sensor=known.sensor or own.sensor,
             camera_to_xyz=colours.camera_to_xyz,
             neutral=colours.neutral,

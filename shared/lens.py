@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 
 from .errors import InputError
 
-_ZOOMED = 0.02  # relative difference of focal lengths
+ZOOMED = 0.02
+"""Relative difference of focal lengths from which on they are two."""
 _STRETCH = 0.02  # how far two frames may differ in their ratio of sides
 
 
@@ -19,7 +20,6 @@ class OfLens:
     size: tuple[int, int]
     focal_length: float | None
     _name: ClassVar[str]  # for messages
-    _option: ClassVar[str]  # of `panchroma calibrate`, that measures it
     _harm: ClassVar[str]  # what is wrong at another focal length
 
     def _check_frame(self) -> None:
@@ -41,9 +41,13 @@ class OfLens:
         if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
             raise InputError(
                 f"the {self._name} was measured on frames of {self.size[1]} x {self.size[0]} pixels, and the frame has "
-                f"{shape[1]} x {shape[0]}: it is another part of the sensor; measure the {self._name} on such frames "
-                f"(panchroma calibrate {self._option})"
+                f"{shape[1]} x {shape[0]}: another part of the sensor; measure it on such frames, into a camera file of its own"
             )
+
+    @property
+    def at_focal_length(self) -> str:
+        """Its focal length, for people; "" if it is unknown."""
+        return f" at {self.focal_length:g} mm" if self.focal_length else ""
 
     def zoomed(self, focal_length: float | None) -> str:
         """What to tell of a shot at this focal length, millimetres: "" unless this was measured at another one.
@@ -53,6 +57,6 @@ class OfLens:
         'taken at 50 mm, but its shading was measured at 35 mm: colours towards the corners may be wrong'
         """
         known = self.focal_length
-        if not known or not focal_length or abs(math.log(focal_length / known)) <= _ZOOMED:
+        if not known or not focal_length or abs(math.log(focal_length / known)) <= ZOOMED:
             return ""
         return f"taken at {focal_length:g} mm, but its {self._name} was measured at {known:g} mm: {self._harm}"

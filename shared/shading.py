@@ -41,7 +41,7 @@ class Shading(OfLens):
     [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]
     """
 
-    _name, _option, _harm = "shading", "--flat", "colours towards the corners may be wrong"
+    _name, _harm = "shading", "colours towards the corners may be wrong"
 
     gain: tuple[tuple[tuple[float, ...], ...], ...]
     size: tuple[int, int]
@@ -103,6 +103,16 @@ class Shading(OfLens):
         """The largest difference between how a colour and panchromatic samples fall off, as a share."""
         *colours, panchromatic = self.sketch
         return max(float(np.abs(panchromatic / colour - 1).max()) for colour in colours)
+
+    @property
+    def words(self) -> str:
+        """Its size and focal length, for people.
+
+        >>> from shared import Shading
+        >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).words
+        '0.00 stops, 0.0 % between colours at 35 mm'
+        """
+        return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{self.at_focal_length}"
 
     @classmethod
     def from_json(cls, document: Any) -> "Shading":

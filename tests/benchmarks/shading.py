@@ -59,7 +59,8 @@ def from_flats(shading: Shading, shape: tuple[int, int]) -> Shading:
     sensor = SensorCalibration.of_bits(12, headroom=False, shading=shading)
     even, random = np.ones((*shape, 3), np.float32), np.random.default_rng(SEED)
     frames = [simulate_sensor(even, PATTERN, sensor, LIGHT, random) for _ in range(FLATS)]
-    found = measure_shading([replace(frame, calibration=replace(frame.calibration, shading=None)) for frame in frames]).shading
+    bare = [replace(frame, calibration=replace(frame.calibration, shading=None)) for frame in frames]
+    found = measure_shading([(f"flat{number}", frame) for number, frame in enumerate(bare)]).shading
     assert found is not None
     return found
 

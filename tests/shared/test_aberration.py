@@ -97,7 +97,7 @@ def test_what_is_none_is_refused(changed: dict[str, Any], words: str) -> None:
 def test_other_channels_and_other_frames_are_refused() -> None:
     with pytest.raises(InputError, match=r"aberration has 2 channels, expected 3 \(RGB\)"):
         SensorCalibration(aberration=Aberration([(0, 0), (0, 0)], SHAPE))  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"the chromatic aberration was measured on frames of 90 x 61 .* --edges"):
+    with pytest.raises(InputError, match=r"the chromatic aberration was measured on frames of 90 x 61"):
         Mosaic(np.zeros((90, 90), np.float32), PATTERN, CALIBRATION)
     documents: list[Any] = [{"radial": LENS.radial}, [], {"radial": LENS.radial, "size": SHAPE, "more": 1}]
     for document in documents:

@@ -136,17 +136,11 @@ def conclude(
         }
         warnings += noise_warnings(noise, dark)
     if shading:
-        changes["shading"] = shading.shading
-    if shading and shading.shading:
-        measured["shading"] = {
-            **noted,
-            "frames": shading.frames,
-            "stops": round(shading.shading.stops, 3),
-            "colour": round(shading.shading.colour, 4),
-            "standard_error": float(f"{shading.error:.2g}"),
-            "residual": shading.shading.residual,
-            "focal_length": shading.shading.focal_length,
-        }
+        lens = changes["shading"] = shading.shading
+        measured["shading"] = {**noted, "frames": shading.frames, "standard_error": float(f"{shading.error:.2g}")}
+        if lens:
+            measured["shading"] |= {"stops": round(lens.stops, 3), "colour": round(lens.colour, 4)}
+            measured["shading"] |= {"residual": lens.residual, "focal_length": lens.focal_length}
     colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference, base.pattern.channels)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)

@@ -74,7 +74,8 @@ class Session:
     black: black level per plane, codes, if it is known before; None = that of the frames.
 
     Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame. `shading`
-    is what the flat frames show of it, None if they were refused or there are none; `notes` has the reason.
+    is what the flat frames show of it, None if they were refused or there are none. `notes` has the reasons why they tell no
+    shading or no noise.
     """
 
     def __init__(
@@ -117,26 +118,30 @@ class Session:
             refuse_copies(frames, FLAT_ALIKE)
             return True
 
-        def measure() -> tuple[FlatResult, list[int]]:
-            flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
-            noise_of_flats(flats, frames[0][1].calibration, dark)  # refused here, where the frames can be named
-            return flats, unpaired
-
         if not frames or not self._together(paths, differ):
             return None
-        self._measure_shading([mosaic for _, mosaic in frames])
-        flats, unpaired = self._together(paths, measure) or (None, [])
+        self._measure_shading(frames)
+        try:
+            flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
+            noise_of_flats(flats, frames[0][1].calibration, dark)  # refused here, where the frames can be named
+        except InputError as error:
+            if self.shading is None:
+                self._skip(" ".join(paths), str(error))
+            else:
+                self.notes.append(f"no noise was measured: {error}")
+            return None
         for index in unpaired:
-            self._console.note(f"{frames[index][0]} is left out: it is clipped, or no other flat frame has its exposure")
+            self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
         return flats
 
-    def _measure_shading(self, frames: Sequence[Mosaic]) -> None:
+    def _measure_shading(self, frames: Sequence[tuple[str, Mosaic]]) -> None:
         """Measure the shading of flat frames; what a shot says of its shading does not count any more."""
-        calibration = self._known or _as_recorded(frames[0]).calibration
+        calibration = self._known or frames[0][1].calibration
         try:
             self.shading = measure_shading(frames)
         except InputError as error:
-            self.notes.append(f"no shading was measured: {error}")
+            kept = ", and the one before is kept" if calibration.shading else ""
+            self.notes.append(f"no shading was measured{kept}: {error}")
         else:
             calibration = replace(calibration, shading=self.shading.shading)
             self._console.say(self.shading.words)
@@ -168,7 +173,11 @@ class Session:
         results = []
         for path in paths:
             try:
-                results.append(measure(path, self._read(path)))
+                mosaic = self._read(path)
+                shading = mosaic.calibration.shading
+                if kind == "shot" and shading and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
+                    self._console.note(f"{path}: {zoomed}")
+                results.append(measure(path, mosaic))
             except (PanchromaError, MemoryError) as error:
                 self._skip(path, str(error) or "not enough memory")
             else:

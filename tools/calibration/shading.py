@@ -1,8 +1,8 @@
 """Shading from flat frames: a smooth gain for each plane, and the reasons for which flat frames cannot tell it.
 
 An evenly lit surface shows the shading itself. Nothing tells uneven light from shading but what lenses do: they darken the picture
-around a centre near its middle. So light that is brighter on one side, and a centre far off, are refused, and so is what no smooth
-map describes.
+around a centre near its middle. So light that is brighter on one side, in all or in one colour, and a centre far off, are refused,
+and so are frames that differ among each other, and what no smooth map describes.
 
 Flat frames have few colour samples. How a colour differs from panchromatic varies less over the frame than the light itself, so
 that its map has fewer control points.
@@ -17,16 +17,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from shared import CfaPattern, Mosaic, Shading
-from shared.arrays import BoolArray, DoubleArray
+from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.shading import basis
 
-from .samples import CLIPPED, levels_of, robust_deviation
+from .flat_frames import check_alike, common_focal_length, mean_of_unclipped
+from .samples import robust_deviation
 
-_CLIPPED_PART = 1e-3  # of the panchromatic samples: more of them, and it is not just defects
-_TILE, _MOST_TILES = 5, 48  # periods along a side of a tile, at least, and tiles along an axis, at most
-_POINTS, _COLOUR_POINTS = (9, 11), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
-_ROUGH, _COLOUR_ROUGH = 0.5, 0.05  # third differences of control points that are likely; noise makes larger ones at the edges
+_TILE, _FEWEST_TILES, _MOST_TILES = 5, 3, 48  # periods along a side of a tile, at least, and tiles along an axis
+_POINTS, _COLOUR_POINTS = (13, 17), (6, 7)  # control points of the panchromatic gain, and of a colour's relative to it
+_ROUGH, _COLOUR_ROUGH = 5.0, 0.05  # third differences of control points that are likely: large in the corners of fast lenses
 _ROUNDS = 2  # the second one sees tiles that are nearly even: their means are then those of their middles
 _OUTLIER = 5.0  # standard deviations
 _FLOOR = 1e-4  # share of the light: no flat frame is more exact
@@ -38,7 +38,6 @@ _CENTRE = 0.05  # of the diagonal
 _CLEARLY = 0.8  # times the residual: a displaced centre explains the frames better than a tilt
 _EVEN = 0.02  # less than this is no shading
 _ERRORS = 4.0  # standard errors: less than this is none either
-_ZOOMED = 0.01  # relative difference of focal lengths
 _DIGITS = 6
 
 
@@ -47,7 +46,7 @@ class ShadingResult:
     """What flat frames show of the shading.
 
     shading: None = there is none to speak of.
-    frames: number of frames.
+    frames: number of frames that it comes from; those that are clipped are left out.
     error: standard error of the gain where it is known worst, as a share.
     """
 
@@ -58,11 +57,13 @@ class ShadingResult:
     @property
     def words(self) -> str:
         """The shading, for people."""
+        seen = f"{self.frames} flat frame{'s' * (self.frames > 1)}"
         if self.shading is None:
-            return f"no shading: the flat frames are even to ±{100 * self.error:.2g} % (standard error)"
+            return f"no shading: {seen}, even to ±{100 * self.error:.2g} % (standard error)"
         lens = self.shading
-        known = f"known to ±{100 * self.error:.2g} % (standard error), residual {100 * lens.residual:.2g} %"
-        return f"shading: {lens.stops:.2f} stops, {100 * lens.colour:.1f} % between colours, {known}"
+        left = f"{100 * lens.residual:.2g} %" if lens.residual else "none beyond noise"
+        known = f"known to ±{100 * self.error:.2g} % (standard error) from {seen}, residual: {left}"
+        return f"shading: {lens.words}, {known}"
 
 
 class _Tiles(NamedTuple):
@@ -83,58 +84,39 @@ class _Tiles(NamedTuple):
     error: DoubleArray
 
 
-def measure_shading(frames: Sequence[Mosaic]) -> ShadingResult:
-    """Measure the shading that evenly lit frames show, whose calibration has none.
+def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
+    """Measure the shading that evenly lit frames show.
 
+    frames: name and frame, all of one camera and of equal size; their calibration has no shading.
     Raises InputError with the reason if they do not tell it.
     """
-    focal = _focal_length(frames)
-    pattern, shape = frames[0].pattern, frames[0].shape
-    light, used = _unclipped(frames, pattern.panchromatic_mask(shape))
+    pattern, shape = frames[0][1].pattern, frames[0][1].shape
+    least = _FEWEST_TILES * _TILE * pattern.period
+    if min(shape) < least:
+        raise InputError(
+            f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it takes {least}, "
+            f"{_FEWEST_TILES * _TILE} periods of the pattern"
+        )
+    focal = common_focal_length(frames)
+    light, parts = mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_ROUNDS):
         tiles = _measured(light, pattern, shading)
         if not tiles.light.min() > 0:
-            raise InputError("flat frames: they are dark; expose more, up to three quarters of full scale")
+            raise InputError("flat frames: they are dark, at least in places; expose more, up to three quarters of full scale")
         shading, error = _refined(shading, tiles)
+    check_alike(parts)
     left = _measured(light, pattern, shading)
-    _check_light(left, shape)
-    if (residual := _residual(left)) > _RESIDUAL:
+    _check_light(left, shading, pattern.channels)
+    residual, letter = max(zip(_residuals(left), pattern.planes, strict=True))
+    if residual > _RESIDUAL:
         raise InputError(
-            f"flat frames: they differ by {100 * residual:.1f} % from any smooth shading, {100 * _RESIDUAL:.1f} % are allowed; "
-            "take an evenly lit surface without texture, out of focus"
+            f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth shading, {100 * _RESIDUAL:.1f} % are "
+            "allowed; take an evenly lit surface without texture, out of focus"
         )
     if float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error):
-        return ShadingResult(None, used, error)
-    return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), used, error)
-
-
-def _focal_length(frames: Sequence[Mosaic]) -> float | None:
-    """Return the focal length of the lens, if the frames tell it. Raises InputError if they tell several."""
-    known = sorted(each for frame in frames if (each := frame.metadata.focal_length) is not None)
-    if known and known[-1] > known[0] * (1 + _ZOOMED):
-        raise InputError(f"flat frames: their focal lengths are {known[0]:g} to {known[-1]:g} mm; take all with the same")
-    return known[0] if known else None
-
-
-def _unclipped(frames: Sequence[Mosaic], clear: BoolArray) -> tuple[DoubleArray, int]:
-    """Return the mean of the frames that are not clipped, (H, W), and their number; clear: the panchromatic pixels.
-
-    Raises InputError if all are clipped, or no light is in them.
-    """
-    total, used, shares = np.zeros(clear.shape), 0, []
-    for frame in frames:
-        levels = levels_of(frame)
-        shares.append(float((levels[clear] >= CLIPPED).mean()))
-        if shares[-1] <= _CLIPPED_PART:
-            total += levels
-            used += 1
-    if not used:
-        raise InputError(
-            f"flat frames: {100 * min(shares):.2g} % of the panchromatic samples or more are clipped; expose less, so that the "
-            "brightest read about three quarters of full scale"
-        )
-    return total / used, used
+        return ShadingResult(None, len(parts), error)
+    return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), len(parts), error)
 
 
 def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:
@@ -142,7 +124,7 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
     shape = light.shape[0], light.shape[1]
     planes, cuts = pattern.filter_map(shape), []
     for length in shape:
-        number = int(np.clip(length // (_TILE * pattern.period), 2, _MOST_TILES))
+        number = min(length // (_TILE * pattern.period), _MOST_TILES)
         cuts.append(list(pairwise(np.linspace(0, length, number + 1).astype(int).tolist())))
     windows = [(slice(*rows), slice(*columns)) for rows, columns in product(*cuts)]
     found = np.zeros((5, len(shading.gain), len(windows)))
@@ -152,9 +134,8 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
             apart = np.abs(values - np.median(values))
-            kept = values[
-                apart <= max(_OUTLIER * robust_deviation(apart), float(apart.std()))
-            ]  # few codes have no median deviation
+            most = max(_OUTLIER * robust_deviation(apart), float(apart.std()))  # few codes have no median deviation
+            kept = values[apart <= most]
             noise = np.diff(kept, 2).std() / 6**0.5  # second differences do not see light that falls off
             mean = float(kept.mean())
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
@@ -234,45 +215,63 @@ def _values(points: DoubleArray, size: tuple[int, int], rows: DoubleArray, colum
     return values
 
 
-def _residual(tiles: _Tiles) -> float:
-    """Return how far tiles differ, beyond their noise: root mean square, as a share of the light, of the worst plane."""
+def _residuals(tiles: _Tiles) -> list[float]:
+    """Return how far the tiles of each plane differ, beyond their noise: root mean square, as a share of the light."""
     share = tiles.light / tiles.light.mean(axis=1, keepdims=True) - 1
     beyond = (share**2).mean(axis=1) - _NOISE * ((tiles.error / tiles.light) ** 2).mean(axis=1)
-    return float(max(beyond.max(), 0.0) ** 0.5)
+    residuals: list[float] = np.sqrt(np.maximum(beyond, 0)).tolist()
+    return residuals
 
 
-def _check_light(tiles: _Tiles, size: tuple[int, int]) -> None:
-    """Raise InputError if the light is brighter on one side, or falls off around a place far from the middle."""
-    half = np.hypot(*size) / 2
-    y, x = ((place[-1] - (length - 1) / 2) / half for place, length in zip((tiles.row, tiles.column), size, strict=True))
-    seen = np.log(tiles.light[-1] / tiles.gain[-1])
-    weight = (tiles.light / tiles.error)[-1]
+def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
+    """Raise InputError if the light is brighter on one side, or falls off around a place far from the middle.
 
-    def around(centre: DoubleArray, *more: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    shading: with which the tiles were measured.
+    letters: of the channels. Light whose colour differs from side to side is uneven too, so that each is compared with all light.
+    """
+    size, half = shading.size, np.hypot(*shading.size) / 2
+    rows, columns = tiles.row[-1], tiles.column[-1]
+    y, x = ((place - (length - 1) / 2) / half for place, length in zip((rows, columns), size, strict=True))
+    gains = [_values(np.array(points), size, rows, columns) for points in shading.gain]
+
+    def around(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray, *more: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
         """Fit what falls off around a centre; returns the residuals and the coefficients, those of `more` last."""
         down, right = y - centre[0], x - centre[1]
         square = down**2 + right**2
         design = np.stack([np.ones_like(x), down**2, right**2, square**2, square**3, *more], axis=1) * weight[:, None]
         found, *_ = np.linalg.lstsq(design, seen * weight, rcond=None)
-        return design @ found - seen * weight, found
-
-    tilted, found = around(np.zeros(2), y, x)
-    sides = np.abs(found[-2:]) * size / half
-    tilt = float(np.expm1(np.hypot(*sides)))
+        residuals: DoubleArray = design @ found - seen * weight
+        return residuals, found.astype(np.float64)
 
     def missed(centre: DoubleArray) -> DoubleArray:
-        return around(centre)[0]
+        return around(centre, seen, weights[-1])[0]
 
+    def tilted(centre: DoubleArray, seen: DoubleArray, weight: DoubleArray) -> tuple[float, str, float]:
+        """Return by how much one side is brighter, as a share, which side that is, and the sum of the squared residuals."""
+        residuals, found = around(centre, seen, weight, y, x)
+        down, right = found[-2:] * size / half
+        vertical = abs(down) > abs(right)
+        side = ("bottom" if down > 0 else "top") if vertical else ("right" if right > 0 else "left")
+        return float(np.expm1(np.hypot(down, right))), side, float(np.square(residuals).sum())
+
+    seen, *weights = np.log(tiles.light / tiles.gain)[-1], *(tiles.light / tiles.error)
+    tilt, side, squares = tilted(np.zeros(2), seen, weights[-1])
     displaced = least_squares(missed, np.zeros(2), bounds=(-1, 1), x_scale=0.1)
     away = float(np.hypot(*displaced.x)) / 2
-    if np.square(displaced.fun).sum() < _CLEARLY**2 * np.square(tilted).sum():
-        if away > _CENTRE:
-            raise InputError(
-                f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the diagonal off the middle, "
-                f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
-            )
-    elif tilt > _TILT:
+    clearly = np.square(displaced.fun).sum() < _CLEARLY**2 * squares
+    if clearly and away > _CENTRE:
         raise InputError(
-            f"flat frames: the light is tilted: {100 * tilt:.1f} % brighter on one side than on the other, {100 * _TILT:.0f} % are "
-            "allowed; take an evenly lit surface, and turn the camera by half a turn to see what is the light's"
+            f"flat frames: the light falls off around a place that is {100 * away:.0f} % of the diagonal off the middle, "
+            f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
         )
+    tilts = {"": (0.0 if clearly else tilt, side)}
+    centres = [np.zeros(2), *([displaced.x] if away <= _CENTRE else [])]  # which of them it is, little fall-off does not tell
+    for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
+        tilts[f" in {letter}, compared with W"] = min(tilted(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres)
+    for which, (tilt, side) in tilts.items():
+        if tilt > _TILT:
+            raise InputError(
+                f"flat frames: the light is tilted{which}: {100 * tilt:.1f} % brighter at the {side} of the sensor than opposite, "
+                f"{100 * _TILT:.0f} % are allowed; take an evenly lit surface, and turn the camera by half a turn to see what is "
+                "the light's"
+            )

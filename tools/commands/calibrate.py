@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--flat",
         nargs="+",
         metavar="F",
-        help="evenly lit frames (or folders of them), two of each exposure: gain, read noise, shading",
+        help="evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise",
     )
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
@@ -81,7 +81,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     dark = session.dark(files.dark)
     flats = session.flat(files.flat, dark or known.dark)
     shots = session.scenes(files.shots) if arguments.no_chart else session.charts(files.shots, reference, corners)
-    if session.base is None or not (shots or dark or flats or (session.shading and session.shading.shading)):
+    if session.base is None or not (shots or dark or flats or session.shading):
+        for note in session.notes:
+            console.note(note)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
     base, notes, fixed = session.base, session.notes, []

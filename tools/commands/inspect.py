@@ -13,7 +13,6 @@ import numpy as np
 from shared import Aberration, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_digest_kind, read_preview
 from shared.dng.exif_reading import place, shown_fields
-from shared.lens import OfLens
 from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console
@@ -161,18 +160,10 @@ def _lens(document: dict[str, Any]) -> dict[str, str]:
     """Rows of what is known of the lens."""
     rows: dict[str, str] = {}
     if "shading" in document:
-        shading = Shading.from_json(document["shading"])
-        rows["shading"] = f"{shading.stops:.2f} stops, {100 * shading.colour:.1f} % between colours{_focal(shading)}; undone"
+        rows["shading"] = f"{Shading.from_json(document['shading']).words}; undone"
     if "aberration" in document:
-        lens = Aberration.from_json(document["aberration"])
-        corners = zip(document["channels"], lens.corner(lens.size), strict=True)
-        rows["aberration"] = ", ".join(f"{channel} {pixels:+.2f}" for channel, pixels in corners if pixels)
-        rows["aberration"] += f" pixels in the corners{_focal(lens)}; undone"
+        rows["aberration"] = f"{Aberration.from_json(document['aberration']).words(document['channels'])}; undone"
     return rows
-
-
-def _focal(lens: OfLens) -> str:
-    return f" at {lens.focal_length:g} mm" if lens.focal_length else ""
 
 
 def _capture(metadata: dict[str, Any]) -> dict[str, str]:

@@ -34,7 +34,7 @@ from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
 from tools.scenes.filters import Filters, filters_for
-from tools.scenes.lens import lens_aberration, lens_shading, parsed_aberration, parsed_shading
+from tools.scenes.lens import SimulatedLens
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import Scene
 
@@ -124,12 +124,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
     options.check_at_least_one(arguments, "reduce")
     is_series, burst = arguments.burst is not None, _burst(arguments)
-    shading = None if arguments.shading is None else parsed_shading(arguments.shading)
-    aberration = None if arguments.aberration is None else parsed_aberration(arguments.aberration)
+    lens = SimulatedLens.parsed(arguments.shading, arguments.aberration)
     known, pattern = options.camera_of(arguments)
-    for name, asked in (("shading", shading), ("aberration", aberration)):
-        if asked and known and getattr(known.calibration, name):
-            raise InputError(f"{arguments.camera} has its own {name}: leave --{name} out")
+    if known:
+        lens.check(known.calibration, arguments.camera)
     camera = _calibration(arguments, known, pattern)
     folder = output_folder(arguments.output)
     previews = Previews()
@@ -156,11 +154,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             for shot in shots:
                 frame = next(frames)
                 frame = replace(frame, rgb=filters.of(frame.rgb))
-                shape = frame.rgb.shape[0], frame.rgb.shape[1]
-                if shading:
-                    calibration = replace(calibration, shading=lens_shading(*shading, len(pattern.planes), shape))
-                if aberration:
-                    calibration = replace(calibration, aberration=lens_aberration(*aberration, len(pattern.channels), shape))
+                calibration = lens.before(calibration, (frame.rgb.shape[0], frame.rgb.shape[1]))
                 metadata = frame.metadata(scene.metadata)
                 mosaic = photograph(frame, pattern, calibration, metadata, arguments, random(shot))
                 job.make_folders()

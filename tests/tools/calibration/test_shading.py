@@ -25,17 +25,26 @@ def flats(
     surface: Light | None = None,
     focal: tuple[float | None, ...] = (None, None),
     pattern: CfaPattern = PATTERN,
-) -> list[Mosaic]:
-    """Flat frames of a surface whose light is given over places from -1 to 1, half the diagonal."""
-    down, right = ((np.arange(size) - size / 2) / (np.hypot(*SHAPE) / 2) for size in SHAPE)
-    even = np.ones(SHAPE) if surface is None else surface(down[:, None], right[None])
-    rgb = np.repeat(even[..., None], 3, axis=2).astype(np.float32)
-    shading = lens_shading(*lens, 4, SHAPE)
+    shape: tuple[int, int] = SHAPE,
+    saturated: float = 0.0,
+) -> list[tuple[str, Mosaic]]:
+    """Flat frames of a surface whose light, of all or of each channel, is given over places from -1 to 1, half the diagonal.
+
+    saturated: share of the red samples that are clipped, the brightest ones.
+    """
+    down, right = ((np.arange(size) - size / 2) / (np.hypot(*shape) / 2) for size in shape)
+    light_at = np.ones(shape) if surface is None else surface(down[:, None], right[None])
+    rgb = np.empty((*shape, 3), np.float32)
+    rgb[...] = light_at if light_at.ndim == 3 else light_at[..., None]
+    shading = lens_shading(*lens, 4, shape)
     sensor = SensorCalibration.of_bits(12, headroom=False, shading=shading)
     frames = []
     for seed, length in enumerate(focal):
         taken = simulate_sensor(rgb, pattern, sensor, light, np.random.default_rng(seed), CaptureMetadata(focal_length=length))
-        frames.append(replace(taken, calibration=replace(taken.calibration, shading=None)))
+        codes = taken.codes.copy()
+        red = pattern.filter_map(shape) == 0
+        codes[red & (codes > np.quantile(codes[red], 1 - saturated))] = 4095
+        frames.append((f"flat{seed}.dng", Mosaic(codes, pattern, replace(taken.calibration, shading=None), taken.metadata)))
     return frames
 
 
@@ -46,19 +55,30 @@ def test_a_lens_is_measured(lens: tuple[float, float], tile: tuple[str, ...] | N
     found = measure_shading(flats(lens=lens, focal=(50.0, 50.0), pattern=pattern))
     assert found.shading is not None
     truth = lens_shading(*lens, 4, SHAPE)
-    order = ["RGBW".index(letter) for letter in pattern.channels + "W"]
     errors = [found.shading.of_plane(SHAPE, plane) / truth.of_plane(SHAPE, plane) - 1 for plane in range(4)]
-    assert order == sorted(order)
+    assert pattern.planes == "RGBW"
     assert max(float(np.sqrt((error**2).mean())) for error in errors) < 0.005
     assert max(float(np.abs(error).max()) for error in errors) < 6 * found.error
     assert found.shading.focal_length == 50
     assert found.shading.residual < 0.003
 
 
+def test_a_lens_with_steep_corners_is_measured() -> None:
+    shape = (600, 900)
+    down, right = ((np.arange(size) - size / 2) / (np.hypot(*shape) / 2) for size in shape)
+    square = down[:, None] ** 2 + right**2
+    truth = 1 / (1 - 0.3 * square - 0.4 * square**3)
+    found = measure_shading(flats(lens=(0.0, 0.0), surface=lambda *_: 1 / truth, shape=shape)).shading
+    assert found is not None
+    error = found.of_plane(shape) / truth - 1
+    assert float(np.sqrt((error**2).mean())) < 0.003
+    assert float(np.abs(error).max()) < 0.06
+
+
 def test_even_frames_have_none() -> None:
     found = measure_shading(flats(lens=(0.0, 0.0)))
     assert found.shading is None
-    assert found.words.startswith("no shading: the flat frames are even to ±")
+    assert found.words.startswith("no shading: 2 flat frames, even to ±")
 
 
 def test_clipped_frames_are_left_out() -> None:
@@ -70,22 +90,49 @@ def falls_off(row: float, column: float) -> Light:
     return lambda down, right: 0.9 / (1 + (down - row) ** 2 + (right - column) ** 2) ** 2
 
 
+def coloured(row: float, column: float) -> Light:
+    """Light that falls off, red more and blue less, around a place."""
+    square: Light = lambda down, right: (down - row) ** 2 + (right - column) ** 2  # noqa: E731
+    return lambda down, right: (
+        falls_off(row, column)(down, right)[..., None] * (1 - np.array([0.15, 0.0, -0.15]) * square(down, right)[..., None])
+    )
+
+
 def test_a_centre_a_little_off_the_middle_is_a_lens() -> None:
-    found = measure_shading(flats(lens=(0.0, 0.1), surface=falls_off(0.02, 0.04)))
-    assert found.shading is not None
+    assert measure_shading(flats(lens=(0.0, 0.0), surface=coloured(0.05, 0.08))).shading is not None
+
+
+def test_frames_that_fall_off_differently_are_refused() -> None:
+    wide, other = flats(), flats(light=0.5, lens=(1.0, 0.05))
+    with pytest.raises(InputError, match=r"the light of (flat0|other)\.dng falls off in another way than that of all together"):
+        measure_shading([*wide, ("other.dng", other[0][1])])
+    dim = flats(light=0.02)[0][1]  # counts little, and its black level may be wrong
+    assert measure_shading([*wide, ("dim.dng", replace(dim, samples=dim.codes + np.uint16(4)))]).frames == 3
 
 
 @pytest.mark.parametrize(
     ("frames", "words"),
     [
-        ({"light": 3.0}, "% of the panchromatic samples or more are clipped; expose less"),
+        ({"light": 3.0}, "all are clipped; flat[01].dng is least so, in [0-9]+ % of the samples of W; expose less"),
+        ({"saturated": 0.1}, "all are clipped; flat[01].dng is least so, in [0-9.]+ % of the samples of R; expose less"),
         ({"light": 0.02}, "too dark, and tell the shading only to"),
         ({"light": 0.0003}, "dark"),
-        ({"surface": lambda down, right: 1 + 0.06 * right + 0 * down}, r"the light is tilted: (9|10|11)\.. % brighter on one side"),
-        ({"surface": lambda down, right: 1 - 0.06 * down + 0 * right, "lens": (0, 0)}, "the light is tilted"),
+        (
+            {"surface": lambda down, right: 1 + 0.06 * right + 0 * down},
+            r"the light is tilted: (9|10|11)\.. % brighter at the right",
+        ),
+        ({"surface": lambda down, right: 1 - 0.06 * down + 0 * right, "lens": (0, 0)}, "the light is tilted: .* at the top"),
+        (
+            {"surface": lambda down, right: np.stack([1 + 0.05 * right, 1 - 0.05 * right, 1 + 0 * right], 2) + 0 * down[..., None]},
+            "the light is tilted in [RG], compared with W: [78].. % brighter at the (right|left)",
+        ),
         ({"surface": falls_off(0.1, 0.28), "lens": (0, 0.1)}, "around a place that is 1[4-6] % of the diagonal off the middle"),
-        ({"surface": lambda down, right: 1 + 0.05 * np.sin(20 * right) * np.cos(15 * down)}, "from any smooth shading"),
-        ({"focal": (35.0, 50.0)}, "their focal lengths are 35 to 50 mm"),
+        (
+            {"surface": lambda down, right: 1 + 0.05 * np.sin(20 * right) * np.cos(15 * down)},
+            "in [RGBW] they differ by .* from any smooth",
+        ),
+        ({"shape": (300, 84)}, "84 x 300 pixels do not tell it; along each side it takes 90, 15 periods of the pattern"),
+        ({"focal": (35.0, 50.0)}, "flat0.dng is taken at 35 mm, flat1.dng at 50 mm"),
     ],
 )
 def test_flats_that_do_not_tell_it_are_refused(frames: dict[str, Any], words: str) -> None:

@@ -19,7 +19,7 @@ def test_a_shot_states_it_and_render_undoes_it(tmp_path: Path) -> None:
     path = tmp_path / f"builtin-{SIZE}.dng"
     shot = read_dng(path)
     assert shot.calibration.aberration == lens_aberration(-1, 1.5, 3, SHAPE)
-    assert "aberration    R -1.00, B +1.50 pixels in the corners; undone" in run("inspect", path).out
+    assert "aberration    R -1.00, G +0.00, B +1.50 pixels in the corners; undone" in run("inspect", path).out
     unknown = Mosaic(shot.codes, shot.pattern, replace(shot.calibration, aberration=None))
     write_dng(tmp_path / "unknown.dng", unknown, np.zeros((20, 30, 3), np.uint8))
     outcome = run("render", path, tmp_path / "unknown.dng", "-o", tmp_path / "out", "--bits", "32", "--space", "camera")

@@ -56,7 +56,8 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path, capsys: pytest.
     np.testing.assert_allclose(camera.calibration.gamma, TRUTH.gamma, rtol=0.01)
     np.testing.assert_allclose(camera.calibration.black_level, TRUTH.black_level, atol=0.1)
     np.testing.assert_allclose(camera.calibration.noise.shot, TRUTH.noise.shot, rtol=0.06)
-    assert set(camera.measured) == {"gamma", "noise", "black_level", "defects", "colour"}
+    assert set(camera.measured) == {"gamma", "noise", "black_level", "defects", "colour", "shading"}
+    assert camera.calibration.shading is None  # the flat frames are even
     assert camera.pattern == read_dng(folder / "chart.dng").pattern
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [record["ok"] for record in records] == [True] * 10

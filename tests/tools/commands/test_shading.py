@@ -54,7 +54,7 @@ def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     assert "% between colours at 35 mm; undone" in shown
 
 
-def test_render_and_preview_undo_it_and_tell_another_focal_length(folder: Path, tmp_path: Path) -> None:
+def test_commands_undo_it_and_tell_another_focal_length(folder: Path, tmp_path: Path) -> None:
     told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
     camera = "--camera", folder / "camera.json"
     outcome = run("render", folder / "shot.dng", "-o", tmp_path, "--bits", "32", "--space", "camera", *camera)
@@ -68,10 +68,16 @@ def test_render_and_preview_undo_it_and_tell_another_focal_length(folder: Path, 
     outcome = run("preview", folder / "shot.dng", "-o", tmp_path, *camera)
     assert outcome.code == 0
     assert told in outcome.err
+    (tmp_path / "camera.json").write_bytes((folder / "camera.json").read_bytes())
+    outcome = run("calibrate", "--no-chart", folder / "shot.dng", "-o", tmp_path / "camera.json", "--update")
+    assert told in outcome.err
 
 
 def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, tmp_path: Path) -> None:
-    """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots say of it taken over."""
+    """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots say of it taken over.
+
+    What a camera file knows of it stays.
+    """
     slope = np.linspace(0.9, 1.1, SHAPE[1])
     for path in folder.glob("flat*.dng"):
         flat = read_dng(path)
@@ -83,6 +89,35 @@ def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, tmp_path
     assert "no shading was measured: flat frames: the light is tilted" in outcome.err
     assert outcome.records[-1]["verdict"] == "use it with care"
     assert "shading" not in json.loads((tmp_path / "camera.json").read_text())
+    one = next(tmp_path.glob("flat*.dng"))  # tells no noise either, and both reasons are told
+    refused = run("calibrate", "--flat", one, "-o", tmp_path / "none.json")
+    assert refused.code == 1
+    assert "no two unclipped frames have the same exposure" in refused.err
+    assert "no shading was measured: flat frames: the light is tilted" in refused.err
+    (tmp_path / "known.json").write_bytes((folder / "camera.json").read_bytes())
+    kept = run("calibrate", "--flat", *tmp_path.glob("flat*.dng"), "-o", tmp_path / "known.json", "--update")
+    assert "no shading was measured, and the one before is kept: flat frames: the light is tilted" in kept.err
+    assert read_camera(tmp_path / "known.json").calibration.shading == read_camera(folder / "camera.json").calibration.shading
+
+
+def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path) -> None:
+    outcome = run("calibrate", "--flat", next(folder.glob("flat0.6*.dng")), "-o", tmp_path / "camera.json")
+    assert outcome.code == 0, outcome.err
+    assert "no noise was measured: flat frames: no two unclipped frames" in outcome.err
+    assert list(read_camera(tmp_path / "camera.json").measured) == ["shading"]
+
+
+def test_even_frames_replace_a_shading(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "camera.json").write_bytes((folder / "camera.json").read_bytes())
+    assert run("simulate", f"flat:{SIZE}", "-o", tmp_path, "--protocol", "sensor", "--light", "0.6").code == 0
+    outcome = run("calibrate", "--flat", tmp_path / f"flat-{SIZE}.dng", "-o", tmp_path / "camera.json", "--update")
+    assert outcome.code == 0, outcome.err
+    assert "no shading: 1 flat frame, even to" in outcome.out
+    camera, shot = read_camera(tmp_path / "camera.json"), read_dng(folder / "true" / f"builtin-{SIZE}.dng")
+    assert camera.calibration.shading is None
+    assert camera.measured["shading"]["frames"] == 1
+    assert shot.calibration.shading is not None
+    assert camera.calibrated(shot).calibration.shading is None  # what is measured counts more than what the shot says
 
 
 def test_an_update_keeps_it(folder: Path, tmp_path: Path) -> None:
@@ -104,7 +139,10 @@ def usage(outcome: Outcome, words: str) -> bool:
 def test_impossible_lenses_are_usage(folder: Path, tmp_path: Path) -> None:
     for text in ("9,0", "1,99", "much", "1,2,3", "-1"):
         assert usage(run("simulate", "flat:60x40", "-o", tmp_path, f"--shading={text}"), "expected STOPS,PERCENT")
+    assert run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "0,0").code == 0
+    assert run("simulate", "flat:6x6", "-o", tmp_path, "--shading", "2,15").code == 0
+    assert [read_dng(tmp_path / f"flat-{size}.dng").calibration.shading is None for size in ("60x40", "6x6")] == [True, False]
     camera = "--camera", folder / "camera.json"
     assert usage(run("simulate", "flat:60x40", "-o", tmp_path, "--shading", "1,5", *camera), "has its own shading")
-    assert run("simulate", "flat:60x40", "-o", tmp_path, *camera).code == 0  # the camera's own
+    assert run("simulate", "flat:60x40", "-o", tmp_path, "--overwrite", *camera).code == 0  # the camera's own
     assert read_dng(tmp_path / "flat-60x40.dng").calibration.shading is not None

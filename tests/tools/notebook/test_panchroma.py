@@ -17,10 +17,11 @@ import offline
 import panchroma
 from panchroma import wording
 from panchroma.wording import for_notebooks
-from shared import Camera, CaptureMetadata, CfaPattern, SensorCalibration, Shading, read_dng
+from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.pictures.writer import POSSIBLE, PictureKind
+from tools.scenes.lens import lens_aberration, lens_shading
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -294,3 +295,16 @@ def test_a_missing_package_is_named_with_the_remedy() -> None:
 
     with pytest.raises(ModuleNotFoundError, match=r"numba is not installed.*pip install"):
         needing()
+
+
+def test_a_simulated_lens_is_undone() -> None:
+    shot = panchroma.simulate("builtin:120x90", shading=(1.5, 10), aberration=(1, -1), light=1)
+    calibration = shot.mosaic.calibration
+    assert calibration.lens == (lens_shading(1.5, 0.1, 4, (90, 120)), lens_aberration(1, -1, 3, (90, 120)))
+    bare = Mosaic(shot.mosaic.codes, shot.mosaic.pattern, replace(calibration, shading=None, aberration=None))
+    assert shot.truth is not None
+    truth = shot.truth.rgb
+    undone, left = (np.square(panchroma.render(each).rgb - truth).mean() for each in (shot, replace(shot, mosaic=bare)))
+    assert undone < 0.5 * left
+    with pytest.raises(panchroma.PanchromaError, match="aberration is 3, expected two numbers"):
+        panchroma.simulate("builtin:60x40", aberration=3)  # type: ignore[arg-type]

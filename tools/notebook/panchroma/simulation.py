@@ -17,6 +17,7 @@ from shared.sensor import simulate_additive, simulate_sensor
 from tools.commands.simulate import calibration_before
 from tools.scenes.decoders import Decoded, decode_array
 from tools.scenes.filters import filters_for
+from tools.scenes.lens import SimulatedLens
 from tools.scenes.load import load_scene
 from tools.scenes.picture import picture_scene
 from tools.scenes.scene import Scene
@@ -40,6 +41,8 @@ def simulate(
     channels: str | None = None,
     linear: bool = False,
     camera: str | Path | None = None,
+    shading: tuple[float, float] | None = None,
+    aberration: tuple[float, float] | None = None,
     max_pixels: int = MAX_PIXELS,
 ) -> Shot:
     """Photograph a scene with this camera. The shot keeps what it saw as its `truth`.
@@ -60,7 +63,11 @@ def simulate(
     seed: of the noise.
     channels: letters of an array's channels, in their order; by default "RGB", or those of the pattern if there are as many.
     linear: take the values of a picture file, or an array of integers, as linear light.
-    camera: a camera.json (from `panchroma calibrate`), whose gamma, noise, levels and colours the sensor has.
+    camera: a camera.json (from `panchroma calibrate`), whose gamma, noise, levels, colours and lens it has.
+    shading: (2, 15) is a lens whose corners are two stops darker, with 15 % less of the first channel there and as much more of the
+        last one than of panchromatic light.
+    aberration: (1, -0.5) is a lens with lateral chromatic aberration: in the corners the first channel shows what lies a pixel
+        further out, the last one what lies half a pixel further in.
     max_pixels: a larger file is refused.
     Raises PanchromaError for a scene that cannot be read, or that lacks channels of the pattern.
 
@@ -80,9 +87,11 @@ def simulate(
     if seed < 0:
         raise InputError(f"seed is {seed}, expected 0 or more")
     known = None if camera is None else read_camera(camera)
+    lens = SimulatedLens.parsed(_text(shading), _text(aberration))
     tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
     if known:
         known.check_pattern(tile)
+        lens.check(known.calibration, camera)
     seen = _scene(scene, tile.channels, channels, linear, max_pixels)
     filters = filters_for(tile, seen)
     sensor = known.calibration if known else SensorCalibration(tile.channels, sensor="simulated")
@@ -90,6 +99,7 @@ def simulate(
         levels = SensorCalibration.of_bits(_BITS if bits is None else bits, headroom=light is None, channels=tile.channels)
         sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
     sensor = calibration_before(seen, filters, sensor, measured=known is not None)
+    sensor = lens.before(sensor, (seen.rgb.shape[0], seen.rgb.shape[1]))
     rgb, rng = filters.of(seen.rgb), np.random.default_rng(seed)
     if light is None:
         mosaic = simulate_additive(rgb, tile, sensor, sigma or 0.0, rng, seen.metadata)
@@ -97,6 +107,10 @@ def simulate(
         mosaic = simulate_sensor(rgb, tile, sensor, light, rng, seen.metadata)
         rgb = rgb * np.float32(light)  # what reaches the sensor, as a render shows it
     return told(Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes)))
+
+
+def _text(pair: tuple[float, float] | None) -> str | None:
+    return None if pair is None else ",".join(map(str, pair))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:

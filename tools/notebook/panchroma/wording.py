@@ -40,6 +40,7 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("preset", "channels", "format", "space"), "a text", (str,)),
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure"), "a number", (Real,)),
+    (("shading", "aberration"), "two numbers", (tuple, list)),
     (("linear", "learned", "overwrite"), "True or False", (bool, np.bool_)),
     (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
     (("calibration",), "a shared.SensorCalibration", (SensorCalibration,)),
