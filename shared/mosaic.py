@@ -20,7 +20,8 @@ class Mosaic:
         negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns
         its memory.
     Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
-    the calibration's bits, when pattern and calibration name different channels, and when its lens is that of another shape.
+    the calibration's bits, when pattern and calibration name different channels, and when shading or aberration were measured on
+    frames of another shape.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration

@@ -30,7 +30,8 @@ class SimulatedLens:
     @classmethod
     def parsed(cls, shading: str | None, aberration: str | None) -> "SimulatedLens":
         """The lens that two options ask for; zeros ask for nothing. Raises InputError for any other text."""
-        pairs = shading and parsed_shading(shading), aberration and parsed_aberration(aberration)
+        texts = (parsed_shading, shading), (parsed_aberration, aberration)
+        pairs = (None if text is None else parse(text) for parse, text in texts)
         return cls(*(pair if pair and any(pair) else None for pair in pairs))
 
     def check(self, known: SensorCalibration, source: object) -> None:

@@ -32,7 +32,7 @@ def test_a_shot_states_it_and_render_undoes_it(tmp_path: Path) -> None:
 
 
 def test_impossible_lenses_are_usage(tmp_path: Path) -> None:
-    for text in ("1", "much,1", "1,2,3", "21,0", "nan,0"):
+    for text in ("", "1", "much,1", "1,2,3", "21,0", "nan,0"):
         outcome = run("simulate", "flat:60x40", "-o", tmp_path, f"--aberration={text}")
         assert outcome.code == 2
         assert "expected PIXELS,PIXELS" in outcome.err
