@@ -1,7 +1,7 @@
 """From raw frames to the viewfinder, with two frames in hand, so that a step that one core does alone leaves no core idle."""
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from threading import Lock
 from types import TracebackType
 
@@ -13,6 +13,7 @@ from shared.errors import InputError
 from .viewfinder import Viewfinder
 
 _IN_HAND = 2
+_POLL = 0.1  # seconds
 _STEPS = 3  # unpacking and balancing; the preview, on all cores; the JPEG
 
 
@@ -30,13 +31,17 @@ def show_frames(
     source, balance = iter(frames), SteadyWhite()
     steps = tuple(Lock() for _ in range(_STEPS))
 
-    def work(_: int) -> None:
+    def work() -> None:
         while _show_next(source, steps, sensor, balance, preview, finder, refused):
             pass
 
     with ThreadPoolExecutor(_IN_HAND, "show") as pool:
-        for _ in pool.map(work, range(_IN_HAND)):
-            pass  # raises the error
+        working = [pool.submit(work) for _ in range(_IN_HAND)]
+        # Not without end: a signal that another thread gets is handled when the main thread wakes.
+        while wait(working, _POLL).not_done:
+            pass
+        for each in working:
+            each.result()  # raises the error
 
 
 def _show_next(

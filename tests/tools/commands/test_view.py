@@ -1,3 +1,4 @@
+import ctypes
 import errno
 import json
 import os
@@ -384,14 +385,18 @@ class Command:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
-def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: int) -> None:
+@pytest.mark.parametrize("thread", ["main", "another"])
+def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: int, thread: str) -> None:
     with Command() as command:
         host, _, port = command.url.removeprefix("http://").rstrip("/").partition(":")
         connection = HTTPConnection(host, int(port), timeout=60)
         connection.request("GET", "/stream.mjpg")
         stream = pictures(connection.getresponse())
         assert imagecodecs.jpeg8_decode(next(stream)).shape == (128, 192, 3)
-        assert command.end(number) == (code, "")
+        pid = command.process.pid
+        others = (int(task.name) for task in Path(f"/proc/{pid}/task").iterdir() if task.name != str(pid))
+        assert ctypes.CDLL(None).tgkill(pid, pid if thread == "main" else next(others), number) == 0
+        assert command.wait() == (code, "")
 
 
 def test_a_camera_that_breaks_off_ends_it() -> None:
