@@ -8,7 +8,7 @@ Flat frames have few colour samples. How a colour differs from panchromatic vari
 that its map has fewer control points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -88,7 +88,7 @@ def measure_shading(frames: Sequence[Mosaic]) -> ShadingResult:
 
     Raises InputError with the reason if they do not tell it.
     """
-    focal = _focal_length(frames)
+    focal = common_focal_length((frame.metadata.focal_length for frame in frames), "flat frames")
     pattern, shape = frames[0].pattern, frames[0].shape
     light, used = _unclipped(frames, pattern.panchromatic_mask(shape))
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
@@ -109,11 +109,11 @@ def measure_shading(frames: Sequence[Mosaic]) -> ShadingResult:
     return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), used, error)
 
 
-def _focal_length(frames: Sequence[Mosaic]) -> float | None:
-    """Return the focal length of the lens, if the frames tell it. Raises InputError if they tell several."""
-    known = sorted(each for frame in frames if (each := frame.metadata.focal_length) is not None)
+def common_focal_length(lengths: Iterable[float | None], kind: str) -> float | None:
+    """Return the focal length of the lens, if frames of a kind tell it. Raises InputError if they tell several."""
+    known = sorted(each for each in lengths if each is not None)
     if known and known[-1] > known[0] * (1 + _ZOOMED):
-        raise InputError(f"flat frames: their focal lengths are {known[0]:g} to {known[-1]:g} mm; take all with the same")
+        raise InputError(f"{kind}: their focal lengths are {known[0]:g} to {known[-1]:g} mm; take all with the same")
     return known[0] if known else None
 
 
