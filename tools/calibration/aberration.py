@@ -17,7 +17,7 @@ from shared import Aberration
 from shared.arrays import DoubleArray, IndexArray
 from shared.errors import InputError
 
-from .edges import TILES, Edges, Looked
+from .edges import Edges, Looked
 from .shading import common_focal_length
 
 _RADII = (0.5, 0.75, 1.0)  # shares of half the diagonal, where a displacement may be seen
@@ -76,15 +76,15 @@ class AberrationResult:
 
 
 class _Seen(NamedTuple):
-    """One Gauss-Newton step; Q unknowns, T tiles of all shots.
+    """One Gauss-Newton step in a shot; Q unknowns, L rows or columns of windows.
 
-    gradient: (T, Q); weight: (T, Q, Q).
+    gradient: (L, Q); weight: (L, Q, Q); both of rows, then of columns.
     ring_gradient, ring_weight: likewise of a displacement along the radius in each ring, (R, C - 1), (R, C - 1, C - 1).
     shares: (N, C), of the channels in luminance, by their slopes over it.
     """
 
-    gradient: DoubleArray
-    weight: DoubleArray
+    gradient: tuple[DoubleArray, DoubleArray]
+    weight: tuple[DoubleArray, DoubleArray]
     ring_gradient: DoubleArray
     ring_weight: DoubleArray
     shares: DoubleArray
@@ -102,7 +102,7 @@ def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
     others = [each for each in range(len(channels)) if each != reference]
     terms, seen = _fitted(shots, others, reference)
     likely = np.diag(np.tile(_LIKELY**-2, len(others)))
-    weight = sum(each.weight.sum(axis=0) for each in seen) + likely
+    weight = sum(each.weight[0].sum(axis=0) for each in seen) + likely
     spread = _jackknife(seen, weight)
     half = float(np.hypot(shape[0] - 1, shape[1] - 1)) / 2
     _check(shots, seen, terms[others], spread, likely, half)
@@ -129,8 +129,8 @@ def _fitted(shots: Sequence[Edges], others: Sequence[int], reference: int) -> tu
         seen = [_looked(shot, terms, each, others) for shot, each in zip(shots, shares, strict=True)]
         shares = [each.shares for each in seen]
         likely = np.tile(_LIKELY**-2, len(others))
-        weight = sum(each.weight.sum(axis=0) for each in seen) + np.diag(likely)
-        gradient = sum(each.gradient.sum(axis=0) for each in seen) - likely * terms[others].ravel()
+        weight = sum(each.weight[0].sum(axis=0) for each in seen) + np.diag(likely)
+        gradient = sum(each.gradient[0].sum(axis=0) for each in seen) - likely * terms[others].ravel()
         step = np.linalg.solve(weight, gradient)
         if np.abs(step).max() < _STILL:
             break
@@ -244,8 +244,8 @@ def _looked(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequen
     in_rings = _sums([local.left(relative[..., each] * outwards)[0] for each in others], local.weight, residual)
     ring = np.minimum((radius.mean(axis=1) * _RINGS).astype(int), _RINGS - 1)
     return _Seen(
-        _grouped(gradient, shot.tile, TILES**2),
-        _grouped(weight, shot.tile, TILES**2),
+        (_grouped(gradient, shot.line[0]), _grouped(gradient, shot.line[1])),
+        (_grouped(weight, shot.line[0]), _grouped(weight, shot.line[1])),
         _grouped(in_rings[0], ring, _RINGS),
         _grouped(in_rings[1], ring, _RINGS),
         _mixed(slope, shot),
@@ -280,23 +280,28 @@ def _sums(design: Sequence[DoubleArray], weight: DoubleArray, residual: DoubleAr
     return np.einsum("nsq,ns->nq", weighted, residual), weighted.transpose(0, 2, 1) @ stacked
 
 
-def _grouped(values: DoubleArray, group: IndexArray, number: int) -> DoubleArray:
-    """Return the sums of values, (N, ...), over each of a number of groups."""
-    return np.stack([values[group == each].sum(axis=0) for each in range(number)])
+def _grouped(values: DoubleArray, group: IndexArray, number: int = 0) -> DoubleArray:
+    """Return the sums of values, (N, ...), over each group; number: of groups, at least."""
+    sums = np.zeros((max(number, int(group.max()) + 1), *values.shape[1:]))
+    np.add.at(sums, group, values)
+    return sums
 
 
 def _jackknife(seen: Sequence[_Seen], weight: DoubleArray) -> DoubleArray:
-    """Return the covariance of the unknowns, (Q, Q), from how they change without one row or column of tiles.
+    """Return the covariance of the unknowns, (Q, Q), from how they change without one row or column of windows.
 
     An edge has the same error all along: that of its place in the pattern.
     """
-    gradient, weights = (sum(getattr(each, name) for each in seen) for name in ("gradient", "weight"))
     spread = np.zeros_like(weight)
     for axis in (0, 1):
-        without, known = (total.reshape(TILES, TILES, *total.shape[1:]).sum(axis=axis) for total in (gradient, weights))
-        whole = without.sum(axis=0)
-        changes = np.linalg.solve(weight - known, (whole - without)[..., None])[..., 0] - np.linalg.solve(weight, whole)
-        spread += (TILES - 1) / TILES * changes.T @ changes
+        number = max(len(each.gradient[axis]) for each in seen)
+        gradient, known = np.zeros((number, len(weight))), np.zeros((number, *weight.shape))
+        for each in seen:
+            gradient[: len(each.gradient[axis])] += each.gradient[axis]
+            known[: len(each.weight[axis])] += each.weight[axis]
+        whole = gradient.sum(axis=0)
+        changes = np.linalg.solve(weight - known, (whole - gradient)[..., None])[..., 0] - np.linalg.solve(weight, whole)
+        spread += (number - 1) / number * changes.T @ changes
     return spread
 
 
@@ -353,8 +358,8 @@ def _check(
             f"shots with edges: the displacement in the corners is {largest:.1f} pixels, {most:.2g} are allowed; is it a lens?"
         )
     for shot, each in zip(shots, seen, strict=True):
-        weight = each.weight.sum(axis=0) + likely
-        away = corner @ np.linalg.solve(weight, each.gradient.sum(axis=0) - likely @ terms.ravel())
+        weight = each.weight[0].sum(axis=0) + likely
+        away = corner @ np.linalg.solve(weight, each.gradient[0].sum(axis=0) - likely @ terms.ravel())
         own = _jackknife([each], weight)
         allowed = _APART + _ERRORS * np.sqrt(np.diag(corner @ own @ corner.T))
         if len(shots) > 1 and (np.abs(away) > allowed).any():

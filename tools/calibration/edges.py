@@ -24,7 +24,7 @@ _FILLING = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, d
 REACH = 6.0  # pixels: the farthest displacement that is looked at
 _MARGIN = 9  # pixels around a window: the reach, and what cubic splines see beyond
 _SIDE, _BLOCKS = 24, 3  # pixels along a side of a window, and blocks, at least
-TILES = 8  # along an axis: edges are taken from everywhere
+_TILES = 8  # along an axis: edges are taken from everywhere
 _MOST_SAMPLES = 160_000  # colour samples of a shot
 _LEAST = 12  # windows
 _FLAT = 0.01  # share of the light: less contrast than this is no edge
@@ -57,7 +57,7 @@ class Edges:
     channels, gamma: of the camera.
     channel: (S,), of each sample.
     place: (S, 2), row and column of each sample in its window.
-    tile: (N,), part of the frame that a window lies in.
+    line: (2, N), row and column of windows that a window lies in.
     down, right: (N, S), where samples lie, from the middle of the frame, in half diagonals.
     sample: (N, S), scene units; variance: (N, S), of its noise.
     noise: (N, 1), variance of the noise of luminance.
@@ -70,7 +70,7 @@ class Edges:
     gamma: DoubleArray
     channel: IndexArray
     place: IndexArray
-    tile: IndexArray
+    line: IndexArray
     down: DoubleArray
     right: DoubleArray
     sample: DoubleArray
@@ -97,11 +97,11 @@ class Edges:
     def chosen(self, which: IndexArray) -> "Edges":
         """Return some of the windows."""
         count = len(self.sample)
-        parts = {name: getattr(self, name)[which] for name in ("tile", "down", "right", "sample", "variance", "noise")}
+        parts = {name: getattr(self, name)[which] for name in ("down", "right", "sample", "variance", "noise")}
         for name in ("_spline", "_curvature"):
             plane = getattr(self, name)
             parts[name] = plane.reshape(count, -1, plane.shape[1])[which].reshape(-1, plane.shape[1])
-        return replace(self, **parts)
+        return replace(self, line=self.line[:, which], **parts)
 
     def of_channels(self, values: DoubleArray) -> DoubleArray:
         """Return sums over the samples of each channel: (N, S) -> (N, C)."""
@@ -129,12 +129,12 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     down, right = np.gradient(luminance)
     slopes = (down**2 + right**2) / (unsure + (_FLAT * np.maximum(luminance, _DARK * full)) ** 2)
     score = _sums(slopes, top, left, side)
-    tile = top * TILES // shape[0] * TILES + left * TILES // shape[1]
+    tile = top * _TILES // shape[0] * _TILES + left * _TILES // shape[1]
     per_window = len(pattern.sites) * (side // pattern.period) ** 2
-    kept = _strongest(np.where(clipped, 0, score), tile, max(1, _MOST_SAMPLES // per_window // TILES**2))
+    kept = _strongest(np.where(clipped, 0, score), tile, max(1, _MOST_SAMPLES // per_window // _TILES**2))
     if len(kept) < _LEAST:
         raise InputError(_reason(clipped, signal, full))
-    top, left, tile = top[kept], left[kept], tile[kept]
+    top, left = top[kept], left[kept]
     curvature = ndimage.gaussian_filter(ndimage.laplace(luminance) ** 2, _HOLES) - _CURVED * unsure
     planes = pattern.filter_map((side, side), (int(top[0]), int(left[0])))
     place = np.argwhere(planes < len(pattern.channels))
@@ -154,7 +154,7 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
         np.array(even.calibration.gamma) if gamma is None else gamma,
         channel,
         place,
-        tile,
+        np.stack([top, left]) // side,
         (rows - (shape[0] - 1) / 2) / half,
         (columns - (shape[1] - 1) / 2) / half,
         sample,
@@ -173,7 +173,8 @@ def _noise(calibration: SensorCalibration, mosaic: Mosaic) -> NoiseModel:
 def _cut(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int) -> FloatArray:
     """Return windows of a plane with their margins, (N, height, width)."""
     reach = np.arange(-_MARGIN, side + _MARGIN)
-    return plane[(top[:, None] + reach)[:, :, None], (left[:, None] + reach)[:, None, :]].astype(np.float32)
+    windows: FloatArray = plane[(top[:, None] + reach)[:, :, None], (left[:, None] + reach)[:, None, :]].astype(np.float32)
+    return windows
 
 
 def _sums(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int, margin: int = 0) -> DoubleArray:
