@@ -31,7 +31,7 @@ _TRIED = 0.5  # pixels between displacements that are tried first
 _TRIED_WINDOWS = 400  # of a shot
 _LIKELY = np.array([3.0, 3.0, 0.3, 0.3, 0.3])  # pixels: standard deviations of the terms of a displacement before it is measured
 _TERMS = len(_LIKELY)  # linear and cubic along the radius, shift down and right, turn
-_ROUNDS, _STILL, _STEP = 15, 2e-3, 1.0  # Gauss-Newton steps; pixels: smaller ones are none, larger ones are cut
+_ROUNDS, _STILL, _STEP = 40, 2e-3, 1.0  # Gauss-Newton steps; pixels: smaller ones are none, larger ones are cut
 _FILLED = 0.36  # standard deviation of filled luminance over its curvature
 _COLOURED = 0.3  # pixels of its slope: colours differ beside edges
 _COARSE = 0.003  # share of a sample that is not known better
@@ -236,12 +236,23 @@ def _looked(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequen
     local, slope = _robust(shot, light)
     residual, _ = local.residual()
     along = slope[:, shot.channel]
-    terms_seen = [along * (light.down * each + light.right * other) for each, other in zip(down, right, strict=True)]
-    design = [local.left(relative[..., each] * seen)[0] for each in others for seen in terms_seen]
-    gradient, weight = _sums(design, local.weight, residual)
+
+    def seen(down: DoubleArray, right: DoubleArray, slopes: tuple[DoubleArray, DoubleArray]) -> list[DoubleArray]:
+        changes = along * (slopes[0] * down + slopes[1] * right)
+        return [local.left(relative[..., each] * changes)[0] for each in others]
+
+    def sums(directions):
+        near, wide = (
+            [seen(*each, slopes) for each in directions]
+            for slopes in ((light.down, light.right), (light.wide_down, light.wide_right))
+        )
+        return _sums(
+            *([term[place] for place in range(len(others)) for term in each] for each in (near, wide)), local.weight, residual
+        )
+
+    gradient, weight = sums(list(zip(down, right, strict=True)))
     radius = np.maximum(np.sqrt(square), 1e-9)
-    outwards = along * (light.down * shot.down + light.right * shot.right) / radius
-    in_rings = _sums([local.left(relative[..., each] * outwards)[0] for each in others], local.weight, residual)
+    in_rings = sums([(shot.down / radius, shot.right / radius)])
     ring = np.minimum((radius.mean(axis=1) * _RINGS).astype(int), _RINGS - 1)
     return _Seen(
         (_grouped(gradient, shot.line[0]), _grouped(gradient, shot.line[1])),
@@ -273,11 +284,15 @@ def _robust(shot: Edges, light: Looked) -> tuple[_Local, DoubleArray]:
     return local, slope
 
 
-def _sums(design: Sequence[DoubleArray], weight: DoubleArray, residual: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """Return, of each window, the gradient (N, Q) and the weight (N, Q, Q) of Q unknowns; design: Q times (N, S)."""
-    stacked = np.stack(design, axis=2)
-    weighted = stacked * weight[..., None]
-    return np.einsum("nsq,ns->nq", weighted, residual), weighted.transpose(0, 2, 1) @ stacked
+def _sums(
+    design: Sequence[DoubleArray], instruments: Sequence[DoubleArray], weight: DoubleArray, residual: DoubleArray
+) -> tuple[DoubleArray, DoubleArray]:
+    """Return, of each window, the gradient (N, Q) and the weight (N, Q, Q) of Q unknowns.
+
+    design: Q times (N, S), how samples change with the unknowns; instruments: likewise, not correlated with what is filled in.
+    """
+    weighted = np.stack(instruments, axis=2) * weight[..., None]
+    return np.einsum("nsq,ns->nq", weighted, residual), weighted.transpose(0, 2, 1) @ np.stack(design, axis=2)
 
 
 def _grouped(values: DoubleArray, group: IndexArray, number: int = 0) -> DoubleArray:

@@ -21,8 +21,9 @@ from .samples import CLIPPED
 
 # Twice the paper's iterations: luminance in the holes is what limits how well edges are found.
 _FILLING = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
-REACH = 6.0  # pixels: the farthest displacement that is looked at
-_MARGIN = 9  # pixels around a window: the reach, and what cubic splines see beyond
+_SEEN = 9.0  # pixels: the farthest that is looked
+_NEAR, _WIDE = 0.5, 1.0  # pixels to each side of a slope
+_MARGIN = 11  # pixels around a window: the reach, and what cubic splines see beyond
 _SIDE, _BLOCKS = 24, 3  # pixels along a side of a window, and blocks, at least
 _TILES = 8  # along an axis: edges are taken from everywhere
 _MOST_SAMPLES = 160_000  # colour samples of a shot
@@ -38,12 +39,15 @@ class Looked(NamedTuple):
 
     value: as splines have it.
     down, right: its derivatives, per pixel.
+    wide_down, wide_right: differences over more pixels, which know less of how wrong `value` is.
     unsure: variance of what is filled in, up to a factor.
     """
 
     value: DoubleArray
     down: DoubleArray
     right: DoubleArray
+    wide_down: DoubleArray
+    wide_right: DoubleArray
     unsure: DoubleArray
 
 
@@ -85,12 +89,15 @@ class Edges:
 
     def looked(self, down: DoubleArray, right: DoubleArray) -> Looked:
         """Return luminance, and what is known of it, where samples are displaced by so much, pixels, (N, S)."""
-        low, high, left, far = (self.luminance(down + y, right + x) for y, x in ((-0.5, 0), (0.5, 0), (0, -0.5), (0, 0.5)))
-        return Looked(self.luminance(down, right), high - low, far - left, self._at(self._curvature, down, right, 1))
+        slopes = [
+            (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * (y + x))
+            for y, x in ((_NEAR, 0.0), (0.0, _NEAR), (_WIDE, 0.0), (0.0, _WIDE))
+        ]
+        return Looked(self.luminance(down, right), *slopes, self._at(self._curvature, down, right, 1))
 
     def _at(self, plane: FloatArray, down: DoubleArray, right: DoubleArray, order: Literal[1, 3]) -> DoubleArray:
         first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
-        y, x = first + self.place[:, 0] + np.clip(down, -REACH, REACH), self.place[:, 1] + np.clip(right, -REACH, REACH)
+        y, x = first + self.place[:, 0] + np.clip(down, -_SEEN, _SEEN), self.place[:, 1] + np.clip(right, -_SEEN, _SEEN)
         values: DoubleArray = ndimage.map_coordinates(plane, np.stack([y, x + _MARGIN]), np.float64, order, prefilter=False)
         return values
 
