@@ -89,11 +89,12 @@ class Edges:
 
     def looked(self, down: DoubleArray, right: DoubleArray) -> Looked:
         """Return luminance, and what is known of it, where samples are displaced by so much, pixels, (N, S)."""
-        slopes = [
-            (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * (y + x))
-            for y, x in ((_NEAR, 0.0), (0.0, _NEAR), (_WIDE, 0.0), (0.0, _WIDE))
-        ]
-        return Looked(self.luminance(down, right), *slopes, self._at(self._curvature, down, right, 1))
+
+        def slope(y: float, x: float) -> DoubleArray:
+            return (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * (y + x))
+
+        near, wide = (slope(_NEAR, 0), slope(0, _NEAR)), (slope(_WIDE, 0), slope(0, _WIDE))
+        return Looked(self.luminance(down, right), *near, *wide, self._at(self._curvature, down, right, 1))
 
     def _at(self, plane: FloatArray, down: DoubleArray, right: DoubleArray, order: Literal[1, 3]) -> DoubleArray:
         first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
