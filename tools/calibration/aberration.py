@@ -25,6 +25,7 @@ _ASKEW = 0.3  # pixels: shift, or turn in the corners, beyond its error
 _APART = 0.3  # pixels: of a shot in the corners, beyond its error
 _MOST_SHARE = 0.05  # displacement in the corners, share of half the diagonal
 _RING_ERROR = 0.5  # pixels of rings: those that are known worse are not shown
+_SCALE = 0.05  # of a displacement: it is not known better, since channels that are displaced blur luminance
 _DIGITS = 6
 
 
@@ -81,8 +82,9 @@ def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
         block = spread[place * TERMS :, place * TERMS :][:2, :2]
         for radius in _RADII:
             powers = np.array([radius, radius**3])
-            error[each] = float(powers @ block @ powers) ** 0.5  # the last one is that of the corners
-            clear |= abs(powers @ curve[each]) >= max(_LEAST, _ERRORS * error[each])
+            moved = abs(float(powers @ curve[each]))
+            error[each] = np.hypot(float(powers @ block @ powers) ** 0.5, _SCALE * moved)  # the last one is that of the corners
+            clear |= moved >= max(_LEAST, _ERRORS * error[each])
     radial = [[float(f"{value / half:.{_DIGITS}g}") for value in pair] for pair in curve.tolist()]
     aberration = Aberration(radial, shape, focal) if clear else None  # type: ignore[arg-type]
     return AberrationResult(aberration, channels, len(shots), curve.sum(axis=1), error, curve, _rings(seen, curve, others))
@@ -116,18 +118,11 @@ def _check(
     corner = np.kron(np.eye(len(terms)), [1.0, 1.0, 0.0, 0.0, 0.0])  # (others, Q)
     error = np.sqrt(np.diag(corner @ spread @ corner.T))
     rings = sum(np.trace(each.ring_weight, axis1=1, axis2=2) for each in seen)
-    far = float(rings[int(_FAR * RINGS) :].sum() / rings.sum())
+    far = float(rings[round(_FAR * RINGS) :].sum() / rings.sum())
     if far < _FAR_SHARE:
         raise InputError(
             f"shots with edges: hardly any edges are farther from the middle than {100 * _FAR:.0f} % of half the diagonal; "
             "take shots with edges in the corners"
-        )
-    largest = np.abs(terms[:, :2].sum(axis=1)).max()
-    allowed = max(_WORST, min(largest / _ERRORS, 2 * _WORST))
-    if not error.max() <= allowed:
-        raise InputError(
-            f"shots with edges: they tell the displacement in the corners, {largest:.2g} pixels, only to ±{error.max():.2g} (standard "
-            f"error), {allowed:.2g} is allowed; take more shots, with more sharp edges all over the frame, well exposed"
         )
     astray = terms[:, 2:]
     unsure = np.sqrt(np.diag(spread)).reshape(terms.shape)[:, 2:]
@@ -137,17 +132,25 @@ def _check(
             f"shots with edges: a colour is displaced by {shift:.2g} pixels all over the frame, and turned by {turn:.2g} pixels in "
             f"the corners, {_ASKEW:g} are allowed; a lens displaces along the radius. Is it askew, or were the shots altered?"
         )
-    if largest > (most := min(FARTHEST, _MOST_SHARE * half)):
-        raise InputError(
-            f"shots with edges: the displacement in the corners is {largest:.1f} pixels, {most:.2g} are allowed; is it a lens?"
-        )
     for shot, each in zip(shots, seen, strict=True):
         weight = each.weight[0].sum(axis=0) + likely
         away = corner @ np.linalg.solve(weight, each.gradient[0].sum(axis=0) - likely @ terms.ravel())
         own = jackknife([each], weight)
-        allowed = _APART + _ERRORS * np.sqrt(np.diag(corner @ own @ corner.T))
-        if len(shots) > 1 and (np.abs(away) > allowed).any():
+        off = _APART + _ERRORS * np.sqrt(np.diag(corner @ own @ corner.T))
+        if len(shots) > 1 and (np.abs(away) > off).any():
             raise InputError(
                 f"{shot.name} shows a displacement in the corners that is {np.abs(away).max():.2g} pixels off that of the other "
                 "shots; take all with one lens, at one focal length and focus"
             )
+    largest = np.abs(terms[:, :2].sum(axis=1)).max()
+    if largest - _ERRORS * error.max() > (most := min(FARTHEST, _MOST_SHARE * half)):
+        raise InputError(
+            f"shots with edges: the displacement in the corners is {largest:.1f} pixels, {most:.2g} are allowed; is it a lens?"
+        )
+    allowed = max(_WORST, min(largest / _ERRORS, 2 * _WORST))
+    if not error.max() <= allowed:
+        told = f"{largest:.2g} pixels, only to ±{error.max():.2g} (standard error), {allowed:.2g} is allowed"
+        raise InputError(
+            f"shots with edges: they tell the displacement in the corners, {told}; take more shots, with more sharp edges all over "
+            "the frame, well exposed"
+        )

@@ -17,10 +17,10 @@ from .edges import Edges, Looked
 FARTHEST = 5.0  # pixels: displacement in the corners that is looked for
 RINGS = 8  # of the frame
 _TRIED = 0.5  # pixels between displacements that are tried first
-_TRIED_WINDOWS = 400  # of a shot
+_TRIED_WINDOWS = 150  # of a shot
 LIKELY = np.array([1.5, 1.5, 0.3, 0.3, 0.3])  # pixels: standard deviations of the terms of a displacement before it is measured
 TERMS = len(LIKELY)  # linear and cubic along the radius, shift down and right, turn
-_ROUNDS, _STILL, _STEP = 40, 2e-3, 1.0  # Gauss-Newton steps; pixels: smaller ones are none, larger ones are cut
+_ROUNDS, _STILL, _STEP = 30, 5e-3, 1.0  # Gauss-Newton steps; pixels: smaller ones are none, larger ones are cut
 _FILLED = 0.36  # standard deviation of filled luminance over its curvature
 _COLOURED = 0.3  # pixels of its slope: colours differ beside edges
 _COARSE = 0.003  # share of a sample that is not known better

@@ -13,7 +13,7 @@ from offline import PAPER
 from offline.luminance import recover_luminance
 from offline.noise import estimate_noise
 from shared import Mosaic, SensorCalibration
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 
@@ -26,10 +26,12 @@ _NEAR, _WIDE = 0.5, 1.0  # pixels to each side of a slope
 _MARGIN = 11  # pixels around a window: the reach, and what cubic splines see beyond
 _SIDE, _BLOCKS = 24, 3  # pixels along a side of a window, and blocks, at least
 _TILES = 8  # along an axis: edges are taken from everywhere
-_MOST_SAMPLES = 160_000  # colour samples of a shot
+_MOST_SAMPLES = 100_000  # colour samples of a shot
 _LEAST = 12  # windows
 _FLAT = 0.01  # share of the light: less contrast than this is no edge
-_DARK = 1e-3  # of full scale
+_EVERY, _DARK = 7, 0.01  # pixels that are looked at; share of full scale that the brightest of them have to exceed
+_BLACK = 1e-3  # of full scale
+_NOISY = 1.5  # times what noise alone has: windows with less have no edges
 _HOLES = 0.7  # pixels: standard deviation of the mean of squared curvature
 _CURVED = 20  # times the variance of noise that it adds to the squared Laplacian
 
@@ -124,6 +126,8 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     """
     even = mosaic.evenly_shaded()
     pattern, shape, signal, full = even.pattern, even.shape, even.signal, even.calibration.full_scale
+    if np.quantile(signal[::_EVERY, ::_EVERY], 0.99) < _DARK * full:
+        raise InputError("it is dark; expose more")
     luminance = recover_luminance(even, _FILLING)
     noise = _noise(even.calibration, even)
     unsure = noise.shot[-1] * np.maximum(luminance, 0) + noise.read[-1] ** 2
@@ -135,13 +139,17 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     top, left = (each.ravel() for each in np.meshgrid(*corners, indexing="ij"))
     clipped = _sums((signal >= CLIPPED * full).astype(np.float32), top, left, side, _MARGIN) > 0
     down, right = np.gradient(luminance)
-    slopes = (down**2 + right**2) / (unsure + (_FLAT * np.maximum(luminance, _DARK * full)) ** 2)
+    slopes = (down**2 + right**2) / (unsure + (_FLAT * np.maximum(luminance, _BLACK * full)) ** 2)
     score = _sums(slopes, top, left, side)
     tile = top * _TILES // shape[0] * _TILES + left * _TILES // shape[1]
     per_window = len(pattern.sites) * (side // pattern.period) ** 2
-    kept = _strongest(np.where(clipped, 0, score), tile, max(1, _MOST_SAMPLES // per_window // _TILES**2))
+    kept = _strongest(
+        np.where(clipped | (score < _NOISY * side**2), 0, score), tile, max(1, _MOST_SAMPLES // per_window // _TILES**2)
+    )
     if len(kept) < _LEAST:
-        raise InputError(_reason(clipped, signal, full))
+        if clipped.mean() > 0.5:
+            raise InputError(f"{100 * clipped.mean():.0f} % of the frame have clipped samples; expose less")
+        raise InputError("it has hardly any edges, or is too small; take a scene with many sharp edges all over the frame")
     top, left = top[kept], left[kept]
     curvature = ndimage.gaussian_filter(ndimage.laplace(luminance) ** 2, _HOLES) - _CURVED * unsure
     planes = pattern.filter_map((side, side), (int(top[0]), int(left[0])))
@@ -199,11 +207,3 @@ def _strongest(score: DoubleArray, tile: IndexArray, most: int) -> IndexArray:
     first = np.searchsorted(tile[order], tile[order])
     taken = order[(np.arange(len(order)) - first < most) & (score[order] > 0)]
     return np.sort(taken)
-
-
-def _reason(clipped: BoolArray, signal: FloatArray, full: float) -> str:
-    if clipped.mean() > 0.5:
-        return f"{100 * clipped.mean():.0f} % of the frame have clipped samples; expose less"
-    if np.quantile(signal, 0.99) < 10 * _DARK * full:
-        return "it is dark; expose more"
-    return "it has hardly any edges, or is too small; take a scene with many sharp edges all over the frame"
