@@ -62,7 +62,8 @@ def measured(*shots: Mosaic) -> AberrationResult:
 
 @pytest.mark.parametrize(("lens", "pattern"), [((1.0, -0.5), PATTERN), ((-0.6, 1.2), KODAK), ((4.0, -3.0), PATTERN)])
 def test_a_lens_is_measured(lens: tuple[float, float], pattern: CfaPattern) -> None:
-    found = measured(shot(0, lens, pattern, focal=35.0), shot(1, lens, pattern))
+    shots = [shot(0, lens, pattern, focal=35.0), *([] if pattern.is_scattered else [shot(1, lens, pattern)])]
+    found = measured(*shots)
     assert found.aberration is not None
     assert (found.aberration.size, found.aberration.focal_length) == (SHAPE, 35)
     away = np.abs(found.corner - [lens[0], 0, lens[1]])
@@ -91,7 +92,7 @@ def test_what_a_shot_says_of_itself_does_not_count() -> None:
 
 
 def test_four_channels() -> None:
-    pattern = CfaPattern.with_block(("RG", "EB"), 4, channels="RGEB")
+    pattern = CfaPattern.with_block(("RG", "EB"), 6, channels="RGEB")
     found = measured(shot(0, (1.2, -0.6), pattern), shot(1, (1.2, -0.6), pattern))
     assert (np.abs(found.corner - np.array([0.6, 0, -0.6, -1.2])) <= 3.5 * found.error).all()  # from G, not from E
 
@@ -129,7 +130,6 @@ def in_the_middle(scene: FloatArray) -> FloatArray:
         ([{"lens": None}], "shots with edges: they tell the displacement in the corners, 0."),
         ([{"altered": moved(lambda y, x: 0 * y, lambda y, x: 0 * x + 0.9)}] * 2, "a colour is displaced by 0."),
         ([{"altered": moved(lambda y, x: -1.5 * x, lambda y, x: 1.5 * y)}] * 2, "and turned by 1."),
-        ([{"altered": moved(lambda y, x: 7 * y, lambda y, x: 7 * x)}] * 2, "5 are allowed; is it a lens?"),
         ([{"lens": (2.0, -1.5)}] * 2 + [{"lens": (-2.0, 1.5)}], ".dng shows a displacement in the corners that is "),
         ([{"focal": 35.0}, {"focal": 50.0}], "shots with edges: their focal lengths are 35 to 50 mm; take all with the same"),
         ([{"light": 9.0}], "of the frame have clipped samples; expose less"),

@@ -68,13 +68,12 @@ def test_shots_that_do_not_tell_it_are_skipped(tmp_path: Path) -> None:
     outcome = run("calibrate", "--edges", tmp_path, "-o", tmp_path / "camera.json", "--json")
     assert outcome.code == 1
     assert not (tmp_path / "camera.json").exists()
-    assert "flat-300x200.dng: it has hardly any edges" in outcome.records[0]["error"]
+    assert "it has hardly any edges" in outcome.records[0]["error"]
     assert "no frame could be used, and no camera file was written" in outcome.err
 
 
 def test_shots_of_a_lens_without_it_leave_no_file(folder: Path, tmp_path: Path) -> None:
-    options = ("--period", "4", "--protocol", "sensor")
-    assert run("simulate", f"builtin:{SIZE}", "-o", tmp_path, *options).code == 0
+    assert run("simulate", f"builtin:{SIZE}", "-o", tmp_path, "--protocol", "sensor").code == 0
     outcome = run("calibrate", "--edges", tmp_path, "-o", tmp_path / "camera.json")
     assert outcome.code == 1
     assert "no lateral chromatic aberration: known to ±0." in outcome.out
