@@ -1,7 +1,7 @@
 """Measure how well edges tell lateral chromatic aberration: python -m tests.benchmarks.edges
 
-A sensor with shot and read noise behind lenses that displace red and blue by (1, -0.5), (-0.6, 0.8), (0.2, 0) and (0, 0) pixels in the
-corners. Per set of shots: how far the displacement is off, in pixels, in the units of its standard error, and what was concluded.
+A sensor with shot and read noise behind lenses that displace red and blue by (1, -0.5), (-0.6, 0.8), (0.2, 0) and (0, 0) pixels in
+the corners. Per set of shots: how far the displacement is off, in pixels, in the units of its standard error, and what was concluded.
 Photographs are not free of aberration themselves: where theirs is not small, it is part of what is off.
 """
 
@@ -29,7 +29,7 @@ SETS = {
     "drawn scene, 1.0 MP": ("builtin:1200x800",),
     **{f"kodim{number}, 0.4 MP": (f"kodak/kodim{number}.png",) for number in ("05", "08", "24")},
     "five photographs, 0.4 MP": tuple(f"kodak/kodim{number}.png" for number in ("05", "08", "13", "23", "24")),
-    "eight photographs, 0.1 MP": tuple(f"linear/intel_tau_{number}.png" for number in "001 003 004 005 011 012 013 015".split()),
+    "eight photographs, 0.1 MP": tuple(f"linear/intel_tau_{number:03}.png" for number in (1, 3, 4, 5, 11, 12, 13, 15)),
 }
 
 
