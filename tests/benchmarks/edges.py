@@ -1,7 +1,7 @@
 """Measure how well edges tell lateral chromatic aberration: python -m tests.benchmarks.edges
 
 A sensor with shot and read noise behind lenses that displace red and blue by (1, -0.5), (-0.6, 0.8), (0.2, 0) and (0, 0) pixels in
-the corners. Per set of shots: how far the displacement is off, in pixels, in the units of its standard error, and what was concluded.
+the corners. Per set of shots: how far the displacement is off, in pixels, its standard error, and what was concluded.
 Photographs are not free of aberration themselves: where theirs is not small, it is part of what is off.
 """
 
