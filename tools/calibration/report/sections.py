@@ -161,7 +161,7 @@ def aberration(outcome: Outcome) -> str:
         for letter, corner, error in zip(found.channels, found.corner, found.error, strict=True)
     ]
     head = ("channel", "displacement in the corners, pixels", "standard error")
-    words = f"<p>{escape(found.words.capitalize())}.</p>"
+    words = f"<p>{escape(found.words[0].upper() + found.words[1:])}.</p>"
     caption = "How much further out each channel looks; points: rings of the frame by themselves, with standard errors."
     return f'<div class="pair">{_figure(aberration_plot(found), caption)}<div>{_table(head, rows)}{words}</div></div>'
 
