@@ -18,8 +18,9 @@ from .edges import Edges
 from .shading import common_focal_length
 
 _RADII = (0.5, 0.75, 1.0)  # shares of half the diagonal, where a displacement may be seen
-_LEAST, _ERRORS = 0.05, 4.0  # pixels, standard errors: less is none
-_WORST = 0.15  # pixels: standard error in the corners
+_LEAST, _CLEAR = 0.05, 5.0  # pixels, standard errors: less is none
+_WORST, _LARGEST = 0.2, 0.3  # pixels: standard error in the corners, in general, and if it is a quarter of the displacement
+_ERRORS = 4.0
 _FAR, _FAR_SHARE = 0.6, 0.05  # radius beyond which edges have to be, and the share of what is known that has to come from there
 _ASKEW = 0.3  # pixels: shift, or turn in the corners, beyond its error
 _APART = 0.3  # pixels: of a shot in the corners, beyond its error
@@ -84,7 +85,7 @@ def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
             powers = np.array([radius, radius**3])
             moved = abs(float(powers @ curve[each]))
             error[each] = np.hypot(float(powers @ block @ powers) ** 0.5, _SCALE * moved)  # the last one is that of the corners
-            clear |= moved >= max(_LEAST, _ERRORS * error[each])
+            clear |= moved >= max(_LEAST, _CLEAR * error[each])
     radial = [[float(f"{value / half:.{_DIGITS}g}") for value in pair] for pair in curve.tolist()]
     aberration = Aberration(radial, shape, focal) if clear else None  # type: ignore[arg-type]
     return AberrationResult(aberration, channels, len(shots), curve.sum(axis=1), error, curve, _rings(seen, curve, others))
@@ -147,7 +148,7 @@ def _check(
         raise InputError(
             f"shots with edges: the displacement in the corners is {largest:.1f} pixels, {most:.2g} are allowed; is it a lens?"
         )
-    allowed = max(_WORST, min(largest / _ERRORS, 2 * _WORST))
+    allowed = max(_WORST, min(largest / _ERRORS, _LARGEST))
     if not error.max() <= allowed:
         told = f"{largest:.2g} pixels, only to ±{error.max():.2g} (standard error), {allowed:.2g} is allowed"
         raise InputError(

@@ -28,6 +28,7 @@ _FREE = 0.5  # relative: how far a channel's slope over luminance may differ fro
 _TUKEY = 4.685  # standard deviations: 95 % efficiency
 _SHY = 10  # samples: a window's own residual counts like one of so many more that fit
 _EDGES = 0.7  # quantile of the samples above which edges decide how large residuals are
+_ALIKE = 0.12  # pixels: by which all edges in a row or column of windows may be off in common
 _MEDIAN = 0.455  # of the square of a standard normal variable
 
 
@@ -228,7 +229,7 @@ def _grouped(values: DoubleArray, group: IndexArray, number: int = 0) -> DoubleA
 def jackknife(seen: Sequence[Seen], weight: DoubleArray) -> DoubleArray:
     """Return the covariance of the unknowns, (Q, Q), from how they change without one row or column of windows.
 
-    An edge has the same error all along: that of its place in the pattern.
+    An edge has the same error all along: that of its place in the pattern. Few lines do not show it.
     """
     spread = np.zeros_like(weight)
     for axis in (0, 1):
@@ -239,5 +240,6 @@ def jackknife(seen: Sequence[Seen], weight: DoubleArray) -> DoubleArray:
             known[: len(each.weight[axis])] += each.weight[axis]
         whole = gradient.sum(axis=0)
         changes = np.linalg.solve(weight - known, (whole - gradient)[..., None])[..., 0] - np.linalg.solve(weight, whole)
-        spread += (number - 1) / number * changes.T @ changes
+        shifted = np.linalg.solve(weight, known[:, :, 2 + axis :: TERMS])  # (lines, Q, C - 1)
+        spread += (number - 1) / number * changes.T @ changes + _ALIKE**2 * np.einsum("lqc,lrc->qr", shifted, shifted)
     return spread

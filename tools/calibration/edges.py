@@ -33,6 +33,7 @@ _EVERY, _DARK = 7, 0.01  # pixels that are looked at; share of full scale that t
 _BLACK = 1e-3  # of full scale
 _NOISY = 1.5  # times what noise alone has: windows with less have no edges
 _HOLES = 0.7  # pixels: standard deviation of the mean of squared curvature
+_LEAST_NOISE = 0.002  # of full scale: otherwise flat places, where all fits, would decide how much edges may be off
 _CURVED = 20  # times the variance of noise that it adds to the squared Laplacian
 
 
@@ -182,8 +183,9 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
 
 
 def _noise(calibration: SensorCalibration, mosaic: Mosaic) -> NoiseModel:
-    """Return the calibration's noise, or an estimate of it."""
-    return calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
+    """Return the calibration's noise, or an estimate of it, but not less than what luminance is filled in to."""
+    found = calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
+    return replace(found, read=tuple(max(each, _LEAST_NOISE * calibration.full_scale) for each in found.read))
 
 
 def _cut(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int) -> FloatArray:

@@ -79,7 +79,7 @@ def test_a_lens_is_measured(lens: tuple[float, float], pattern: CfaPattern) -> N
 def test_shots_without_it_have_none() -> None:
     found = measured(shot(0, None), shot(1, None))
     assert found.aberration is None
-    assert np.abs(found.corner).max() < 3 * found.error.max() < 0.5
+    assert np.abs(found.corner).max() < 3 * found.error.max() < 0.6
     assert found.words.startswith("no lateral chromatic aberration: known to ±0.")
 
 

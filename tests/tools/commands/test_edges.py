@@ -40,7 +40,7 @@ def test_edges_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     facts = camera.measured["aberration"]
     assert (facts["shots"], facts["focal_length"]) == (2, 35)
     assert facts["corner"] == [round(each, 3) for each in camera.calibration.aberration.corner(SHAPE)]
-    assert 0 < max(facts["standard_error"]) < 0.15
+    assert 0 < max(facts["standard_error"]) < 0.2
     page = (folder / "report.html").read_text("utf-8")
     assert "<p>Lateral chromatic aberration: R +" in page
     assert 'aria-label="Displacement over radius"' in page
@@ -73,7 +73,7 @@ def test_shots_that_do_not_tell_it_are_skipped(tmp_path: Path) -> None:
 
 
 def test_shots_of_a_lens_without_it_leave_no_file(folder: Path, tmp_path: Path) -> None:
-    assert run("simulate", f"chart:{SIZE}", "-o", tmp_path, "--period", "4", "--protocol", "sensor").code == 0
+    assert run("simulate", "chart:900x600", "-o", tmp_path, "--period", "4", "--protocol", "sensor").code == 0
     outcome = run("calibrate", "--edges", tmp_path, "-o", tmp_path / "camera.json")
     assert outcome.code == 1
     assert "no lateral chromatic aberration: known to ±0." in outcome.out
