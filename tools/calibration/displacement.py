@@ -240,6 +240,6 @@ def jackknife(seen: Sequence[Seen], weight: DoubleArray) -> DoubleArray:
             known[: len(each.weight[axis])] += each.weight[axis]
         whole = gradient.sum(axis=0)
         changes = np.linalg.solve(weight - known, (whole - gradient)[..., None])[..., 0] - np.linalg.solve(weight, whole)
-        shifted = np.linalg.solve(weight, known[:, :, 2 + axis :: TERMS])  # (lines, Q, C - 1)
+        shifted = np.concatenate([np.linalg.solve(weight, each.weight[axis][:, :, 2 + axis :: TERMS]) for each in seen])
         spread += (number - 1) / number * changes.T @ changes + _ALIKE**2 * np.einsum("lqc,lrc->qr", shifted, shifted)
     return spread
