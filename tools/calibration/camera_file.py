@@ -24,6 +24,7 @@ _FIELDS = {
     "defects": ("defects",),
     "colour": ("camera_to_xyz", "neutral"),
     "shading": ("shading",),
+    "aberration": ("aberration",),
 }
 _ERRORS = {"gamma": "half_width_95", "noise": "shot_error", "colour": "leave_one_out_dE2000"}
 _LONG = 8  # longer lists are not spelt out in the difference
@@ -59,6 +60,7 @@ def unsupported(old: Camera, known: Observations) -> list[str]:
         "defects": known.dark or known.flats,
         "colour": known.charts,
         "shading": True,  # replaced as a whole
+        "aberration": True,
     }
     return [part for part in old.measured if not supported[part]]
 

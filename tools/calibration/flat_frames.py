@@ -1,6 +1,6 @@
 """Flat frames together: which of them count, and whether they show the same shading."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -17,14 +17,17 @@ _UNLIKE = 0.03  # share by which the light of a frame may fall off in another wa
 _COUNTS = 0.1  # of the light of the brightest frame: in dimmer ones, which count little, black level decides how it falls off
 
 
-def common_focal_length(frames: Sequence[tuple[str, Mosaic]]) -> float | None:
-    """Return the focal length of the lens, if the frames tell it. Raises InputError if they tell several."""
-    known = sorted((each, name) for name, frame in frames if (each := frame.metadata.focal_length) is not None)
+def common_focal_length(frames: Iterable[tuple[str, float | None]], kind: str) -> float | None:
+    """Return the focal length of the lens, if frames of a kind tell it. Raises InputError if they tell several.
+
+    frames: name and focal length, millimetres, of each.
+    """
+    known = sorted((each, name) for name, each in frames if each is not None)
     if not known:
         return None
     (shortest, one), (longest, other) = known[0], known[-1]
     if longest > shortest * (1 + ZOOMED):
-        raise InputError(f"flat frames: {one} is taken at {shortest:g} mm, {other} at {longest:g} mm; take all at one focal length")
+        raise InputError(f"{kind}: {one} is taken at {shortest:g} mm, {other} at {longest:g} mm; take all at one focal length")
     return shortest
 
 

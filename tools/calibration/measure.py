@@ -12,6 +12,7 @@ from shared.colorimetry import SRGB_TO_XYZ, as_rows
 from shared.colour_difference import delta_e_2000
 from shared.errors import InputError
 
+from .aberration import AberrationResult
 from .advice import colour_warnings, dark_warnings, gamma_warnings, noise_warnings
 from .chart_gamma import reconciled
 from .colour_matrix import ColourFit, fit_colour, white_balanced
@@ -41,6 +42,7 @@ class Outcome:
     camera_rgb: (24, C), its patches under even light, 1 = what white reads in the largest channel.
     noise, dark: measurements of the flat (or chart) and dark frames.
     shading: what the flat frames show of it.
+    aberration: what the shots with edges show of it.
     channels: letters of the channels.
 
     What was not measured is None.
@@ -58,6 +60,7 @@ class Outcome:
     noise: NoiseResult | None
     dark: DarkResult | None
     shading: ShadingResult | None
+    aberration: AberrationResult | None
     channels: str
 
     @property
@@ -75,6 +78,7 @@ def conclude(
     provenance: dict[str, Any] | None = None,
     notes: Sequence[str] = (),
     shading: ShadingResult | None = None,
+    aberration: AberrationResult | None = None,
 ) -> Outcome:
     """Combine all measurements into one camera. The order in which they were made does not matter.
 
@@ -84,6 +88,7 @@ def conclude(
     provenance: facts that every part of the camera file records.
     notes: further warnings.
     shading: of new flat frames; None = there are none, or they do not tell it.
+    aberration: of new shots with edges, likewise.
     """
     noted = provenance or {}
     changes: dict[str, Any] = {}
@@ -136,11 +141,16 @@ def conclude(
         }
         warnings += noise_warnings(noise, dark)
     if shading:
-        lens = changes["shading"] = shading.shading
+        gain = changes["shading"] = shading.shading
         measured["shading"] = {**noted, "frames": shading.frames, "standard_error": float(f"{shading.error:.2g}")}
-        if lens:
-            measured["shading"] |= {"stops": round(lens.stops, 3), "colour": round(lens.colour, 4)}
-            measured["shading"] |= {"residual": lens.residual, "focal_length": lens.focal_length}
+        if gain:
+            measured["shading"] |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
+            measured["shading"] |= {"residual": gain.residual, "focal_length": gain.focal_length}
+    if aberration:
+        known = changes["aberration"] = aberration.aberration
+        measured["aberration"] = {**noted, "shots": aberration.shots, "standard_error": _rounded(aberration.error)}
+        if known:
+            measured["aberration"] |= {"corner": _rounded(aberration.corner), "focal_length": known.focal_length}
     colour, shot, before, camera_rgb = _colour(seen.charts, gamma, reference, base.pattern.channels)
     if colour is not None:
         changes["camera_to_xyz"] = as_rows(colour.matrix)
@@ -159,7 +169,8 @@ def conclude(
         measured[part] = {**measured[part], KEPT: kept}
     camera = None if refusal else Camera(replace(calibration, **changes), base.pattern, measured)
     channels = base.pattern.channels
-    return Outcome(camera, refusal, tuple(warnings), shots, gamma, colour, shot, before, camera_rgb, noise, dark, shading, channels)
+    lens = shading, aberration
+    return Outcome(camera, refusal, tuple(warnings), shots, gamma, colour, shot, before, camera_rgb, noise, dark, *lens, channels)
 
 
 def _colour(

@@ -13,7 +13,9 @@ from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import identity
 
+from .aberration import AberrationResult, measure_aberration
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
+from .edges import find_edges
 from .noise import DarkResult, FlatResult, measure_dark, measure_flats, noise_of_flats
 from .shading import ShadingResult, measure_shading
 from .shot import ShotMeasurement, measure_chart, measure_scene
@@ -23,33 +25,37 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class CalibrationFiles:
-    """The files to calibrate from: paths of shots, dark frames and flat frames."""
+    """The files to calibrate from: paths of shots, dark frames, flat frames, and shots with edges."""
 
     shots: tuple[str, ...]
     dark: tuple[str, ...]
     flat: tuple[str, ...]
+    edges: tuple[str, ...]
 
 
-def sort_files(sources: Sequence[str], dark: Sequence[str], flat: Sequence[str], console: Console) -> CalibrationFiles:
+def sort_files(
+    sources: Sequence[str], dark: Sequence[str], flat: Sequence[str], edges: Sequence[str], console: Console
+) -> CalibrationFiles:
     """Sort the given files by kind, and say what was left out of folders.
 
-    sources: shots, and folders with DNGs in them or below. Of these, what is named dark* or flat*, or lies in a subfolder of such a
-        name, is a dark or a flat frame; the others are shots.
-    dark, flat: further dark and flat frames, and folders of them.
+    sources: shots, and folders with DNGs in them or below. Of these, what is named dark*, flat* or edges*, or lies in a subfolder
+        of such a name, is a dark or a flat frame or a shot with edges; the others are shots.
+    dark, flat, edges: further dark and flat frames and shots with edges, and folders of them.
 
     Raises InputError if there is nothing to calibrate from, and for a folder that cannot be read or has no DNG.
     """
-    files: dict[str, list[str]] = {"": [], "dark": [], "flat": []}
-    for given, known in ((sources, ""), (dark, "dark"), (flat, "flat")):
+    files: dict[str, list[str]] = {"": [], "dark": [], "flat": [], "edges": []}
+    for given, known in ((sources, ""), (dark, "dark"), (flat, "flat"), (edges, "edges")):
         found = search(given, DNGS)
         for folder, what in found.failures:
             raise InputError(f"{folder}: {what}")
         found.report(console)
         for source in found.sources:
-            kinds = [part.lower()[:4] for part in reversed(source.below.parts)] if source.below and not known else []
-            files[next((kind for kind in kinds if kind in files), known)].append(source.name)
+            names = [part.lower() for part in reversed(source.below.parts)] if source.below and not known else []
+            kinds = (kind for name in names for kind in files if kind and name.startswith(kind))
+            files[next(kinds, known)].append(source.name)
     if not any(files.values()):
-        raise InputError("nothing to calibrate from: name shots, or --dark and --flat frames")
+        raise InputError("nothing to calibrate from: name shots, or --dark, --flat and --edges frames")
     return CalibrationFiles(*map(tuple, files.values()))
 
 
@@ -59,7 +65,7 @@ def check_output(output: Path, files: CalibrationFiles, *, replace_existing: boo
         raise OutputError(f"{output}: is a folder; -o names the camera file, for example {output / 'camera.json'}")
     if not output.parent.is_dir():
         raise OutputError(f"{output}: the folder {output.parent} does not exist; create it first")
-    if output.exists() and identity(output) in map(identity, (*files.shots, *files.dark, *files.flat)):
+    if output.exists() and identity(output) in map(identity, (*files.shots, *files.dark, *files.flat, *files.edges)):
         raise OutputError(f"{output}: is an input; choose another name")
     if output.exists() and not replace_existing:
         raise OutputError(f"{output}: exists already; --update puts the new parts into it, --overwrite replaces it")
@@ -74,8 +80,8 @@ class Session:
     black: black level per plane, codes, if it is known before; None = that of the frames.
 
     Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame. `shading`
-    is what the flat frames show of it, None if they were refused or there are none. `notes` has the reasons why they tell no
-    shading or no noise.
+    and `aberration` are what the flat frames, and the shots with edges, show of it, None if they were refused or there are none.
+    `notes` has the reasons why flat frames tell no shading or no noise.
     """
 
     def __init__(
@@ -89,6 +95,7 @@ class Session:
         self.base: Mosaic | None = None
         self.skipped: list[str] = []
         self.shading: ShadingResult | None = None
+        self.aberration: AberrationResult | None = None
         self.notes: list[str] = []
 
     def dark(self, paths: Sequence[str]) -> DarkResult | None:
@@ -162,6 +169,19 @@ class Session:
     def scenes(self, paths: Sequence[str]) -> list[ShotMeasurement]:
         """Measure shots of ordinary scenes."""
         return self._each(paths, "shot", lambda path, mosaic: self._announced(measure_scene(Path(path).name, mosaic)))
+
+    def edges(self, paths: Sequence[str], gamma: DoubleArray | None) -> None:
+        """Measure lateral chromatic aberration; what shots say of it does not count.
+
+        gamma: of the camera, if it is known better than the shots say.
+        """
+        shots = self._each(paths, "edges", lambda path, mosaic: find_edges(Path(path).name, mosaic, gamma))
+        if paths and self.base is not None:
+            self.base = replace(self.base, calibration=replace(self.base.calibration, aberration=None))
+        if shots:
+            self.aberration = self._together(paths, lambda: measure_aberration(shots))
+        if self.aberration is not None:
+            self._console.say(self.aberration.words)
 
     def _announced(self, shot: ShotMeasurement) -> ShotMeasurement:
         where = f"chart at {shot.chart.place}, " if shot.chart else ""

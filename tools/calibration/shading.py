@@ -97,7 +97,7 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
             f"flat frames: {shape[1]} x {shape[0]} pixels do not tell it; along each side it takes {least}, "
             f"{_FEWEST_TILES * _TILE} periods of the pattern"
         )
-    focal = common_focal_length(frames)
+    focal = common_focal_length(((name, frame.metadata.focal_length) for name, frame in frames), "flat frames")
     light, parts = mean_of_unclipped(frames)
     shading, error = Shading(np.ones((len(pattern.planes), 4, 4)), shape, focal), 0.0  # type: ignore[arg-type]
     for _ in range(_ROUNDS):

@@ -1,16 +1,22 @@
-"""Calibrate a camera from a few shots: gamma, noise, black level, defects, colour and shading, in one camera.json.
+"""Calibrate a camera from a few shots: gamma, noise, black level, defects, colour, shading and chromatic aberration.
 
 A SHOT is a DNG of Panchroma that shows a whole ColorChecker Classic, or (with --no-chart) an ordinary colourful scene. It can also
-be a folder with DNGs in it or below: what is named dark* or flat*, or lies in a subfolder of such a name, is a dark or a flat
-frame, the others are shots. A shot that cannot be used is skipped, with the reason.
+be a folder with DNGs in it or below: what is named dark*, flat* or edges*, or lies in a subfolder of such a name, is a dark or a
+flat frame or a shot for --edges, the others are shots. A shot that cannot be used is skipped, with the reason. All is kept in one
+camera.json.
 """
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from shared import Camera, Mosaic
+from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.writing import write_durably
@@ -19,6 +25,9 @@ from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
 from tools.pictures.html import encode_page
+
+if TYPE_CHECKING:
+    from tools.calibration.shot import ShotMeasurement
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,6 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="F",
         help="evenly lit frames (or folders of them): shading; two of each exposure: gain, read noise",
+    )
+    parser.add_argument(
+        "--edges",
+        nargs="+",
+        metavar="F",
+        help="shots with many sharp edges all over the frame (or folders of them), a chart or ordinary ones: lateral chromatic "
+        "aberration",
     )
     parser.add_argument("--no-chart", action="store_true", help="the shots are ordinary scenes: measure only gamma")
     parser.add_argument(
@@ -67,7 +83,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.calibration.session import Session, check_output, sort_files
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
-    files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), console)
+    files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or (), console)
     corners = _corners(arguments, len(files.shots))
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
@@ -81,7 +97,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     dark = session.dark(files.dark)
     flats = session.flat(files.flat, dark or known.dark)
     shots = session.scenes(files.shots) if arguments.no_chart else session.charts(files.shots, reference, corners)
-    if session.base is None or not (shots or dark or flats or session.shading):
+    session.edges(files.edges, _gamma(shots, old))
+    if session.base is None or not (shots or dark or flats or session.shading or session.aberration):
         for note in session.notes:
             console.note(note)
         console.error("no frame could be used, and no camera file was written")
@@ -97,7 +114,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for line in lines:
         console.note(line)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
-    outcome = conclude(base, seen, reference, provenance, notes, session.shading)
+    outcome = conclude(base, seen, reference, provenance, notes, session.shading, session.aberration)
 
     for warning in outcome.warnings:
         console.note(f"warning: {warning}")
@@ -132,6 +149,15 @@ def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
         return tuple((float(x), float(y)) for x, y in (corner.split(",") for corner in arguments.corners))
     except ValueError:
         raise InputError(f"--corners is {' '.join(arguments.corners)}, expected four X,Y in pixels") from None
+
+
+def _gamma(shots: "Sequence[ShotMeasurement]", old: Camera | None) -> DoubleArray | None:
+    """Return gamma as these shots show it, or else as a camera file has it; None if it is not known."""
+    from tools.calibration.gamma import combined
+
+    if shots:
+        return combined([fit for shot in shots for fit in shot.fits]).gamma
+    return np.array(old.calibration.gamma) if old and "gamma" in old.measured else None
 
 
 def _summary(camera: Camera) -> str:

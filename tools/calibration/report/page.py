@@ -8,7 +8,7 @@ from string import Template
 from tools.pictures.html import bullets
 
 from ..measure import Outcome
-from .sections import camera_file, charts, colour, dark, gamma, luminance, noise, shading
+from .sections import aberration, camera_file, charts, colour, dark, gamma, luminance, noise, shading
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 _TONES = {"use it": "good", "use it with care": "care", "do not use it": "bad"}
@@ -29,6 +29,7 @@ def report(outcome: Outcome, skipped: Sequence[str], provenance: Mapping[str, st
         "Noise (photon transfer)": noise(outcome),
         "Dark frames": dark(outcome),
         "Shading": shading(outcome),
+        "Lateral chromatic aberration": aberration(outcome),
         "Skipped files": bullets(skipped),
         "camera.json": camera_file(outcome.camera),
     }

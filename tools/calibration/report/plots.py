@@ -7,6 +7,7 @@ import numpy as np
 
 from tools.pictures.plot import Plot, Span, round_step, ticks
 
+from ..aberration import AberrationResult
 from ..chart.place import NAMES, PATCHES
 from ..gamma import GammaFit
 from ..noise import NoiseResult
@@ -14,6 +15,7 @@ from ..noise import NoiseResult
 OTHER = "#b658c4"  # colour of what has no colour of its own
 _SIZE, _MARGINS = (560, 340), (64, 14, 12, 46)
 _MOST_POINTS, _MOST_PER_PLANE = 600, 150  # points of a scatter plot: more only make the file larger
+_LEAST_REACH = 0.1  # pixels, of an axis of displacements
 _PLANES = {"R": "#e5484d", "G": "#30a46c", "B": "#3e63dd", "W": "#8d8d86"}
 
 
@@ -64,6 +66,24 @@ def noise_plot(noise: NoiseResult, planes: str) -> str:
             plot.dot(mean[index, plane], variance[index, plane], 2.5, text, style)
         plot.line([(x, float(y)) for x, y in zip(steps, line.variance(steps), strict=True) if y > tall[0]], f"plane plane-{letter}")
     return plot.drawn("Photon transfer")
+
+
+def aberration_plot(found: AberrationResult) -> str:
+    """Return a plot of displacement over radius with a curve per channel."""
+    radius = np.linspace(0, 1, 41)
+    curves = found.curve @ np.stack([radius, radius**3])
+    seen = found.rings[np.isfinite(found.rings[..., 0])]
+    reach = np.concatenate([np.abs(curves).ravel(), np.abs(seen[:, 1]) + seen[:, 2], [_LEAST_REACH]])
+    high = 1.1 * float(reach.max())
+    plot = _axes((0, 1.02), (-high, high), "distance from the middle, corner = 1", "displacement, pixels")
+    for channel, letter in enumerate(found.channels):
+        plot.line(zip(radius.tolist(), curves[channel].tolist(), strict=True), f"plane plane-{letter}")
+        style = f"fill:{_PLANES.get(letter, OTHER)};stroke:{_PLANES.get(letter, OTHER)}"
+        for place, value, error in found.rings[:, channel][np.isfinite(found.rings[:, channel, 0])].tolist():
+            low, top = max(value - error, -high), min(value + error, high)
+            plot.line([(place, low), (place, top)], f"plane plane-{letter}")
+            plot.dot(place, value, 3.5, f"{letter}, {place:.2f}: {value:+.2f} ± {error:.2f} pixels", style)
+    return plot.drawn("Displacement over radius")
 
 
 def _axes(x: Span, y: Span, across: str, up: str, *, log: bool = False) -> Plot:

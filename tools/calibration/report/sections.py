@@ -16,7 +16,7 @@ from ..chart.place import COLUMNS, NAMES, PATCHES
 from ..measure import Outcome
 from ..noise import SIGMAS
 from ..shot import ShotMeasurement
-from .plots import OTHER, luminance_plot, noise_plot, residuals_plot
+from .plots import OTHER, aberration_plot, luminance_plot, noise_plot, residuals_plot
 
 _WIDEST = 1200  # pixels of a picture
 
@@ -149,6 +149,21 @@ def shading(outcome: Outcome) -> str:
     corners = outcome.shading.shading.sketch[:, [0, 0, -1, -1], [0, -1, 0, -1]]
     rows = [(letter, *(f"{gain:.3f}" for gain in gains)) for letter, gains in zip(outcome.channels + "W", corners, strict=True)]
     return _table(("plane", "gain top left", "top right", "bottom left", "bottom right"), rows) + words
+
+
+def aberration(outcome: Outcome) -> str:
+    """Plot how far each channel is displaced over the radius, and list it for the corners."""
+    found = outcome.aberration
+    if found is None:
+        return ""
+    rows = [
+        (letter, f"{corner:+.3f}", f"{error:.2g}" if error else "the others relate to it")
+        for letter, corner, error in zip(found.channels, found.corner, found.error, strict=True)
+    ]
+    head = ("channel", "displacement in the corners, pixels", "standard error")
+    words = f"<p>{escape(found.words[0].upper() + found.words[1:])}.</p>"
+    caption = "How much further out each channel looks; points: rings of the frame by themselves, with standard errors."
+    return f'<div class="pair">{_figure(aberration_plot(found), caption)}<div>{_table(head, rows)}{words}</div></div>'
 
 
 def camera_file(camera: Camera | None) -> str:

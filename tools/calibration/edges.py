@@ -1,0 +1,211 @@
+"""The places of a shot with the most edges: colour samples, and the luminance around them.
+
+What is known of luminance at a colour site is filled in, and wrong there by about as much as luminance is curved.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from offline import PAPER
+from offline.luminance import recover_luminance
+from offline.noise import estimate_noise
+from shared import Mosaic, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.calibration import NoiseModel
+from shared.errors import InputError
+
+from .samples import CLIPPED
+
+# Twice the paper's iterations: luminance in the holes is what limits how well edges are found.
+_FILLING = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
+_SEEN = 9.0  # pixels: the farthest that is looked
+_NEAR, _WIDE = 0.5, 1.0  # pixels to each side of a slope
+_MARGIN = 11  # pixels around a window: the reach, and what cubic splines see beyond
+_SIDE, _BLOCKS = 24, 3  # pixels along a side of a window, and blocks, at least
+_TILES = 8  # along an axis: edges are taken from everywhere
+_MOST_SAMPLES = 100_000  # colour samples of a shot
+_LEAST = 12  # windows
+_FLAT = 0.01  # share of the light: less contrast than this is no edge
+_EVERY, _DARK = 7, 0.01  # pixels that are looked at; share of full scale that the brightest of them have to exceed
+_BLACK = 1e-3  # of full scale
+_NOISY = 1.5  # times what noise alone has: windows with less have no edges
+_HOLES = 0.7  # pixels: standard deviation of the mean of squared curvature
+_LEAST_NOISE = 0.002  # of full scale: otherwise flat places, where all fits, would decide how much edges may be off
+_CURVED = 20  # times the variance of noise that it adds to the squared Laplacian
+
+
+class Looked(NamedTuple):
+    """Luminance at displaced samples; all (N, S), scene units.
+
+    value: as splines have it.
+    down, right: its derivatives, per pixel.
+    wide_down, wide_right: differences over more pixels, which know less of how wrong `value` is.
+    unsure: variance of what is filled in, up to a factor.
+    """
+
+    value: DoubleArray
+    down: DoubleArray
+    right: DoubleArray
+    wide_down: DoubleArray
+    wide_right: DoubleArray
+    unsure: DoubleArray
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """N windows of one shot, each with S colour samples at the same places of the pattern; C channels.
+
+    name: of the shot.
+    shape: (rows, columns) of the frame.
+    focal_length: of the lens, millimetres; None = unknown.
+    channels, gamma: of the camera.
+    channel: (S,), of each sample.
+    place: (S, 2), row and column of each sample in its window.
+    line: (2, N), row and column of windows that a window lies in.
+    down, right: (N, S), where samples lie, from the middle of the frame, in half diagonals.
+    sample: (N, S), scene units; variance: (N, S), of its noise.
+    noise: (N, 1), variance of the noise of luminance.
+    """
+
+    name: str
+    shape: tuple[int, int]
+    focal_length: float | None
+    channels: str
+    gamma: DoubleArray
+    channel: IndexArray
+    place: IndexArray
+    line: IndexArray
+    down: DoubleArray
+    right: DoubleArray
+    sample: DoubleArray
+    variance: DoubleArray
+    noise: DoubleArray
+    _spline: FloatArray  # (N * height, width): windows of luminance with their margins, as coefficients
+    _curvature: FloatArray  # likewise, squared
+
+    def luminance(self, down: DoubleArray, right: DoubleArray) -> DoubleArray:
+        """Return luminance where samples are displaced by so much, pixels; all (N, S)."""
+        return self._at(self._spline, down, right, 3)
+
+    def looked(self, down: DoubleArray, right: DoubleArray) -> Looked:
+        """Return luminance, and what is known of it, where samples are displaced by so much, pixels, (N, S)."""
+
+        def slope(y: float, x: float) -> DoubleArray:
+            return (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * (y + x))
+
+        near, wide = (slope(_NEAR, 0), slope(0, _NEAR)), (slope(_WIDE, 0), slope(0, _WIDE))
+        return Looked(self.luminance(down, right), *near, *wide, self._at(self._curvature, down, right, 1))
+
+    def _at(self, plane: FloatArray, down: DoubleArray, right: DoubleArray, order: Literal[1, 3]) -> DoubleArray:
+        first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
+        y, x = first + self.place[:, 0] + np.clip(down, -_SEEN, _SEEN), self.place[:, 1] + np.clip(right, -_SEEN, _SEEN)
+        values: DoubleArray = ndimage.map_coordinates(plane, np.stack([y, x + _MARGIN]), np.float64, order, prefilter=False)
+        return values
+
+    def chosen(self, which: IndexArray) -> "Edges":
+        """Return some of the windows."""
+        count = len(self.sample)
+        parts = {name: getattr(self, name)[which] for name in ("down", "right", "sample", "variance", "noise")}
+        for name in ("_spline", "_curvature"):
+            plane = getattr(self, name)
+            parts[name] = plane.reshape(count, -1, plane.shape[1])[which].reshape(-1, plane.shape[1])
+        return replace(self, line=self.line[:, which], **parts)
+
+    def of_channels(self, values: DoubleArray) -> DoubleArray:
+        """Return sums over the samples of each channel: (N, S) -> (N, C)."""
+        sums: DoubleArray = np.stack([values[:, self.channel == each].sum(axis=1) for each in range(len(self.channels))], axis=1)
+        return sums
+
+
+def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> Edges:
+    """Return the windows of a shot with the most edges; gamma: in place of the calibration's.
+
+    Raises InputError if it has hardly any.
+    """
+    even = mosaic.evenly_shaded()
+    pattern, shape, signal, full = even.pattern, even.shape, even.signal, even.calibration.full_scale
+    if np.quantile(signal[::_EVERY, ::_EVERY], 0.99) < _DARK * full:
+        raise InputError("it is dark; expose more")
+    luminance = recover_luminance(even, _FILLING)
+    noise = _noise(even.calibration, even)
+    unsure = noise.shot[-1] * np.maximum(luminance, 0) + noise.read[-1] ** 2
+    side = max(_BLOCKS, -(-_SIDE // pattern.period)) * pattern.period
+    corners = [
+        np.arange(_MARGIN + (origin - _MARGIN) % pattern.period, length - side - _MARGIN + 1, side)
+        for origin, length in zip(pattern.block_origin, shape, strict=True)
+    ]
+    top, left = (each.ravel() for each in np.meshgrid(*corners, indexing="ij"))
+    clipped = _sums((signal >= CLIPPED * full).astype(np.float32), top, left, side, _MARGIN) > 0
+    down, right = np.gradient(luminance)
+    slopes = (down**2 + right**2) / (unsure + (_FLAT * np.maximum(luminance, _BLACK * full)) ** 2)
+    score = _sums(slopes, top, left, side)
+    tile = top * _TILES // shape[0] * _TILES + left * _TILES // shape[1]
+    per_window = len(pattern.sites) * (side // pattern.period) ** 2
+    kept = _strongest(
+        np.where(clipped | (score < _NOISY * side**2), 0, score), tile, max(1, _MOST_SAMPLES // per_window // _TILES**2)
+    )
+    if len(kept) < _LEAST:
+        if clipped.mean() > 0.5:
+            raise InputError(f"{100 * clipped.mean():.0f} % of the frame have clipped samples; expose less")
+        raise InputError("it has hardly any edges, or is too small; take a scene with many sharp edges all over the frame")
+    top, left = top[kept], left[kept]
+    curvature = ndimage.gaussian_filter(ndimage.laplace(luminance) ** 2, _HOLES) - _CURVED * unsure
+    planes = pattern.filter_map((side, side), (int(top[0]), int(left[0])))
+    place = np.argwhere(planes < len(pattern.channels))
+    channel = planes[*place.T].astype(np.intp)
+    rows, columns = top[:, None] + place[:, 0], left[:, None] + place[:, 1]
+    sample = signal[rows, columns].astype(np.float64)
+    shot, read = (np.array(figures)[channel] for figures in (noise.shot, noise.read))
+    half = np.hypot(shape[0] - 1, shape[1] - 1) / 2
+    windows = _cut(luminance, top, left, side)
+    for axis in (1, 2):
+        windows = ndimage.spline_filter1d(windows, 3, axis, np.float32, mode="mirror")
+    return Edges(
+        name,
+        shape,
+        mosaic.metadata.focal_length,
+        pattern.channels,
+        np.array(even.calibration.gamma) if gamma is None else gamma,
+        channel,
+        place,
+        np.stack([top, left]) // side,
+        (rows - (shape[0] - 1) / 2) / half,
+        (columns - (shape[1] - 1) / 2) / half,
+        sample,
+        shot * np.maximum(sample, 0) + read**2,
+        _cut(unsure, top, left, side).mean(axis=(1, 2), dtype=np.float64)[:, None],
+        windows.reshape(-1, windows.shape[2]),
+        _cut(curvature, top, left, side).clip(0).reshape(-1, windows.shape[2]),
+    )
+
+
+def _noise(calibration: SensorCalibration, mosaic: Mosaic) -> NoiseModel:
+    """Return the calibration's noise, or an estimate of it, but not less than what luminance is filled in to."""
+    found = calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
+    return replace(found, read=tuple(max(each, _LEAST_NOISE * calibration.full_scale) for each in found.read))
+
+
+def _cut(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int) -> FloatArray:
+    """Return windows of a plane with their margins, (N, height, width)."""
+    reach = np.arange(-_MARGIN, side + _MARGIN)
+    windows: FloatArray = plane[(top[:, None] + reach)[:, :, None], (left[:, None] + reach)[:, None, :]].astype(np.float32)
+    return windows
+
+
+def _sums(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int, margin: int = 0) -> DoubleArray:
+    """Return the sum of a plane over each window, (N,), and as much around it as the margin."""
+    total = np.pad(plane.cumsum(axis=0, dtype=np.float64).cumsum(axis=1), ((1, 0), (1, 0)))
+    first, last = (top - margin, left - margin), (top + side + margin, left + side + margin)
+    sums: DoubleArray = total[*last] - total[first[0], last[1]] - total[last[0], first[1]] + total[*first]
+    return sums
+
+
+def _strongest(score: DoubleArray, tile: IndexArray, most: int) -> IndexArray:
+    """Return the windows with the highest scores, `most` of each tile at most, in their order."""
+    order = np.lexsort((-score, tile))
+    first = np.searchsorted(tile[order], tile[order])
+    taken = order[(np.arange(len(order)) - first < most) & (score[order] > 0)]
+    return np.sort(taken)
