@@ -7,13 +7,14 @@ patches' chrominance, each with
     no lens         the same without aberration
     unknown         with the aberration, of which the shot says nothing
     undone          with the aberration, which the shot knows
-    measured        with the aberration as the edges of the shot itself show it; left out where they do not tell it
+    measured        with the aberration as the edges of all shots of this size show it; left out where they do not tell it
 
 At the end means of the scenes, and how much comes back of what is lost.
 """
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +23,10 @@ import numpy as np
 from offline import BEST, PAPER, RenderSettings, render
 from shared import Aberration, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
+from shared.errors import InputError
 from shared.sensor import simulate_additive
+from tools.calibration.aberration import measure_aberration
+from tools.calibration.edges import Edges, find_edges
 from tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
 from tools.scenes.lens import lens_aberration, parsed_aberration
 from tools.scenes.load import load_scene
@@ -45,12 +49,31 @@ def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
     return [*medians, whole_psnr(picture, rgb, BORDER)[2], float(np.quantile(patches.chrominance, 0.1))]
 
 
-def pictures(rgb: FloatArray, sigma: float, lens: Aberration, settings: RenderSettings) -> Iterator[tuple[str, FloatArray]]:
+def pictures(
+    rgb: FloatArray, sigma: float, lens: Aberration, measured: Aberration | None, settings: RenderSettings
+) -> Iterator[tuple[str, FloatArray]]:
     """The pictures that are compared, by name."""
     yield "no lens", render(photographed(rgb, sigma, None), settings).rgb
     shot = photographed(rgb, sigma, lens)
-    for name, known in (("unknown", None), ("undone", lens)):
-        yield name, render(replace(shot, calibration=replace(shot.calibration, aberration=known)), settings).rgb
+    for name, each in {"unknown": None, "undone": lens, **({"measured": measured} if measured else {})}.items():
+        yield name, render(replace(shot, calibration=replace(shot.calibration, aberration=each)), settings).rgb
+
+
+def from_edges(scenes: Sequence[str], sigma: float, corners: tuple[float, float]) -> dict[tuple[int, ...], Aberration]:
+    """The aberration that shots of scenes of one size show together, by size."""
+    shots: dict[tuple[int, ...], list[Edges]] = {}
+    for source in scenes:
+        rgb = load_scene(source).rgb
+        lens = lens_aberration(*corners, rgb.shape[2], (rgb.shape[0], rgb.shape[1]))
+        with suppress(InputError):
+            shots.setdefault(rgb.shape[:2], []).append(find_edges(source, photographed(rgb, sigma, lens)))
+    found = {}
+    for size, edges in shots.items():
+        with suppress(InputError):
+            if (shown := measure_aberration(edges)).aberration:
+                found[size] = shown.aberration
+                print(f"{size[1]} x {size[0]}, sigma {sigma:g}: {shown.words}")
+    return found
 
 
 def main() -> None:
@@ -65,11 +88,12 @@ def main() -> None:
     settings = BEST if arguments.preset == "best" else PAPER
     for sigma in arguments.sigma:
         rows: dict[str, list[list[float]]] = {}
+        measured = from_edges(arguments.scenes, sigma, arguments.lens)
         for source in arguments.scenes:
             rgb = load_scene(source).rgb
             lens = lens_aberration(first, last, rgb.shape[2], (rgb.shape[0], rgb.shape[1]))
             print(f"{Path(source).name}, sigma {sigma:g}: luminance, chrominance, of the whole, 10 % (dB)")
-            for name, picture in pictures(rgb, sigma, lens, settings):
+            for name, picture in pictures(rgb, sigma, lens, measured.get(rgb.shape[:2]), settings):
                 rows.setdefault(name, []).append(figures(picture, rgb))
                 print(line(name, rows[name][-1]), flush=True)
         means = {name: np.mean(found, axis=0) for name, found in rows.items()}

@@ -4,6 +4,7 @@ What is known of luminance at a colour site is filled in, and wrong there by abo
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from offline import PAPER
 from offline.luminance import recover_luminance
 from offline.noise import estimate_noise
 from shared import Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 
@@ -34,6 +35,10 @@ _BLACK = 1e-3  # of full scale
 _NOISY = 1.5  # times what noise alone has: windows with less have no edges
 _HOLES = 0.7  # pixels: standard deviation of the mean of squared curvature
 _LEAST_NOISE = 0.002  # of full scale: otherwise flat places, where all fits, would decide how much edges may be off
+_SLOPE, _AROUND = 1.2, 2.0  # pixels: standard deviations, of what slopes and their directions are taken from
+_STRAIGHT = 0.5, 0.9  # coherence of slopes: from which on edges are straight, and which are so entirely
+_STEP, _ROUNDS = 2.0, 3  # pixels to both sides along an edge, where holes end; holes are filled so often, as splines see them
+_BORDER = 4  # pixels of a window in which nothing is filled anew
 _CURVED = 20  # times the variance of noise that it adds to the squared Laplacian
 
 
@@ -160,9 +165,12 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     sample = signal[rows, columns].astype(np.float64)
     shot, read = (np.array(figures)[channel] for figures in (noise.shot, noise.read))
     half = np.hypot(shape[0] - 1, shape[1] - 1) / 2
+    reach = side + 2 * _MARGIN
+    holes = ~pattern.panchromatic_mask((reach, reach), (int(top[0]) - _MARGIN, int(left[0]) - _MARGIN))
     windows = _cut(luminance, top, left, side)
-    for axis in (1, 2):
-        windows = ndimage.spline_filter1d(windows, 3, axis, np.float32, mode="mirror")
+    if not pattern.is_scattered:  # whose holes are single pixels
+        windows = fill_along_edges(windows, holes)
+    windows = _splines(windows)
     return Edges(
         name,
         shape,
@@ -192,6 +200,41 @@ def _cut(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, sid
     """Return windows of a plane with their margins, (N, height, width)."""
     reach = np.arange(-_MARGIN, side + _MARGIN)
     windows: FloatArray = plane[(top[:, None] + reach)[:, :, None], (left[:, None] + reach)[:, None, :]].astype(np.float32)
+    return windows
+
+
+def fill_along_edges(windows: FloatArray, holes: BoolArray) -> FloatArray:
+    """Return windows of luminance, (N, height, width), with holes filled along the edges that run straight through them.
+
+    holes: (height, width), those of every window.
+    """
+    inner = np.zeros_like(holes)
+    inner[_BORDER:-_BORDER, _BORDER:-_BORDER] = True
+    row, column = np.nonzero(holes & inner)
+    slopes = [ndimage.gaussian_filter(windows, (0, _SLOPE, _SLOPE), order) for order in ((0, 1, 0), (0, 0, 1))]
+    down, both, right = (
+        ndimage.gaussian_filter(one * other, (0, _AROUND, _AROUND))[:, row, column]
+        for one, other in combinations_with_replacement(slopes, 2)
+    )  # the structure tensor (Bigun, Granlund 1987)
+    angle = np.arctan2(2 * both, right - down) / 2
+    straight = np.hypot(right - down, 2 * both) / np.maximum(right + down, np.finfo(np.float32).tiny)
+    weight = ((straight - _STRAIGHT[0]) / (_STRAIGHT[1] - _STRAIGHT[0])).clip(0, 1)
+    along, filled = _STEP * np.stack([np.cos(angle), -np.sin(angle)]), windows.copy()
+    first = np.arange(len(windows))[:, None] * windows.shape[1] + row
+    for _ in range(_ROUNDS):
+        spline = _splines(filled).reshape(-1, windows.shape[2])
+        ends = [
+            ndimage.map_coordinates(spline, [first + side * along[0], column + side * along[1]], np.float32, prefilter=False)
+            for side in (-1, 1)
+        ]
+        filled[:, row, column] += weight * ((ends[0] + ends[1]) / 2 - filled[:, row, column])
+    return filled
+
+
+def _splines(windows: FloatArray) -> FloatArray:
+    """Return the coefficients of the cubic splines through windows, (N, height, width)."""
+    for axis in (1, 2):
+        windows = ndimage.spline_filter1d(windows, 3, axis, np.float32, mode="mirror")
     return windows
 
 

@@ -38,7 +38,7 @@ def test_edges_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     np.testing.assert_allclose(camera.calibration.aberration.corner(SHAPE), [LENS[0], 0, LENS[1]], atol=0.3)
     facts = camera.measured["aberration"]
     assert (facts["shots"], facts["focal_length"]) == (2, 35)
-    assert facts["corner"] == [round(each, 3) for each in camera.calibration.aberration.corner(SHAPE)]
+    np.testing.assert_allclose(facts["corner"], camera.calibration.aberration.corner(SHAPE), rtol=1e-2)
     assert 0 < max(facts["standard_error"]) < 0.2
     page = (folder / "report.html").read_text("utf-8")
     assert "<p>Lateral chromatic aberration: R +" in page
