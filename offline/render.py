@@ -175,7 +175,8 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
     planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
     radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)
     signal, white = mosaic.signal.copy(), mosaic.calibration.white_level
-    parts = finish(plain, measure(plain, rough, progress), rough, progress)
+    progress.stage("aberration", height)
+    parts = finish(plain, measure(plain, rough, SILENT), rough, SILENT)
     for part, (first, end) in windows(parts, height, ceil(lens.reach(mosaic.shape)) + 2, 1, 0):
         picture, rows = np.empty_like(part.chromaticity), slice(first, end)
         colour(part.chromaticity, without_shading(part, plain), picture)
@@ -183,6 +184,7 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
         undo_aberration(picture, part.first, height, radial, gamma, planes, first, changed)
         unclipped = mosaic.samples[rows] < white if mosaic.samples.dtype == np.uint16 else True
         np.copyto(signal[rows], changed, where=unclipped)
+        progress.advance(end - first)
     signal.flags.writeable = False
     return replace(plain, samples=signal)
 
