@@ -164,7 +164,7 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
     """The mosaic as it would be if its lens had no lateral chromatic aberration; the mosaic itself if it has none.
 
     A first picture, rendered as if there were none, tells how much the displacement of channels changes each sample. What is not in
-    that picture, such as noise, stays as it is. Samples that are saturated stay so.
+    that picture, such as noise, stays as it is. Samples that are saturated stay so, and none loses more than half of its light.
     """
     lens = mosaic.calibration.aberration
     if lens is None:
@@ -182,6 +182,8 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
         colour(part.chromaticity, without_shading(part, plain), picture)
         changed = signal[rows].copy()
         undo_aberration(picture, part.first, height, radial, gamma, planes, first, changed)
+        # Beside strong edges the first picture may be wrong by more than a dark sample, which would become a black dot.
+        np.maximum(changed, np.minimum(signal[rows], signal[rows] / 2), out=changed)
         unclipped = mosaic.samples[rows] < white if mosaic.samples.dtype == np.uint16 else True
         np.copyto(signal[rows], changed, where=unclipped)
         progress.advance(end - first)

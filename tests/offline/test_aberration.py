@@ -9,8 +9,10 @@ import pytest
 from offline import BEST, PAPER, RenderSettings, render, render_bands
 from offline.burst import Motion, merge_burst, render_burst_bands
 from offline.kernels.aberration import undo_aberration
+from offline.render import registered
 from shared import Aberration, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
+from shared.progress import SILENT
 from shared.sensor import simulate_additive
 from tests.benchmarks.aberration import figures, photographed
 from tests.data import photograph
@@ -88,6 +90,12 @@ def test_what_is_saturated_stays_so() -> None:
     shot = simulate_additive(rgb, CfaPattern.bayer(6), sensor, 0.0, np.random.default_rng(0))
     picture = render(Mosaic(shot.codes, shot.pattern, shot.calibration)).rgb
     assert picture[26:54, 26:54] == pytest.approx(1.6, rel=0.02)
+
+
+def test_dark_samples_beside_bright_ones_become_no_black_dots() -> None:
+    rgb = np.where(np.random.default_rng(0).random((*SHAPE, 1)) < 0.5, 0.9, 0.05).astype(np.float32).repeat(3, axis=2)
+    shot = photographed(rgb, 0.0, LENS)
+    assert (registered(shot, BEST, SILENT).signal >= np.minimum(shot.signal, 0.499 * shot.signal)).all()
 
 
 def test_frames_of_a_burst_lose_it() -> None:
