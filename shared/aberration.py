@@ -46,6 +46,8 @@ class Aberration(OfLens):
     def __post_init__(self) -> None:
         try:
             pairs = tuple((float(a), float(b)) for a, b in self.radial)
+            if any(isinstance(figure, str) for pair in self.radial for figure in pair):  # float() takes them
+                raise TypeError
         except (TypeError, ValueError):
             raise InputError("aberration: radial is not a list of [a, b], one for each channel") from None
         if not all(abs(figure) <= _LARGEST for pair in pairs for figure in pair):  # not for NaN either

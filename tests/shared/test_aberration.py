@@ -85,6 +85,7 @@ def test_the_sensor_sees_what_the_lens_makes_of_a_scene() -> None:
         ({"radial": [(float("nan"), 0), (0, 0), (0, 0)]}, "holds a figure"),
         ({"radial": [(0.01, 0), (0.01, 0), (0.01, 0)]}, "one channel with"),
         ({"radial": [0.01, 0, 0]}, "is not a list of"),
+        ({"radial": [("0.01", 0), (0, 0), (0, 0)]}, "is not a list of"),
         ({"size": (0, 5)}, "chromatic aberration: size is"),
         ({"focal_length": "50"}, "focal_length is '50'"),
     ],

@@ -150,7 +150,7 @@ def _check(
         )
     allowed = max(_WORST, min(largest / _ERRORS, _LARGEST))
     if not error.max() <= allowed:
-        told = f"{largest:.2g} pixels, only to ±{error.max():.2g} (standard error), {allowed:.2g} is allowed"
+        told = f"{largest:.2g} pixels, only to ±{error.max():.3g} (standard error), {allowed:.3g} is allowed"
         raise InputError(
             f"shots with edges: they tell the displacement in the corners, {told}; take more shots, with more sharp edges all over "
             "the frame, well exposed"

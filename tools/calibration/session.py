@@ -1,5 +1,6 @@
 """One run of `panchroma calibrate`: sort the files, read and measure them, and skip the frames that cannot be used."""
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from tools.host.jobs import identity
 
 from .aberration import AberrationResult, measure_aberration
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
-from .edges import find_edges
+from .edges import Edges, find_edges
 from .noise import DarkResult, FlatResult, measure_dark, measure_flats, noise_of_flats
 from .shading import ShadingResult, measure_shading
 from .shot import ShotMeasurement, measure_chart, measure_scene
@@ -175,13 +176,23 @@ class Session:
 
         gamma: of the camera, if it is known better than the shots say.
         """
-        shots = self._each(paths, "edges", lambda path, mosaic: find_edges(Path(path).name, mosaic, gamma))
+        known: dict[bytes, str] = {}
+
+        def look(path: str, mosaic: Mosaic) -> Edges:
+            first = known.setdefault(hashlib.sha256(mosaic.codes.data).digest(), path)
+            if first != path:
+                raise InputError(f"it is the same shot as {first}")
+            return find_edges(Path(path).name, mosaic, gamma)
+
+        shots = self._each(list(dict.fromkeys(paths)), "edges", look)
         if paths and self.base is not None:
             self.base = replace(self.base, calibration=replace(self.base.calibration, aberration=None))
         if shots:
             self.aberration = self._together(paths, lambda: measure_aberration(shots))
         if self.aberration is not None:
             self._console.say(self.aberration.words)
+        elif paths and self._known and self._known.aberration:
+            self.notes.append("no chromatic aberration was measured, and the one before is kept")
 
     def _announced(self, shot: ShotMeasurement) -> ShotMeasurement:
         where = f"chart at {shot.chart.place}, " if shot.chart else ""

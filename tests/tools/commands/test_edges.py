@@ -21,8 +21,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     options = ("--period", "4", "--bits", "12", "--protocol", "sensor", f"--aberration={LENS[0]},{LENS[1]}")
     assert run("simulate", f"chart:{SIZE}", "-o", folder, *options).code == 0
     shot = read_dng(folder / f"chart-{SIZE}.dng")
-    known = replace(shot.calibration, aberration=None)
-    upright = Mosaic(shot.codes, shot.pattern, known, CaptureMetadata(focal_length=35.0))
+    assert run("simulate", f"chart:{SIZE}", "-o", folder / "other", *options, "--seed", "1").code == 0
+    other = read_dng(folder / "other" / f"chart-{SIZE}.dng")
+    known = replace(other.calibration, aberration=None)
+    upright = Mosaic(other.codes, other.pattern, known, CaptureMetadata(focal_length=35.0))
     write_dng(folder / "shots" / "Edges" / "1.dng", shot, np.zeros((20, 30, 3), np.uint8))
     write_dng(folder / "shots" / "edges2.dng", upright, np.zeros((20, 30, 3), np.uint8))
     outcome = run("calibrate", folder / "shots", "-o", folder / "camera.json", "--report", folder, "--json")
@@ -81,3 +83,12 @@ def test_that_a_lens_has_none_is_a_measurement(folder: Path, tmp_path: Path) -> 
     camera = read_camera(path)
     assert camera.calibration.aberration is None
     assert "corner" not in camera.measured["aberration"]
+
+
+def test_a_copy_of_a_shot_tells_nothing_more(folder: Path, tmp_path: Path) -> None:
+    path = folder / "shots" / "edges2.dng"
+    (tmp_path / "copy.dng").write_bytes(path.read_bytes())
+    outcome = run("calibrate", "--edges", path, path, tmp_path / "copy.dng", "-o", tmp_path / "camera.json")
+    assert outcome.code == 1
+    assert f"copy.dng: it is the same shot as {path}" in outcome.err
+    assert read_camera(tmp_path / "camera.json").measured["aberration"]["shots"] == 1

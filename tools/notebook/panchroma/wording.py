@@ -40,7 +40,7 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("preset", "channels", "format", "space"), "a text", (str,)),
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure"), "a number", (Real,)),
-    (("shading", "aberration"), "two numbers", (tuple, list)),
+    (("shading", "aberration"), "two numbers", (tuple, list, np.ndarray)),
     (("linear", "learned", "overwrite"), "True or False", (bool, np.bool_)),
     (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
     (("calibration",), "a shared.SensorCalibration", (SensorCalibration,)),
@@ -76,7 +76,7 @@ def check_argument(name: str, value: object) -> None:
         return
     what, types = _EXPECTED[name]
     fits = isinstance(value, types) and (bool in types or not isinstance(value, bool))
-    if not fits or value == "":
+    if not fits or (isinstance(value, str) and not value):
         raise InputError(f"{name} is {shortened(value)}, expected {what}")
 
 
