@@ -165,8 +165,8 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
     """The mosaic as it would be if its lens had no lateral chromatic aberration; the mosaic itself if it has none.
 
     A first picture, rendered as if there were none, tells how much the displacement of channels changes each sample. What is not in
-    that picture, such as noise, stays as it is. Samples that are saturated stay so, with those
-    around them that their light reaches; none loses more than half of its light.
+    that picture, such as noise, stays as it is. Samples that are saturated stay so, with those around them that their light
+    reaches; none loses more than half of its light.
     """
     lens = mosaic.calibration.aberration
     if lens is None:
@@ -176,20 +176,23 @@ def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> 
     plain = replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
     planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
     radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)
-    signal, reach = mosaic.signal.copy(), ceil(lens.reach(mosaic.shape))
-    held = mosaic.samples >= mosaic.calibration.white_level if mosaic.samples.dtype == np.uint16 else np.zeros(mosaic.shape, bool)
-    if held.any():  # how bright and of which colour they are is a guess, which would also change those that their light reaches
-        held = maximum_filter(held, 2 * reach + 3)
     progress.stage("aberration", height)
-    parts = finish(plain, measure(plain, rough, SILENT), rough, SILENT)
-    for part, (first, end) in windows(parts, height, reach + 2, 1, 0):
+    measured = measure(plain, rough, SILENT)  # needs the most memory, and comes before what is kept beside it
+    is_coded, reach = mosaic.samples.dtype == np.uint16, ceil(lens.reach(mosaic.shape))
+    signal = mosaic.signal if is_coded else mosaic.signal.copy()
+    signal.flags.writeable = True  # codes become a new array
+    for part, (first, end) in windows(finish(plain, measured, rough, SILENT), height, reach + 2, 1, 0):
         picture, rows = np.empty_like(part.chromaticity), slice(first, end)
         colour(part.chromaticity, without_shading(part, plain), picture)
         changed = signal[rows].copy()
         undo_aberration(picture, part.first, height, radial, gamma, planes, first, changed)
         # Beside strong edges the first picture may be wrong by more than a dark sample, which would become a black dot.
         np.maximum(changed, np.minimum(signal[rows], signal[rows] / 2), out=changed)
-        np.copyto(signal[rows], changed, where=~held[rows])
+        if is_coded:  # how bright and of which colour what is saturated is, is a guess, and would change what its light reaches
+            around = slice(max(first - reach - 1, 0), end + reach + 1)
+            saturated = maximum_filter(mosaic.samples[around] >= mosaic.calibration.white_level, 2 * reach + 3)
+            np.copyto(changed, signal[rows], where=saturated[first - around.start :][: len(changed)])
+        signal[rows] = changed
         progress.advance(end - first)
     signal.flags.writeable = False
     return replace(plain, samples=signal)
