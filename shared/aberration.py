@@ -59,7 +59,7 @@ class Aberration(OfLens):
 
     def corner(self, shape: tuple[int, int]) -> tuple[float, ...]:
         """How far outside the corners of a frame, (rows, columns), each channel looks there, pixels."""
-        return tuple((a + b) * _half(shape) for a, b in self.radial)
+        return tuple((a + b) * half_diagonal(shape) for a, b in self.radial)
 
     def words(self, channels: str) -> str:
         """Its size and focal length, for people; channels: their letters.
@@ -74,7 +74,7 @@ class Aberration(OfLens):
     def reach(self, shape: tuple[int, int]) -> float:
         """The largest displacement of any channel in a frame, (rows, columns), pixels."""
         radius = np.linspace(0, 1, 65)
-        return max(float(np.abs(radius * (a + b * radius**2)).max()) for a, b in self.radial) * _half(shape)
+        return max(float(np.abs(radius * (a + b * radius**2)).max()) for a, b in self.radial) * half_diagonal(shape)
 
     def displaced(self, rgb: FloatArray) -> FloatArray:
         """What the lens makes of a scene: each channel as it is displaced, by cubic splines; (H, W, C) float32, like the scene."""
@@ -87,7 +87,7 @@ class Aberration(OfLens):
             spline = _coefficients(_coefficients(result[..., channel]).T).T
             for rows in strips(height, max(1, CACHED // width)):
                 down = np.arange(height)[rows, None] - (height - 1) / 2
-                further = a + b * (down**2 + across**2) / _half((height, width)) ** 2
+                further = a + b * (down**2 + across**2) / half_diagonal((height, width)) ** 2
                 places = (down * (1 + further) + (height - 1) / 2, across * (1 + further) + (width - 1) / 2)
                 result[rows, :, channel] = _values(spline, *places)
         return result
@@ -100,8 +100,13 @@ class Aberration(OfLens):
         return cls(**document)
 
 
-def _half(shape: tuple[int, int]) -> float:
-    """Half the diagonal of a frame, from the middle of its first pixel to that of its last, pixels."""
+def half_diagonal(shape: tuple[int, int]) -> float:
+    """Half the diagonal of a frame, (rows, columns), from the middle of its first pixel to that of its last, pixels.
+
+    >>> from shared.aberration import half_diagonal
+    >>> half_diagonal((31, 41))
+    25.0
+    """
     return math.hypot(shape[0] - 1, shape[1] - 1) / 2
 
 

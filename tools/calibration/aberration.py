@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared import Aberration
+from shared.aberration import half_diagonal
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 
@@ -75,7 +76,7 @@ def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
     likely = np.diag(np.tile(LIKELY**-2, len(others)))
     weight = sum(each.weight[0].sum(axis=0) for each in seen) + likely
     spread = jackknife(seen, weight)
-    half = float(np.hypot(shape[0] - 1, shape[1] - 1)) / 2
+    half = half_diagonal(shape)
     _check(shots, seen, terms[others], spread, likely, half)
     curve, error = terms[:, :2], np.zeros(len(channels))
     clear = False

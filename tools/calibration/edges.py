@@ -14,6 +14,7 @@ from offline import PAPER
 from offline.luminance import recover_luminance
 from offline.noise import estimate_noise
 from shared import Mosaic, SensorCalibration
+from shared.aberration import half_diagonal
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
@@ -164,7 +165,7 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     rows, columns = top[:, None] + place[:, 0], left[:, None] + place[:, 1]
     sample = signal[rows, columns].astype(np.float64)
     shot, read = (np.array(figures)[channel] for figures in (noise.shot, noise.read))
-    half = np.hypot(shape[0] - 1, shape[1] - 1) / 2
+    half = np.float64(half_diagonal(shape))
     reach = side + 2 * _MARGIN
     holes = ~pattern.panchromatic_mask((reach, reach), (int(top[0]) - _MARGIN, int(left[0]) - _MARGIN))
     windows = _cut(luminance, top, left, side)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shared import Aberration, SensorCalibration, Shading
+from shared.aberration import half_diagonal
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.shading import basis
@@ -112,7 +113,7 @@ def lens_aberration(first: float, last: float, channels: int, shape: tuple[int, 
     >>> [round(each, 2) for each in lens_aberration(1, -0.5, 3, (600, 900)).corner((600, 900))]
     [1.0, 0.0, -0.5]
     """
-    half, middle = np.hypot(shape[0] - 1, shape[1] - 1) / 2, channels // 2
+    half, middle = half_diagonal(shape), channels // 2
     if max(abs(first), abs(last)) > _MOST_SHARE * half:
         raise InputError(
             f"--aberration is {first:g},{last:g}: the most in a frame of {shape[1]} x {shape[0]} pixels is {_MOST_SHARE * half:.2g}"
