@@ -1,18 +1,15 @@
 """Lateral chromatic aberration as a value, in calibrations and files, and in what a sensor sees."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from shared import Aberration, Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
-from shared.dng.record import RECORD_ID, decode_record, encode_record
+from shared import Aberration, CfaPattern, Mosaic, SensorCalibration
 from shared.errors import InputError
-from shared.sensor import sample, simulate_sensor
+from shared.sensor import sample
 
 SHAPE = (61, 90)
 LENS = Aberration([(0.02, 0.01), (0, 0), (-0.01, -0.02)], SHAPE, 35)  # type: ignore[arg-type]
@@ -52,26 +49,6 @@ def test_a_calibration_without_it_is_what_it_was() -> None:
     assert BARE.id != CALIBRATION.id
     assert BARE.lens == ()
     assert CALIBRATION.lens == (LENS,)
-
-
-def test_files_keep_it(tmp_path: Path) -> None:
-    shot = simulate_sensor(scene(), PATTERN, CALIBRATION, 1.0, np.random.default_rng(0))
-    write_dng(tmp_path / "shot.dng", shot, np.zeros((10, 10, 3), np.uint8))
-    assert read_dng(tmp_path / "shot.dng").calibration == shot.calibration
-    (tmp_path / "camera.json").write_text(json.dumps(Camera(CALIBRATION).to_json()))
-    camera = read_camera(tmp_path / "camera.json")
-    assert camera.calibration.aberration == LENS
-    assert camera.calibrated(replace(shot, calibration=BARE)).calibration.aberration == LENS
-    assert Camera(BARE).calibrated(shot).calibration.aberration == LENS  # what the camera file does not know
-
-
-def test_earlier_versions_read_the_record() -> None:
-    shot = simulate_sensor(scene(), PATTERN, CALIBRATION, 1.0, np.random.default_rng(0))
-    record = encode_record(shot, b"", b"")
-    document = json.loads(record[len(RECORD_ID) :])
-    assert "aberration" in document
-    assert "aberration" not in document["calibration"]  # which they would refuse
-    assert decode_record(record).calibration == shot.calibration
 
 
 def test_the_sensor_sees_what_the_lens_makes_of_a_scene() -> None:

@@ -1,15 +1,12 @@
 """Shading as a value, in calibrations and files, and in a mosaic's samples."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, Shading, read_camera, read_dng, write_dng
-from shared.dng.record import RECORD_ID, decode_record, encode_record
+from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
 from shared.shading import basis
@@ -47,26 +44,6 @@ def test_a_calibration_without_shading_is_what_it_was() -> None:
     assert "shading" not in BARE.to_json()
     assert SensorCalibration().id == "cf85a866dfbe7789"
     assert BARE.id != CALIBRATION.id
-
-
-def test_files_keep_it(tmp_path: Path) -> None:
-    shot = simulate_sensor(scene(), PATTERN, CALIBRATION, 1.0, np.random.default_rng(0))
-    write_dng(tmp_path / "shot.dng", shot, np.zeros((10, 10, 3), np.uint8))
-    assert read_dng(tmp_path / "shot.dng").calibration == shot.calibration
-    (tmp_path / "camera.json").write_text(json.dumps(Camera(CALIBRATION).to_json()))
-    camera = read_camera(tmp_path / "camera.json")
-    assert camera.calibration.shading == LENS
-    assert camera.calibrated(replace(shot, calibration=replace(shot.calibration, shading=None))).calibration.shading == LENS
-    assert Camera(BARE).calibrated(shot).calibration.shading == LENS  # what the camera file does not know
-
-
-def test_earlier_versions_read_the_record() -> None:
-    shot = simulate_sensor(scene(), PATTERN, CALIBRATION, 1.0, np.random.default_rng(0))
-    record = encode_record(shot, b"", b"")
-    document = json.loads(record[len(RECORD_ID) :])
-    assert "shading" in document
-    assert "shading" not in document["calibration"]  # which they would refuse
-    assert decode_record(record).calibration == shot.calibration
 
 
 def test_what_the_sensor_reads_is_less_and_scene_units_are_not() -> None:
