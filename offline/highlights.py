@@ -13,6 +13,7 @@ import numpy as np
 from shared.arrays import BoolArray, DoubleArray, strips
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
+from shared.white_balance import clipped_share, raised_to_white
 
 from .blocks import gather
 from .kernels.highlights import interpolate, raise_clipped
@@ -100,10 +101,4 @@ def unclipped(readings: DoubleArray, clipping: float, neutral: tuple[float, ...]
     neutral: what white reads in each channel, up to scale.
     shoulder: fraction of the range, just below the limit, over which a reading gradually counts as clipped, between 0 and 1.
     """
-    white = np.array(neutral)
-    gone = np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
-    all_gone = gone.prod(axis=-1, keepdims=True)
-    level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True) + all_gone * clipping / white.min()
-    level /= (1 - gone).sum(axis=-1, keepdims=True) + all_gone
-    raised: DoubleArray = readings + gone * np.maximum(white * level - readings, 0)
-    return raised
+    return raised_to_white(readings, clipped_share(readings, clipping, shoulder), clipping, neutral)

@@ -1,10 +1,11 @@
-"""White balance: what white reads under the light of a shot, estimated where nobody has measured it.
+"""White balance: what white reads under the light of a shot, estimated where nobody has measured it, and where it is clipped.
 
 An estimate is an opinion on the scene, not a measurement of the sensor: `SensorCalibration.neutral_estimated` marks it, and
 `panchroma inspect` says so.
 """
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from .calibration import SensorCalibration
 from .colorimetry import D50, as_rows
 from .errors import InputError
 from .mosaic import Mosaic
+
+Real = TypeVar("Real", FloatArray, DoubleArray)
 
 _MINKOWSKI = 6  # Finlayson and Trezzi, "Shades of Gray and Colour Constancy", CIC 2004
 _DARK, _BRIGHT = 0.02, 0.95  # colours between these are above the noise and below clipping
@@ -68,6 +71,30 @@ def estimate_neutral(mosaic: Mosaic) -> tuple[float, ...] | None:
     left, middle, right = (blocks[..., start : start + len(lefts) // 3 * 3 : 3] for start in range(3))
     medians = np.maximum(np.minimum(left, middle), np.minimum(np.maximum(left, middle), right))
     return shades_of_grey(np.moveaxis(medians, 0, -1), calibration.full_scale)
+
+
+def clipped_share(readings: Real, clipping: float, shoulder: float) -> Real:
+    """How far each reading counts as clipped: from 0, at (1 - shoulder) * clipping and below, to 1 at the limit `clipping`."""
+    share: Real = np.clip((readings - (1 - shoulder) * clipping) / (shoulder * clipping), 0, 1)
+    return share
+
+
+def raised_to_white(readings: Real, gone: Real, clipping: float, neutral: tuple[float, ...]) -> Real:
+    """Raise clipped readings to what a white surface would read, given the other channels; nothing is lowered.
+
+    A white surface clips in one channel after the other. Where all are clipped it is as bright as the last of them still allows.
+
+    readings: (..., C), scene units.
+    gone: (..., C), how far each reading counts as clipped, 0 to 1.
+    clipping: the limit of the readings.
+    neutral: what white reads in each channel, up to scale.
+    """
+    white = np.array(neutral, readings.dtype)
+    all_gone = gone.prod(axis=-1, keepdims=True)
+    level = ((1 - gone) * readings / white).sum(axis=-1, keepdims=True) + all_gone * clipping / white.min()
+    level /= (1 - gone).sum(axis=-1, keepdims=True) + all_gone
+    raised: Real = readings + gone * np.maximum(white * level - readings, 0)
+    return raised
 
 
 def balanced(calibration: SensorCalibration, neutral: DoubleArray, *, estimated: bool = False) -> SensorCalibration:

@@ -22,11 +22,12 @@ from shared.dng.tags import Tag
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_reading import StoredDirectories, StoredFields
-from shared.white_balance import normalised
+from shared.white_balance import clipped_share, normalised
 from tools.host.limited import run_limited
 
 from .camera_colour import as_shot_or_estimated, camera_to_xyz
 from .ciff import crw_metadata
+from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoders import guarded
 from .exif_reading import raw_directories
 from .scene import Scene, check_size
@@ -56,7 +57,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
     The scene is neither rotated nor white-balanced. rgb is (sample - black) / (white - black) of the visible area, with the two
     greens averaged and an odd last row or column left out. There is one black level per colour; white is the camera's saturation
     level. Values below black, which noise causes, become 0: light is not negative, and on the evaluation scenes this changes no
-    figure by 0.01 dB. Samples above the white level exceed 1.
+    figure by 0.01 dB. Samples above the white level exceed 1. Clipped samples become white (see `clipped`), and a note says so.
 
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
@@ -78,8 +79,9 @@ def _scene(path: Path, name: str, max_pixels: int) -> Scene:
             sizes = raw.sizes
             check_size(sizes.raw_width, sizes.raw_height, 2, data_bytes(path), max_pixels)
             raw.unpack()
-            rgb = _quads(raw, rawpy)
+            rgb, gone = _quads(raw, rawpy)
             neutral, estimated, notes = as_shot_or_estimated(_neutral(raw), rgb)
+            rgb, clipped = with_white_highlights(rgb, neutral, gone)
             directories = raw_directories(path)
             matrix = colour_matrix(directories.main, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
             metadata = _metadata(raw, directories, path)
@@ -92,11 +94,11 @@ def _scene(path: Path, name: str, max_pixels: int) -> Scene:
         raise InputError("the RAW is cut short or cannot be read; copy it again") from None
     if matrix is None:
         notes += (UNKNOWN_MATRIX,)
-    return Scene(rgb, name, matrix, neutral, metadata, notes, estimated)
+    return Scene(rgb, name, matrix, neutral, metadata, (*notes, *clipped), estimated)
 
 
-def _quads(raw: Any, rawpy: Any) -> FloatArray:
-    """Return the samples of an opened RAW, one pixel per quad: (H // 2, W // 2, 3), scene units."""
+def _quads(raw: Any, rawpy: Any) -> tuple[FloatArray, FloatArray]:
+    """Return the samples of an opened RAW, one pixel per quad: (H // 2, W // 2, 3), scene units; and how far each is clipped."""
     pattern = bayer_pattern(raw, rawpy)
     samples: NDArray[np.uint16] = raw.raw_image_visible
     rows, columns = (size // 2 for size in samples.shape)
@@ -109,12 +111,16 @@ def _quads(raw: Any, rawpy: Any) -> FloatArray:
         raise InputError(f"black level {max(blacks):g} is not below white level {white:g}: the file's levels are damaged")
     letters = raw.color_desc.decode("ascii", "replace")
     rgb: FloatArray = np.zeros((rows, columns, 3), np.float32)
+    gone, limit = np.zeros_like(rgb), saturation(samples, white)
     for (row, column), index in np.ndenumerate(pattern):
-        black = blacks[index]
-        plane = samples[row : 2 * rows : 2, column : 2 * columns : 2]
-        rgb[..., _CHANNELS.index(letters[index])] += (plane - np.float32(black)) / np.float32(white - black)
+        black, channel = blacks[index], _CHANNELS.index(letters[index])
+        light = (samples[row : 2 * rows : 2, column : 2 * columns : 2] - np.float32(black)) / np.float32(white - black)
+        rgb[..., channel] += light
+        # One of two greens may be clipped: then so is their mean.
+        share = clipped_share(light, (limit - black) / (white - black), SHOULDER)
+        np.maximum(gone[..., channel], share, out=gone[..., channel])
     rgb[..., 1] /= 2
-    return np.maximum(rgb, 0, out=rgb)
+    return np.maximum(rgb, 0, out=rgb), gone
 
 
 def bayer_pattern(raw: Any, rawpy: Any) -> NDArray[np.uint8]:

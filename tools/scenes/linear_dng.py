@@ -19,6 +19,7 @@ from shared.white_balance import normalised
 
 from .camera_colour import as_shot_or_estimated
 from .camera_raw import UNKNOWN_MATRIX, colour_matrix
+from .clipped import with_white_highlights
 from .exif_reading import raw_directories
 from .scene import Scene, check_size
 
@@ -39,7 +40,7 @@ def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
 
     rgb is (sample - black) / (white - black) of the active area, after the linearization table. It is neither rotated nor
     white-balanced, and not brightened by BaselineExposure. Values below black become 0, values above white exceed 1. Matrix,
-    neutral and orientation are the file's. Lossless compressions are read (DNG 1.7.1, chapter 4), integers and floating point.
+    neutral and orientation are the file's. Integers at the white level are clipped, and become white (see `clipped`). Lossless compressions are read (DNG 1.7.1, chapter 4), integers and floating point.
 
     Raises InputError for lossy compression, for impossible levels, and for a damaged file.
     """
@@ -58,6 +59,8 @@ def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
             stated = _numbers(file.pages.first, Tag.AS_SHOT_NEUTRAL)
     as_shot = normalised(stated) if stated.shape == (3,) and np.isfinite(stated).all() and stated.min() > 0 else None
     neutral, estimated, notes = as_shot_or_estimated(as_shot, rgb)
+    rgb, clipped = with_white_highlights(rgb, neutral) if integers else (rgb, ())
+    notes += clipped
     directories = raw_directories(path)
     matrix = colour_matrix(directories.main, neutral)
     return Scene(rgb, name, matrix, neutral, metadata_from(directories), notes if matrix else (*notes, UNKNOWN_MATRIX), estimated)

@@ -1,0 +1,77 @@
+"""Clipped samples of a scene: white, as bright as the channels that are not clipped say.
+
+A camera's channels clip at the same code, and white reads less in some of them. Taken for light, a burnt-out lamp would be magenta
+before any camera that gets less light of the scene. So a clipped sample is raised to what white reads there (`raised_to_white`, as
+in the render), and a pixel where every channel is clipped is white.
+
+The four samples of a quad lie side by side. At the rim of a highlight some of them are clipped and others are not, which gives rings
+of every colour. So a pixel beside a place where all channels are clipped loses its colour too, and keeps its light.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, uniform_filter
+
+from shared.arrays import FloatArray
+from shared.white_balance import clipped_share, raised_to_white
+
+SHOULDER = 0.02
+"""Fraction of the range below the limit in which a sample gradually counts as clipped: noise, and a limit that sites share roughly."""
+
+_CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
+_BESIDE = 3  # pixels: window in which each channel is clipped somewhere, and by which the loss of colour fades out, twice
+_HIGH = 0.85  # of the white level: no maker states one that is further above saturation
+_SPIKE, _TIMES, _NEAR = 50, 20, 0.01  # samples of one code, as a multiple of their mean number in this range of codes below
+
+
+def saturation(codes: NDArray[np.uint16], white: float) -> float:
+    """The code at which samples are clipped: the white level, or a lower one that so many samples have that it must be the limit.
+
+    Makers, and tables of cameras, state white levels that some sensors never reach.
+    """
+    counts = np.bincount(codes.ravel())
+    lowest = int(_HIGH * white)
+    if len(counts) <= lowest:
+        return white
+    code = lowest + int(counts[lowest:].argmax())
+    before = counts[round((1 - _NEAR) * code) : code].mean()
+    is_spike = counts[code] >= max(_SPIKE, _TIMES * before, counts[code + 1 :].sum())
+    return min(float(code), white) if is_spike else white
+
+
+def with_white_highlights(
+    rgb: FloatArray, neutral: tuple[float, ...] | None, gone: FloatArray | None = None
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """A scene whose clipped samples, those at 1.0, are white; and a note if there are any.
+
+    rgb: (H, W, C), scene units; 1.0 is the limit of every channel.
+    neutral: what white reads; None = unknown, clipped samples stay.
+    gone: (H, W, C), how far each sample counts as clipped, 0 to 1; None = by its own reading.
+
+    >>> import numpy as np
+    >>> lamp = np.full((9, 9, 3), 0.25, np.float32)
+    >>> lamp[3:6, 3:6] = 1
+    >>> white, notes = with_white_highlights(lamp, (0.5, 1.0, 0.8))
+    >>> white[4, 4].tolist(), white[0, 0].tolist(), len(notes)
+    ([1.0, 2.0, 1.600...], [0.25, 0.25, 0.25], 1)
+    """
+    if gone is None:
+        gone = clipped_share(rgb, 1.0, SHOULDER)
+    clipped = (gone > _CLIPPED).any(axis=2)
+    if not clipped.any():
+        return rgb, ()
+    share = f"{100 * float(clipped.mean()):.2g} % of the pixels are clipped in the file"
+    if neutral is None:
+        return rgb, (f"{share}; no white balance is known, so they keep the colour of clipped samples",)
+    white, result = np.array(neutral, np.float32), rgb.copy()
+    some = (gone > 0).any(axis=2)
+    result[some] = raised_to_white(rgb[some], gone[some], 1.0, neutral)
+    core = np.ones(rgb.shape[:2], np.float32)
+    for channel in range(rgb.shape[2]):
+        core *= maximum_filter(gone[..., channel], _BESIDE, mode="nearest")
+    fading = uniform_filter(maximum_filter(core, _BESIDE, mode="nearest"), _BESIDE, mode="nearest")
+    rim = fading > 0
+    weight = np.maximum(fading, core)[rim][:, None].clip(0, 1)
+    light = result[rim].sum(axis=1, keepdims=True) / white.sum()
+    result[rim] += weight * (light * white - result[rim])
+    return result, (f"{share}: they are taken for white, as bright as their other channels say",)
