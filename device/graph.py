@@ -14,13 +14,14 @@ convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the co
 import numpy as np
 import onnx
 
+from shared.display import SATURATED
 from shared.pattern import CfaPattern
 
 from . import contract
 from .geometry import Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
-BUILDER = "4"
+BUILDER = "5"
 """Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
 
 _FLOOR = 1e-3
@@ -39,6 +40,8 @@ _MISSED_NOISE = 2.0
 """Multiple of the noise variance that the mean square of what is missed at the sites of a block must exceed to count."""
 _DOUBT = 0.5
 """Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
+_BURNT = 10.0
+"""Multiple of the luminance of saturated pixels that is shown: white in every channel with a tenth of white's chromaticity or more."""
 _SPREAD = 0.5
 """Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
 
@@ -69,7 +72,8 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     else:
         pixels, cells = mean_light(g, geometry, inputs, *probes[5:])
     spread = propagate(g, geometry, blocks, cells)  # Eq. 10
-    camera = [g("Mul", light, spread) for light in pixels]  # Eq. 17
+    shown = pixels if linear else [burnt_out(g, inputs, light) for light in pixels]
+    camera = [g("Mul", light, spread) for light in shown]  # Eq. 17
     picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
     return finish(g, geometry, picture, linear=linear)
 
@@ -278,6 +282,17 @@ def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
             weights.append(g("Div", near.reshape(-1, 1, 1), g("Add", g("Mul", apart, apart), least)))
             mixed.append(g("Mul", weights[-1], g("Unsqueeze", colour, [1])))
     return g("Div", g.sum(mixed), g.sum(weights))
+
+
+def burnt_out(g: Nodes, inputs: Inputs, light: str) -> str:
+    """Luminance of pixels that are shown: so high where samples are saturated that every channel is white.
+
+    There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
+    """
+    first, last = SATURATED
+    slope = (_BURNT * last - first) / (last - first)
+    full_scale = g("Div", g.total(inputs.gamma, inputs.channels, axis=0), inputs.unit)
+    return g("Max", light, g("Sub", g("Mul", light, slope), g("Mul", full_scale, first * (slope - 1))))
 
 
 def display(g: Nodes, camera: str) -> str:

@@ -2,16 +2,21 @@
 
 **White.** A white surface reads k * neutral, for some k. Display white is the brightest such reading that every channel can still
 measure: its largest channel is 1.0 scene unit, the white level. (Raw developers state the inverse: white-balance multipliers,
-scaled so that the smallest is 1.) For display each channel is first clipped at its reading of that white. Beyond it some channel
-has clipped and the colour is unknown; without the clip a burnt-out highlight would turn magenta instead of white.
+scaled so that the smallest is 1.) For display each channel is clipped at its reading of that white, or, with a negative exposure, at
+its reading of the brighter one that is shown as white then.
+
+**Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is darkened would otherwise end in a
+flat grey, with a hard edge. A picture whose highlights are restored (`offline/highlights.py`) measures white up to where the channel
+saturates in which it reads least; only what comes near that in every channel is burnt out. In any other picture, such as one by the
+paper's method, luminance stops where panchromatic samples saturate, and colour is wrong there. Both change over gradually.
 
 **Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
 neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
 matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there are, which do not count then;
 without these three there is no such guess.
 
-**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve, no highlight reconstruction. "linear-srgb" has neither clip nor
-curve. The space "camera" of the commands means unchanged samples; this module is not involved.
+**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has neither clip nor curve, nor what makes burnt-out
+places white. The space "camera" of the commands means unchanged samples; this module is not involved.
 """
 
 from collections.abc import Iterator
@@ -38,6 +43,11 @@ from .colorimetry import (
 from .errors import InputError
 
 MAX_EXPOSURE = 16.0
+# Fractions of what the shot could measure between which a place turns white. Restored highlights: its colour samples end there by
+# a shoulder of 5 %, and where all of them are saturated light is restored to within a few per cent. Otherwise: saturated samples
+# are even, but for noise; the camera's preview does the same (`device/graph.py`).
+_RESTORED = 0.70, 0.93
+SATURATED = 0.90, 0.99
 
 
 @dataclass(frozen=True)
@@ -78,17 +88,23 @@ class ColourTransform:
     space: the output space.
     white: reading of display white in each channel, scene units; the largest is 1.0.
     matrix: 3 x C, scene units -> linear RGB of the space; maps `white` to (1, 1, 1).
+    brightest: the brightest white that some colour sample measures, in units of display white.
+    weights: of each channel in a panchromatic sample, as a fraction of the light at which that saturates; None = highlights are
+        restored.
     """
 
     space: OutputSpace
     white: tuple[float, ...]
     matrix: Matrix
+    brightest: float
+    weights: tuple[float, ...] | None = None
 
     @classmethod
-    def to_space(cls, calibration: SensorCalibration, name: str = "srgb") -> "ColourTransform":
+    def to_space(cls, calibration: SensorCalibration, name: str = "srgb", *, restored: bool = True) -> "ColourTransform":
         """The transform for pictures of this sensor.
 
         name: a key of `SPACES`.
+        restored: the pictures' highlights are restored from the colour samples, or nothing in them is clipped.
         A missing neutral is taken to be the reading that the matrix maps to D50, without a matrix (1, 1, 1).
         Raises InputError for an unknown space, for channels of unknown colours, and when the matrix maps the neutral to no possible
         white.
@@ -108,13 +124,14 @@ class ColourTransform:
                 "of light; calibrate again, or use --space camera"
             )
         matrix = np.linalg.solve(space.to_xyz, adaptation(seen) @ to_xyz)
-        return cls(space, tuple(white.tolist()), as_rows(matrix))
+        weights = None if restored else tuple(weight / calibration.full_scale for weight in calibration.gamma)
+        return cls(space, tuple(white.tolist()), as_rows(matrix), calibration.full_scale / float(white.min()), weights)
 
     def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
         """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for display, unclipped when linear.
 
-        exposure: stops of gain, -16 to 16, applied after the clip at display white: negative values darken but bring no highlights
-            back.
+        exposure: stops of gain, -16 to 16. Negative values bring back highlights as far as the picture holds them; what is burnt
+            out stays white.
         Raises InputError for an exposure beyond these limits, and for a picture that `checked_picture` refuses.
         """
         result = np.empty((*rgb.shape[:2], 3), np.float32)
@@ -124,13 +141,24 @@ class ColourTransform:
 
     def planes(self, rgb: FloatArray, exposure: float = 0.0) -> Iterator[tuple[slice, int, FloatArray]]:
         """The result of `apply` in pieces that fit in the processor's cache: yield (rows, channel, float32 (rows, W))."""
+        for rows, output, plane in self.light(rgb, exposure):
+            yield rows, output, plane if self.space.linear else encode_srgb(plane)
+
+    def light(self, rgb: FloatArray, exposure: float = 0.0) -> Iterator[tuple[slice, int, FloatArray]]:
+        """As `planes`, before the transfer curve; beyond 0..1 the curve clips."""
         rgb = checked_picture(rgb, len(self.white))
         check_exposure(exposure)
-        matrix = (np.array(self.matrix) * 2.0**exposure).astype(np.float32)
+        darker, brighter = 2.0 ** min(exposure, 0.0), 2.0 ** max(exposure, 0.0)
+        matrix = (np.array(self.matrix) * brighter).astype(np.float32)
         white = np.array(self.white, np.float32)[:, None, None]
         # Planes: NumPy takes three times as long for channels that lie side by side.
         for rows in strips(len(rgb), max(1, CACHED // rgb.shape[1])):
-            planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")  # a copy, even of one pixel: it is clipped in place
+            planes = np.array(rgb[rows].transpose(2, 0, 1), order="C")  # a copy, even of one pixel: it is changed in place
+            burnt = None if self.space.linear else self._burnt_out(planes, darker)
+            if darker != 1:
+                planes *= np.float32(darker)
+            if burnt is not None:
+                planes += burnt * white
             if not self.space.linear:
                 # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
                 np.clip(planes, -white, white, out=planes)
@@ -139,7 +167,25 @@ class ColourTransform:
                 plane: FloatArray = weights[0] * planes[0]
                 for weight, each in zip(weights[1:], planes[1:], strict=True):
                     plane += np.multiply(weight, each, out=product)
-                yield rows, output, plane if self.space.linear else encode_srgb(plane)
+                yield rows, output, plane
+
+    def _burnt_out(self, planes: FloatArray, darker: float) -> FloatArray | None:
+        """How far each pixel of (C, rows, W), scene units, is what the shot could not measure, 0 to 1; None where it is white anyway.
+
+        darker: factor by which the picture is darkened, at most 1.
+        """
+        if self.weights is None:
+            if darker * self.brightest >= 1:
+                return None
+            level, (first, last) = planes[0] / np.float32(self.white[0] * self.brightest), _RESTORED
+            for plane, white in zip(planes[1:], self.white[1:], strict=True):
+                np.minimum(level, plane / np.float32(white * self.brightest), out=level)
+        else:
+            level, (first, last) = np.float32(self.weights[0]) * planes[0], SATURATED
+            for plane, weight in zip(planes[1:], self.weights[1:], strict=True):
+                level += np.float32(weight) * plane
+        share: FloatArray = ((level - np.float32(first)) / np.float32(last - first)).clip(0, 1)
+        return share
 
 
 def check_exposure(exposure: float) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from shared import CaptureMetadata, SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import checked_picture
+from shared.display import ColourTransform, checked_picture
 from shared.errors import InputError
 from shared.tiff import encode_tiff, write_tiff
 from shared.writing import OnComplete, durable_file
@@ -39,6 +39,7 @@ def write_picture_bands(
     calibration: SensorCalibration,
     metadata: CaptureMetadata,
     exposure: float = 0.0,
+    restored: bool = True,
     overwrite: bool = False,
     on_complete: OnComplete | None = None,
     threads: int = 1,
@@ -50,7 +51,7 @@ def write_picture_bands(
     path: the file.
     bands: float32 (rows, W, C), scene units, from top to bottom.
     shape: (H, W) of the whole rendering.
-    kind, calibration, metadata, exposure: see `encode_picture`; the format is one of `FORMATS`.
+    kind, calibration, metadata, exposure, restored: see `encode_picture`; the format is one of `FORMATS`.
     overwrite, on_complete: see `durable_file`.
     threads: number of threads that convert and compress.
 
@@ -70,7 +71,7 @@ def write_picture_bands(
         return
 
     def convert(band: FloatArray) -> NDArray[Any]:
-        return to_samples(checked(band), kind, calibration, exposure)
+        return to_samples(checked(band), kind, calibration, exposure, restored=restored)
 
     dtype = {8: np.uint8, 16: np.uint16, 32: np.float32}[kind.bits]
     srgb = kind.space == "srgb"
@@ -85,7 +86,8 @@ def write_picture_bands(
             exif = encode_tiff(jpeg_directory(noted, whole, srgb=srgb))
             encode = encode_jpeg_bands
             if kind.format == "uhdr":
-                encode = partial(encode_ultra_hdr_bands, gains=GainMap.of(calibration, kind.space, exposure))
+                shown = ColourTransform.to_space(calibration, kind.space, restored=restored)
+                encode = partial(encode_ultra_hdr_bands, gains=GainMap(shown, exposure))
             file.write(encode(turned, whole, icc=icc, exif=exif, quality=kind.quality, threads=threads))
         else:
             directory = picture_directory(noted, srgb=srgb)

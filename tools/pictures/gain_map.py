@@ -3,7 +3,7 @@
 A picture ends at display white: the brightest that every channel can measure. The render knows more: a colour sample saturates
 later than the panchromatic ones, later still in a channel in which white reads less, and `offline/highlights.py` rebuilds light
 up to the channel that clips last. An HDR display shows it up to there, `headroom` times display white. Where nothing is clipped
-the gain is 1, and the picture is the same on every display.
+the gain is 1, and the picture is the same on every display. So it is where a picture is darkened and what is burnt out is white.
 
 The gain is that of luminance, the same for all channels. Beyond display white some channel may be clipped, in the sensor or in
 the picture that was simulated, and the colour is unknown (`shared/display.py`): the colour of a highlight stays that of the
@@ -11,12 +11,10 @@ picture, or a burnt-out lamp that the picture shows white would be magenta in HD
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import log2
 
 import numpy as np
 
-from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray, strips
 from shared.display import ColourTransform
 
@@ -32,35 +30,28 @@ class GainMap:
     """How the gains of one sensor's pictures are coded: the same for all pictures of a kind, whatever is in them.
 
     shown: the transform of the picture that the gains belong to.
-    full_scale: scene units at which a colour sample saturates.
     exposure: gain of the picture, stops.
     """
 
     shown: ColourTransform
-    full_scale: float
     exposure: float = 0.0
 
-    @classmethod
-    def of(cls, calibration: SensorCalibration, space: str, exposure: float = 0.0) -> "GainMap":
-        """The gains of a sensor's pictures in a space that is not linear. Raises InputError as `ColourTransform.to_space` does."""
-        return cls(ColourTransform.to_space(calibration, space), calibration.full_scale, exposure)
-
-    @cached_property
+    @property
     def headroom(self) -> float:
         """The brightest light that is shown, in units of display white."""
-        return max(self.full_scale / min(self.shown.white), float(2**_LEAST))
+        return max(self.shown.brightest, float(2**_LEAST))
 
     @property
     def highest(self) -> float:
-        """The highest gain, stops: from display white, or from the white that a positive exposure clips."""
-        return log2(self.headroom) + max(self.exposure, 0.0)
+        """The highest gain, stops: from the white of the picture to the brightest light."""
+        return max(log2(self.headroom) + self.exposure, float(_LEAST))
 
     def capacity(self, brightest: int) -> float:
         """How much brighter than white a display has to be to show all of a picture whose highest code is this, stops.
 
         Less bright displays show less of every gain: range that a picture does not use would dim its highlights there.
         """
-        return max(brightest / _TOP * self.highest + min(self.exposure, 0.0), _LEAST)
+        return max(brightest / _TOP * self.highest, _LEAST)
 
     def codes(self, rgb: FloatArray, picture: ByteArray) -> ByteArray:
         """The gains of a rendering in scene units, (H, W, C), of which `picture` has the codes (H, W, 3): uint8 (H, W)."""
@@ -75,11 +66,18 @@ class GainMap:
             if not clipped.any():
                 continue
             light, most = part[clipped][None], white * np.float32(self.headroom)
-            seen = self._luminance(linear.apply(light.clip(-white, white), self.exposure)[0].clip(0, 1))
+            seen = self._luminance(self._shown_light(light)[0].clip(0, 1))
             whole = self._luminance(linear.apply(light.clip(-white, most), self.exposure)[0].clip(0, None))
             gains = np.log2((whole + np.float32(OFFSET)) / (seen + np.float32(OFFSET)))
             result[rows][clipped] = np.rint(gains * np.float32(_TOP / self.highest)).clip(0, _TOP)
         return result
+
+    def _shown_light(self, rgb: FloatArray) -> FloatArray:
+        """The light of the picture, before its curve, (H, W, 3)."""
+        light = np.empty((*rgb.shape[:2], 3), np.float32)
+        for rows, channel, plane in self.shown.light(rgb, self.exposure):
+            light[rows, :, channel] = plane
+        return light
 
     def _luminance(self, light: FloatArray) -> FloatArray:
         red, green, blue = self.shown.space.to_xyz[1].astype(np.float32)

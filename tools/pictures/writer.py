@@ -143,16 +143,23 @@ def write_picture(
     calibration: SensorCalibration,
     metadata: CaptureMetadata,
     exposure: float = 0.0,
+    restored: bool = True,
     overwrite: bool = False,
     on_complete: OnComplete | None = None,
 ) -> None:
     """Encode a rendering (see `encode_picture`) and write it atomically (see `write_durably`, also for `on_complete`)."""
-    data = encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure)
+    data = encode_picture(rgb, kind, calibration=calibration, metadata=metadata, exposure=exposure, restored=restored)
     write_durably(path, data, overwrite=overwrite, on_complete=on_complete)
 
 
 def encode_picture(
-    rgb: FloatArray, kind: PictureKind, *, calibration: SensorCalibration, metadata: CaptureMetadata, exposure: float = 0.0
+    rgb: FloatArray,
+    kind: PictureKind,
+    *,
+    calibration: SensorCalibration,
+    metadata: CaptureMetadata,
+    exposure: float = 0.0,
+    restored: bool = True,
 ) -> bytes:
     """Return a rendering as the content of a picture file.
 
@@ -161,6 +168,7 @@ def encode_picture(
     calibration: of the sensor; it gives the colours.
     metadata: capture data; its orientation turns pictures upright.
     exposure: gain in stops; 0 for "camera".
+    restored: see `ColourTransform.to_space`.
 
     Raises InputError if rgb is not such a picture, and as `check_output` does.
     """
@@ -169,7 +177,7 @@ def encode_picture(
     if kind.format == "dng":
         return encode_tiff(linear_dng([rgb], (rgb.shape[0], rgb.shape[1]), calibration, metadata))
     channels, icc, metadata, turn = labels(kind, calibration, metadata)
-    samples = to_samples(upright(rgb, turn), kind, calibration, exposure)
+    samples = to_samples(upright(rgb, turn), kind, calibration, exposure, restored=restored)
     srgb = kind.space == "srgb"
     match kind.format:
         case "tif":
@@ -183,7 +191,7 @@ def encode_picture(
             )
         case "uhdr":
             exif = encode_tiff(jpeg_directory(metadata, samples.shape, srgb=srgb))
-            gains = GainMap.of(calibration, kind.space, exposure)
+            gains = GainMap(ColourTransform.to_space(calibration, kind.space, restored=restored), exposure)
             whole = samples.shape[0], samples.shape[1]
             return encode_ultra_hdr_bands([samples], whole, gains=gains, icc=icc, exif=exif, quality=kind.quality)
         case "jxl":
@@ -207,20 +215,22 @@ def labels(kind: PictureKind, calibration: SensorCalibration, metadata: CaptureM
     return "RGB", icc_profile(kind.space), replace(metadata, orientation=1), metadata.orientation
 
 
-def to_samples(rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float) -> NDArray[Any]:
+def to_samples(
+    rgb: FloatArray, kind: PictureKind, calibration: SensorCalibration, exposure: float, *, restored: bool
+) -> NDArray[Any]:
     """Convert a rendering or some rows of it, (H, W, C) scene units, to the samples of the file: uint8, uint16 or float32.
 
-    Those of "uhdr" are four: the picture's, and the codes of their gains.
+    exposure, restored: see `encode_picture`. Those of "uhdr" are four: the picture's, and the codes of their gains.
     """
     floating = kind.bits == 32 or kind.format == "exr"
     if kind.space == CAMERA:
         return rgb if floating else quantise(rgb, kind.bits)
-    shown = ColourTransform.to_space(calibration, kind.space)
+    shown = ColourTransform.to_space(calibration, kind.space, restored=restored)
     if floating:
         return shown.apply(rgb, exposure)
     codes = display_codes(rgb, shown, kind.bits, exposure)
     if kind.format == "uhdr":
-        return np.dstack([codes, GainMap.of(calibration, kind.space, exposure).codes(rgb, codes)])
+        return np.dstack([codes, GainMap(shown, exposure).codes(rgb, codes)])
     return codes
 
 

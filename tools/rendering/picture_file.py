@@ -108,7 +108,14 @@ def render_to(
             top += len(band)
         progress.stage("writing", 1)
         write = partial(write_picture, output, rgb, kind)
-    write(calibration=mosaic.calibration, metadata=mosaic.metadata, exposure=exposure, overwrite=overwrite, on_complete=on_complete)
+    write(
+        calibration=mosaic.calibration,
+        metadata=mosaic.metadata,
+        exposure=exposure,
+        restored=settings.highlights.restored,
+        overwrite=overwrite,
+        on_complete=on_complete,
+    )
     return log.solvers
 
 

@@ -16,7 +16,7 @@ from shared.arrays import FloatArray
 from shared.white_balance import clipped_share, raised_to_white
 
 SHOULDER = 0.02
-"""Fraction of the range below the limit in which a sample gradually counts as clipped: noise, and a limit that sites share roughly."""
+"""Fraction of the range below the limit in which a sample gradually counts as clipped: noise, and limits that differ a little."""
 
 _CLIPPED = 0.999  # share from which a sample is at the limit, but for rounding
 _BESIDE = 3  # pixels: window in which each channel is clipped somewhere, and by which the loss of colour fades out, twice
