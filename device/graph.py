@@ -41,7 +41,7 @@ _MISSED_NOISE = 2.0
 _DOUBT = 0.5
 """Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
 _BURNT = 10.0
-"""Multiple of the luminance of saturated pixels that is shown: white in every channel with a tenth of white's chromaticity or more."""
+"""Multiple of the luminance of saturated pixels that is shown: white where every channel has a tenth of what white has."""
 _SPREAD = 0.5
 """Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
 

@@ -2,21 +2,21 @@
 
 **White.** A white surface reads k * neutral, for some k. Display white is the brightest such reading that every channel can still
 measure: its largest channel is 1.0 scene unit, the white level. (Raw developers state the inverse: white-balance multipliers,
-scaled so that the smallest is 1.) For display each channel is clipped at its reading of that white, or, with a negative exposure, at
-its reading of the brighter one that is shown as white then.
+scaled so that the smallest is 1.) For display each channel is clipped at its reading of that white, or, with a negative exposure,
+at its reading of the brighter white that is shown then.
 
-**Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is darkened would otherwise end in a
-flat grey, with a hard edge. A picture whose highlights are restored (`offline/highlights.py`) measures white up to where the channel
-saturates in which it reads least; only what comes near that in every channel is burnt out. In any other picture, such as one by the
-paper's method, luminance stops where panchromatic samples saturate, and colour is wrong there. Both change over gradually.
+**Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is darkened would otherwise end in
+a flat grey, with a hard edge. A picture whose highlights are restored (`offline/highlights.py`) measures white up to where that
+channel saturates in which it reads least; only what comes near that in every channel is burnt out. In any other picture, such as
+one by the paper's method, luminance stops where panchromatic samples saturate, and colour is wrong there. Both change over gradually.
 
 **Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
 neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
 matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there are, which do not count then;
 without these three there is no such guess.
 
-**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has neither clip nor curve, nor what makes burnt-out
-places white. The space "camera" of the commands means unchanged samples; this module is not involved.
+**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no curve and no white for what is burnt
+out. The space "camera" of the commands means unchanged samples; this module is not involved.
 """
 
 from collections.abc import Iterator
@@ -170,7 +170,7 @@ class ColourTransform:
                 yield rows, output, plane
 
     def _burnt_out(self, planes: FloatArray, darker: float) -> FloatArray | None:
-        """How far each pixel of (C, rows, W), scene units, is what the shot could not measure, 0 to 1; None where it is white anyway.
+        """How far each pixel of (C, rows, W), scene units, is what the shot could not measure, 0 to 1; None if it is white anyway.
 
         darker: factor by which the picture is darkened, at most 1.
         """

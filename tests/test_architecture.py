@@ -34,7 +34,7 @@ ROOMS = {
     "training": {"training", *_BELOW},
     "cli": {"host"},  # it imports the commands by name
     "commands": {"commands", "rendering", "calibration", "evaluation", "live", *_BELOW},
-    "notebook": {"notebook", "commands", "rendering", "evaluation", *_BELOW},  # `import panchroma`
+    "notebook": {"notebook", "rendering", "evaluation", *_BELOW},  # `import panchroma`
 }
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}

@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shared import CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
+from shared import CfaPattern, Mosaic, read_dng, write_dng
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.dng import read_preview
 from shared.errors import InputError
-from shared.sensor import simulate_additive
 from shared.series import frame_name
 from shared.writing import write_durably
 from tools.evaluation.metrics import quality
@@ -36,11 +35,12 @@ from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
+from tools.scenes.simulated_camera import SimulatedCamera
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-_WIDTH, _HEIGHT, _BITS, _SEED = 1200, 800, 12, 0
+_WIDTH, _HEIGHT, _SEED = 1200, 800, 0
 _FOLDER = "panchroma-demo"
 _FRAMES, _MOTION = 8, (3.0, 0.3)  # of a burst; pixels and degrees
 _DRAWN, _PIXEL = (1800, 1200), 2  # the scene of a burst, and how many of its pixels, each way, are one of the sensor
@@ -167,9 +167,8 @@ def _write_figure(path: Path, figure: "Image", *, overwrite: bool) -> None:
 
 def _photograph(scene: Scene, rgb: FloatArray, sigma: float, seed: int) -> Mosaic:
     """A shot of light `rgb` of a scene."""
-    camera = SensorCalibration.of_bits(_BITS, camera_to_xyz=scene.camera_to_xyz, neutral=scene.neutral, sensor="simulated")
-    rng = np.random.default_rng(seed)
-    return simulate_additive(rgb, CfaPattern.bayer(), camera, sigma, rng, scene.metadata)
+    camera = SimulatedCamera.of(CfaPattern.bayer(), sigma=sigma)
+    return camera.shoot(scene, np.random.default_rng(seed), light=rgb).mosaic
 
 
 def _table(medians: dict[str, tuple[float, float, float]], sigma: float) -> list[str]:

@@ -20,10 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared import write_dng
 from shared.calibration import BITS
 from shared.errors import InputError
-from shared.sensor import simulate_additive, simulate_sensor
 from shared.series import frame_name
 from shared.writing import write_durably
 from tools.host import options
@@ -33,13 +32,13 @@ from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
-from tools.scenes.filters import Filters, filters_for
+from tools.scenes.filters import filters_for
 from tools.scenes.lens import SimulatedLens
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
-from tools.scenes.scene import Scene
+from tools.scenes.simulated_camera import BITS as DEFAULT_BITS
+from tools.scenes.simulated_camera import TRUTH, SimulatedCamera
 
-_DEFAULT_BITS = 12
-_TRUTH = PictureKind("tif", 32, "camera")
+_MEASURED = PictureKind("tif", 32, "camera")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_output_folder(parser, "STEM.dng (subfolders are kept)")
     sensor = options.add_camera(parser)
     sensor.add_argument(
-        "--bits", type=int, metavar="N", help=f"bits a sample, {BITS[0]} to {BITS[-1]} (default: {_DEFAULT_BITS}, or the camera's)"
+        "--bits", type=int, metavar="N", help=f"bits a sample, {BITS[0]} to {BITS[-1]} (default: {DEFAULT_BITS}, or the camera's)"
     )
     sensor.add_argument(
         "--layout",
@@ -105,7 +104,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--truth",
         action="store_true",
-        help="also write what the (first) frame sees as STEM.truth.tif, float32, scene units, and the motion of a burst",
+        help="also write what the (first) frame sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a "
+        "render; and the motion of a burst",
     )
     options.add_max_pixels(parser)
     options.add_overwrite(parser)
@@ -128,14 +128,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     known, pattern = options.camera_of(arguments)
     if known:
         lens.check(known.calibration, arguments.camera)
-    camera = _calibration(arguments, known, pattern)
+    sigma = None if arguments.protocol == "sensor" else arguments.sigma
+    camera = SimulatedCamera.of(pattern, known, bits=arguments.bits, lens=lens, sigma=sigma, light=arguments.light)
     folder = output_folder(arguments.output)
     previews = Previews()
 
     def names(source: str) -> list[str]:
         stem = source.replace(":", "-") if is_drawn(source) else Path(source).stem
         shots = [frame_name(stem, number + 1, burst.frames) for number in range(burst.frames)] if is_series else [stem]
-        beside = [f"{stem}.truth.tif", *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
+        beside = [f"{stem}{TRUTH}", *([f"{stem}.motion.json"] if is_series else [])] if arguments.truth else []
         return [*(f"{shot}.dng" for shot in shots), *beside]
 
     def random(path: Path) -> np.random.Generator:
@@ -147,23 +148,21 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         with console.progress(job.source) as progress:
             progress.stage("reading", 1)
             scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
-            filters = filters_for(pattern, scene)
-            calibration = calibration_before(scene, filters, camera, measured=known is not None)
+            notes = (*scene.notes, *filters_for(pattern, scene).notes)
             frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
             progress.stage("sampling and writing", burst.frames)
             for shot in shots:
                 frame = next(frames)
-                frame = replace(frame, rgb=filters.of(frame.rgb))
-                calibration = lens.before(calibration, (frame.rgb.shape[0], frame.rgb.shape[1]))
                 metadata = frame.metadata(scene.metadata)
-                mosaic = photograph(frame, pattern, calibration, metadata, arguments, random(shot))
+                exposed = camera.shoot(scene, random(shot), light=frame.rgb, metadata=metadata, exposure=frame.exposure)
+                mosaic = exposed.mosaic
                 job.make_folders()
                 write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
                 if not taken and beside:
                     write_picture(
                         beside[0],
-                        frame.rgb,
-                        _TRUTH,
+                        exposed.truth,
+                        _MEASURED,
                         calibration=mosaic.calibration,
                         metadata=metadata,
                         overwrite=arguments.overwrite,
@@ -172,8 +171,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                 progress.advance()
             for path in beside[1:]:
                 write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
-        for note in (*scene.notes, *filters.notes):
-            console.note(f"{job.source}: {note}")
+        noted.append((job.source, notes))
         rows, columns = mosaic.shape
         for shot in shots:
             console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
@@ -181,7 +179,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
     searched = found.report(console)
+    noted: list[tuple[str, tuple[str, ...]]] = []
     code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite)
+    console.notes(noted)
     return code if searched else FAILED
 
 
@@ -193,34 +193,6 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
     return np.random.default_rng([seed, *sha256(os.fsencode(name)).digest()])
 
 
-def calibration_before(scene: Scene, filters: Filters, camera: SensorCalibration, *, measured: bool) -> SensorCalibration:
-    """The calibration of a camera before a scene, whose colours, as its filters see them, replace unknown ones.
-
-    measured: the camera has gamma and noise of its own; otherwise they follow from the filters.
-    """
-    if not measured:
-        camera = replace(camera, gamma=filters.gamma, noise=filters.noise)
-    to_xyz, neutral = filters.colours(scene)
-    if camera.neutral is None:
-        camera = replace(camera, neutral=neutral, neutral_estimated=scene.neutral_estimated)
-    return replace(camera, camera_to_xyz=camera.camera_to_xyz or to_xyz)
-
-
-def photograph(
-    frame: Frame,
-    pattern: CfaPattern,
-    camera: SensorCalibration,
-    metadata: CaptureMetadata,
-    arguments: argparse.Namespace,
-    rng: np.random.Generator,
-) -> Mosaic:
-    """A frame, whose light is that behind the filters, as this camera records it."""
-    if arguments.protocol == "sensor":
-        return simulate_sensor(frame.rgb, pattern, camera, arguments.light * frame.exposure, rng, metadata)
-    rgb = frame.rgb if frame.exposure == 1 else frame.rgb * np.float32(frame.exposure)
-    return simulate_additive(rgb, pattern, camera, arguments.sigma, rng, metadata)
-
-
 def _burst(arguments: argparse.Namespace) -> Burst:
     """The burst that is asked for; one frame without --burst."""
     if arguments.burst is None:
@@ -229,14 +201,3 @@ def _burst(arguments: argparse.Namespace) -> Burst:
                 raise InputError(f"--{option} needs --burst: it is about the frames of a series")
         return Burst(1)
     return Burst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.exposures)
-
-
-def _calibration(arguments: argparse.Namespace, known: Camera | None, pattern: CfaPattern) -> SensorCalibration:
-    """The calibration in --camera, or else one with these channels, see `calibration_before`. --bits sets the levels."""
-    camera = known.calibration if known else SensorCalibration(pattern.channels, sensor="simulated")
-    if known and arguments.bits is None:
-        return camera
-    bits = _DEFAULT_BITS if arguments.bits is None else arguments.bits
-    # A simulated sensor itself clips at white, so nothing lies above it.
-    levels = SensorCalibration.of_bits(bits, headroom=arguments.protocol != "sensor", channels=camera.channels)
-    return replace(camera, black_level=levels.black_level, white_level=levels.white_level)

@@ -11,11 +11,13 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from shared.series import frame_number
 from shared.tiff_check import PLAIN
-from tools.host.folders import search
+from tools.host.folders import DNGS, search
 from tools.scenes.camera_colour import estimate_neutral
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import RGB, Scene
+from tools.scenes.simulated_camera import TRUTH
 
 from .metrics import BORDER, PATCH
 from .protocol import CROP, cut
@@ -125,12 +127,27 @@ def expand(sources: list[str], output: Path) -> tuple[list[str], list[str]]:
     """The sources, each folder replaced by the scenes in and below it; and a remark on each folder of which a part is left out.
 
     output: a folder that is not searched.
-    Raises InputError for a folder that cannot be read or has no scene.
+    Raises InputError for a folder that cannot be read, has no scene, or holds shots with what they saw, which would be measured as
+    scenes for minutes.
     """
     found = search(sources, ENDINGS, output=output, is_file=is_drawn)
     for folder, what in found.failures:
         raise InputError(f"{folder}: {what}")
+    _refuse_truths([Path(each.name) for each in found.sources if each.found])
     return list(dict.fromkeys(each.name for each in found.sources)), found.left_out
+
+
+def _refuse_truths(found: list[Path]) -> None:
+    """Raise InputError for files found in folders of which one is what the shot beside it saw."""
+    shots = {path.with_suffix("") for path in found if path.suffix.lower() in DNGS}
+    shots |= {path.with_name(frame[0]) for path in shots if (frame := frame_number(path.name))}
+    for path in found:
+        if path.name.endswith(TRUTH) and path.with_name(path.name.removesuffix(TRUTH)) in shots:
+            raise InputError(
+                f"{path.parent}: holds shots, and what they saw ({path.name}), as panchroma simulate --truth writes them, and measuring "
+                "these takes minutes each. Name the photographs instead: evaluate photographs them itself, and measures every method. To "
+                f"measure what the shots saw all the same, name the files: {path.parent / '*'}{TRUTH}"
+            )
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:

@@ -61,7 +61,7 @@ class Team:
                 failures.append(self._fail(source, error))
             else:
                 scenes.append(info)
-        self._notes(scenes)
+        self.console.notes((scene.source, scene.notes) for scene in scenes)
         return scenes, failures
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
@@ -116,15 +116,6 @@ class Team:
             return cluster.run(self.client, each, pieces, self.console.note)
         silent, count = partial(_without_note, each), self.processes(pixels)
         return worker_pool.run(silent, pieces, count, note=self.console.note, remedy=_REMEDY)
-
-    def _notes(self, scenes: Sequence[SceneInfo]) -> None:
-        """Show what the user should know about the scenes, each note once."""
-        noted: dict[str, list[str]] = {}
-        for scene in scenes:
-            for note in scene.notes:
-                noted.setdefault(note, []).append(scene.source)
-        for note, (first, *more) in noted.items():
-            self.console.note(f"{first}{f' and {len(more)} more' if more else ''}: {note}")
 
     def _fail(self, source: str, error: PanchromaError | MemoryError) -> str:
         line = " ".join(f"{source}: {reason(error)}".split())

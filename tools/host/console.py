@@ -5,6 +5,7 @@ import re
 import sys
 import traceback
 import unicodedata
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +54,15 @@ class Console:
         """Print a remark to stderr."""
         if not self._quiet:
             to_stderr(text)
+
+    def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
+        """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
+        sources: dict[str, list[str]] = {}
+        for source, remarks in noted:
+            for remark in remarks:
+                sources.setdefault(remark, []).append(source)
+        for remark, (first, *more) in sources.items():
+            self.note(f"{first}{f' and {len(more)} more' if more else ''}: {remark}")
 
     def error(self, text: str) -> None:
         """Print one line that says what failed to stderr."""

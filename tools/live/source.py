@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from device.capture import Sensor
 from device.frame_check import checked
@@ -23,9 +22,9 @@ from shared.sensor import typical_noise
 from tools.host.options import add_camera, camera_of
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.filters import filters_for
+from tools.scenes.simulated_camera import SimulatedCamera
 
 _STREAM, _BUILTIN = "-", "builtin:"
-_BUILTIN_BITS = 12
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
 
 Frames = Callable[[Callable[[], bool], Callable[[InputError], None], Callable[[str], None]], Iterator[RawFrame]]
@@ -172,18 +171,9 @@ def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
         filters = filters_for(pattern, scene)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    simulated: dict[str, Any] = {"channels": filters.channels, "gamma": filters.gamma, "noise": filters.noise}
-    known = (
-        camera.calibration if camera else SensorCalibration.of_bits(_BUILTIN_BITS, headroom=False, sensor="simulated", **simulated)
-    )
-    # The colours are the scene's where the camera's are unknown.
-    to_xyz, neutral = filters.colours(scene)
-    calibration = replace(
-        known,
-        noise=known.noise or typical_noise(known),
-        camera_to_xyz=known.camera_to_xyz or to_xyz,
-        neutral=known.neutral or neutral,
-    )
+    calibration = SimulatedCamera.of(pattern, camera).before(scene, filters)
+    if calibration.noise is None:
+        calibration = replace(calibration, noise=typical_noise(calibration))
     sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
 
     def frames(*_: object) -> Iterator[RawFrame]:

@@ -4,8 +4,8 @@ A camera's channels clip at the same code, and white reads less in some of them.
 before any camera that gets less light of the scene. So a clipped sample is raised to what white reads there (`raised_to_white`, as
 in the render), and a pixel where every channel is clipped is white.
 
-The four samples of a quad lie side by side. At the rim of a highlight some of them are clipped and others are not, which gives rings
-of every colour. So a pixel beside a place where all channels are clipped loses its colour too, and keeps its light.
+The four samples of a quad lie side by side. At the rim of a highlight some of them are clipped and others are not, which gives
+rings of every colour. So a pixel beside a place where all channels are clipped loses its colour too, and keeps its light.
 """
 
 import numpy as np

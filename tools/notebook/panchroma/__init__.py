@@ -4,7 +4,7 @@ The sensor is panchromatic, except for a few pixels in each tile that see a colo
 
     import panchroma
 
-    shot = panchroma.simulate("builtin:600x400", sigma=0.01)   # or a photograph: "IMG_0001.CR2", "house.jpg", an array
+    shot = panchroma.simulate("builtin:1800x1200", sigma=0.01)  # or a photograph: "IMG_0001.CR2", "house.jpg", an array
     shot                                                       # Jupyter shows the camera's own preview
     picture = panchroma.render(shot)                           # the full-quality picture, linear light
     picture.save("house.tif")                                  # .tif .png .jpg .jxl .exr .npy .dng; format="uhdr": HDR in a .jpg

@@ -96,6 +96,9 @@ class Picture:
     calibration: what the sensor is: `calibration.channels` are the letters of the C channels, and it gives the colours. By default
         red, green and blue with the primaries of sRGB.
     metadata: capture data: camera, lens, exposure, orientation (the samples of `rgb` are not turned; what is shown or saved is).
+    white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot. `evaluate` takes it for the peak.
+    restored: nothing is clipped, or highlights are restored, as by `render` but for preset "paper". Otherwise all that is as bright
+        as saturated pixels is shown white.
 
     `np.asarray(picture)` is `rgb`, so two pictures of a scene are subtracted by `picture.rgb - truth.rgb`.
 
@@ -113,10 +116,15 @@ class Picture:
     rgb: FloatArray
     calibration: SensorCalibration = field(default_factory=SensorCalibration)
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
+    white: float = 1.0
+    restored: bool = True
 
     def __post_init__(self) -> None:
         check_argument("calibration", self.calibration)
         check_argument("metadata", self.metadata)
+        check_argument("white", self.white)
+        if not 0 < self.white < np.inf:
+            raise InputError(f"white is {self.white}, expected a positive number: what the white of the scene reads")
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
@@ -148,7 +156,7 @@ class Picture:
         format: "uhdr" for an Ultra HDR JPEG, a .jpg that HDR displays show with its highlights; other formats go by the name.
         bits: 8, 16 or 32 (floating point); by default what is usual for the format.
         space: "srgb", "display-p3", "linear-srgb", or "camera": `rgb` as it is. By default what is usual for the format.
-        exposure: brighten by this many stops.
+        exposure: brighten by this many stops; negative ones darken, and what is burnt out stays white.
         quality: 1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
         overwrite: replace an existing file. The file is whole or absent at any moment.
         """
@@ -169,6 +177,7 @@ class Picture:
             calibration=self.calibration,
             metadata=self.metadata,
             exposure=exposure,
+            restored=self.restored,
             overwrite=overwrite,
         )
 
@@ -193,7 +202,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     """The picture as a screen shows it: white-balanced, in the colours of sRGB, clipped at white, 8 bits, upright.
 
     picture: a `Picture`, or an array (H, W, 3) of linear red, green and blue, 1.0 = white.
-    exposure: brighten by this many stops, -16 to 16.
+    exposure: brighten by this many stops, -16 to 16; negative ones darken, and what is burnt out stays white.
     Raises PanchromaError for channels whose colours nobody knows (see `Picture.calibration`).
 
     >>> import numpy as np
@@ -206,7 +215,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     from tools.pictures.writer import display_codes
 
     shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
-    codes = display_codes(shown.rgb, ColourTransform.to_space(shown.calibration), 8, exposure)
+    codes = display_codes(shown.rgb, ColourTransform.to_space(shown.calibration, restored=shown.restored), 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
 
 

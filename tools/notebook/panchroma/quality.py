@@ -66,11 +66,18 @@ class Evaluation:
 
 
 @for_notebooks
-def evaluate(picture: Picture | NDArray[np.floating], truth: Shot | Picture | NDArray[np.floating] | None) -> Evaluation:
+def evaluate(
+    picture: Picture | NDArray[np.floating],
+    truth: Shot | Picture | NDArray[np.floating] | None,
+    *,
+    white: float | None = None,
+) -> Evaluation:
     """Compare a picture with the truth, as section 4 of the paper does: PSNR over small patches, in luminance and chrominance too.
 
     picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
     truth: `shot.truth`, or an array alike; a shot stands for its truth.
+    white: what the scene's white reads in both, the peak of every figure, so that figures fall with the light. By default that of the
+        truth, or of the picture if the truth is an array; for two arrays 1.0. After `simulate(..., light=1/4)` it is 1/4.
     Raises PanchromaError where their sizes differ, or are below 41 x 41 pixels.
 
     >>> import panchroma
@@ -85,5 +92,12 @@ def evaluate(picture: Picture | NDArray[np.floating], truth: Shot | Picture | ND
     made, seen = light_of(picture), light_of(truth)
     count = seen.shape[-1] if seen.ndim == 3 else len(RGB)
     channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), RGB if count == len(RGB) else "")
-    found = Measures.of(checked_picture(made, count), checked_picture(seen, count), channels)
+    if white is None:
+        white = next((each.white for each in (truth, picture) if isinstance(each, Picture)), 1.0)
+    elif not 0 < white < np.inf:
+        raise InputError(f"white is {white}, expected a positive number: what the white of the scene reads in both pictures")
+    made, seen = (checked_picture(each, count) for each in (made, seen))
+    if made.shape == seen.shape and white != 1:
+        made, seen = made / np.float32(white), seen / np.float32(white)
+    found = Measures.of(made, seen, channels)
     return Evaluation(*found.quality, found.psnr, found.ssim, found.wrong_hue)

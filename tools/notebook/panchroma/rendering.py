@@ -51,7 +51,8 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     if not isinstance(wb, Iterable):
         raise InputError(f'wb is {wb!r}, expected "camera", "auto" or one multiplier for each channel')
     white = WhiteBalance.parse(wb if isinstance(wb, str) else ",".join(map(str, wb)))
-    mosaic = white.of(as_shot(shot).mosaic)
+    shot = as_shot(shot)
+    mosaic = white.of(shot.mosaic)
     check_light(mosaic, settings)
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
         rows, columns = mosaic.shape
@@ -64,4 +65,4 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
         for band in render_bands(mosaic, settings, progress):
             rgb[top : top + len(band)] = band
             top += len(band)
-    return Picture(rgb, mosaic.calibration, mosaic.metadata)
+    return Picture(rgb, mosaic.calibration, mosaic.metadata, shot.truth.white if shot.truth else 1.0, settings.highlights.restored)

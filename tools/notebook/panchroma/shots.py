@@ -26,7 +26,7 @@ class Shot:
     mosaic: samples (`mosaic.codes`, `mosaic.signal` in scene units), with pattern, calibration and capture data.
     truth: the light that a simulated camera saw, in the units of a render; None for other shots.
     name: of the file or the scene.
-    notes: remarks on how the scene or the file was understood; standard error has them too.
+    notes: remarks on how the scene or the file was understood; standard error has each of them too, once in a run.
 
     >>> import panchroma
     >>> shot = panchroma.simulate("builtin:120x90", sigma=0.01)
@@ -122,10 +122,15 @@ def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None
 
 
 def told(shot: Shot) -> Shot:
-    """The shot, after standard error has its notes, as it has those of the commands."""
+    """The shot, after standard error has those of its notes that it has not had yet: a sweep opens or simulates it many times."""
     for note in shot.notes:
-        to_stderr(f"{shot.name}: {note}")
+        _tell(f"{shot.name}: {note}")
     return shot
+
+
+@cache  # each line once in a run
+def _tell(line: str) -> None:
+    to_stderr(line)
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:

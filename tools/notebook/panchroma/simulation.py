@@ -2,7 +2,6 @@
 
 from __future__ import annotations  # help() then shows them as they are written here
 
-from dataclasses import replace
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -10,23 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shared import CfaPattern, SensorCalibration, read_camera
+from shared import CfaPattern, read_camera
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from shared.sensor import simulate_additive, simulate_sensor
-from tools.commands.simulate import calibration_before
 from tools.scenes.decoders import Decoded, decode_array
 from tools.scenes.filters import filters_for
 from tools.scenes.lens import SimulatedLens
 from tools.scenes.load import load_scene
 from tools.scenes.picture import picture_scene
 from tools.scenes.scene import Scene
+from tools.scenes.simulated_camera import SimulatedCamera
 
 from .pictures import Picture
 from .shots import Shot, told
 from .wording import for_notebooks
 
-_PERIOD, _BITS = 6, 12
+_PERIOD = 6
 
 
 @for_notebooks
@@ -49,7 +47,7 @@ def simulate(
 
     scene: one of
         the name of a file: a camera RAW (CR2, NEF, ARW, DNG ...), or a picture (TIFF, PNG, JPEG, EXR, NPY),
-        "builtin:600x400", leaves and charts of any size, or "spectral:600x400", in eight channels H I J K L N O P,
+        "builtin:1800x1200", leaves and charts of any size (the smaller, the finer), or "spectral:600x400", in eight channels H I J K L N O P,
         an array (H, W, C): floating point is linear light, 1.0 = white; uint8 is sRGB; wider integers are linear light too,
             white is their largest value,
         a `Picture`, such as the truth of another shot.
@@ -93,20 +91,12 @@ def simulate(
         known.check_pattern(tile)
         lens.check(known.calibration, camera)
     seen = _scene(scene, tile.channels, channels, linear, max_pixels)
-    filters = filters_for(tile, seen)
-    sensor = known.calibration if known else SensorCalibration(tile.channels, sensor="simulated")
-    if known is None or bits is not None:
-        levels = SensorCalibration.of_bits(_BITS if bits is None else bits, headroom=light is None, channels=tile.channels)
-        sensor = replace(sensor, black_level=levels.black_level, white_level=levels.white_level)
-    sensor = calibration_before(seen, filters, sensor, measured=known is not None)
-    sensor = lens.before(sensor, (seen.rgb.shape[0], seen.rgb.shape[1]))
-    rgb, rng = filters.of(seen.rgb), np.random.default_rng(seed)
-    if light is None:
-        mosaic = simulate_additive(rgb, tile, sensor, sigma or 0.0, rng, seen.metadata)
-    else:
-        mosaic = simulate_sensor(rgb, tile, sensor, light, rng, seen.metadata)
-        rgb = rgb * np.float32(light)  # what reaches the sensor, as a render shows it
-    return told(Shot(mosaic, Picture(rgb, mosaic.calibration, seen.metadata), seen.name, (*seen.notes, *filters.notes)))
+    noise = (sigma or 0.0) if light is None else None
+    taking = SimulatedCamera.of(tile, known, bits=bits, lens=lens, sigma=noise, light=1.0 if light is None else light)
+    exposed = taking.shoot(seen, np.random.default_rng(seed))
+    white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
+    truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
+    return told(Shot(exposed.mosaic, truth, seen.name, (*seen.notes, *filters_for(tile, seen).notes)))
 
 
 def _text(pair: tuple[float, float] | None) -> str | None:

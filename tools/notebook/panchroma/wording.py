@@ -39,7 +39,7 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("path", "camera", "graph"), "the name of a file", (str, PathLike)),
     (("preset", "channels", "format", "space"), "a text", (str,)),
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
-    (("sigma", "light", "exposure"), "a number", (Real,)),
+    (("sigma", "light", "exposure", "white"), "a number", (Real,)),
     (("shading", "aberration"), "two numbers", (tuple, list, np.ndarray)),
     (("linear", "learned", "overwrite"), "True or False", (bool, np.bool_)),
     (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
