@@ -8,14 +8,14 @@ at its reading of the brighter white that is shown then.
 **Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is darkened would otherwise end in
 a flat grey, with a hard edge. A picture whose highlights are restored (`offline/highlights.py`) measures white up to where that
 channel saturates in which it reads least; only what comes near that in every channel is burnt out. In any other picture, such as
-one by the paper's method, luminance stops where panchromatic samples saturate, and colour is wrong there. Both change over gradually.
+one by the paper's method, luminance stops where panchromatic samples saturate, and colour is wrong there. Both change gradually.
 
 **Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
 neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
 matrix, channels named R, G and B are assumed to have the primaries of sRGB, whatever others there are, which do not count then;
 without these three there is no such guess.
 
-**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no curve and no white for what is burnt
+**Curve.** The one of IEC 61966-2-1 and nothing else: no tone curve. "linear-srgb" has no clip, no curve, and keeps what is burnt
 out. The space "camera" of the commands means unchanged samples; this module is not involved.
 """
 

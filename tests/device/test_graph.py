@@ -132,10 +132,25 @@ def test_luminance_is_kept_wherever_it_is_measured() -> None:
 @pytest.mark.parametrize("scale", [1, 2])
 def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scale: int) -> None:
     mosaic = Mosaic(codes((60, 80)), CfaPattern.bayer(4), CALIBRATION)
-    shown = np.rint(ColourTransform.to_space(CALIBRATION, restored=False).apply(linear(mosaic, scale)) * 255)
+    measured = linear(mosaic, scale)
+    shown = np.rint(ColourTransform.to_space(CALIBRATION).apply(measured) * 255)
     picture = Preview(build_preview(mosaic.pattern, scale).SerializeToString()).run(mosaic)
     assert picture.dtype == np.uint8
-    assert_close(picture, shown, 1)
+    below = measured @ np.array(CALIBRATION.gamma, np.float32) < 0.9 * CALIBRATION.full_scale
+    assert 0.5 < below.mean() < 1
+    assert_close(picture[below], shown[below], 1)
+    assert (picture[~below] >= shown[~below] - 1).all()
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+def test_what_is_saturated_is_white(scale: int) -> None:
+    """Its colour samples saturate later, and would make a white sky yellow."""
+    pattern = CfaPattern.bayer(6)
+    sky = np.full((60, 60, 3), np.array(ColourTransform.to_space(CALIBRATION).white) * 2.2, np.float32)
+    samples = np.minimum(sample(sky, pattern, CALIBRATION), CALIBRATION.full_scale)
+    mosaic = Mosaic(samples, pattern, CALIBRATION)
+    assert np.ptp(linear(mosaic, scale) / np.array(CALIBRATION.neutral or 1), axis=2).max() > 0.1
+    assert Preview(build_preview(pattern, scale).SerializeToString()).run(mosaic).min() >= 254
 
 
 def test_greys_are_grey_from_black_to_white() -> None:

@@ -136,9 +136,41 @@ def test_exposure_is_in_stops() -> None:
     rgb = random_picture((4, 4, 3))
     np.testing.assert_allclose(transform.apply(rgb, 1.5), 2**1.5 * transform.apply(rgb), rtol=1e-5)
     shown = ColourTransform.to_space(CAMERA)
-    darker = shown.apply(picture((1, 1, 1)), -1.0)
-    np.testing.assert_allclose(darker, encode_srgb(picture((0.5, 0.5, 0.5))), atol=ROUNDING)
+    whites = np.array(NEUTRAL) * np.array([[0.5], [1], [2], [4]])
+    darker = shown.apply(whites[None].astype(np.float32), -1.0)
+    np.testing.assert_allclose(darker[0, :, 1], encode_srgb(np.float32([0.25, 0.5, 1, 1])), atol=ROUNDING)
+    assert np.ptp(darker, axis=2).max() < ROUNDING
     assert shown.apply(rgb, MAX_EXPOSURE).max() <= 1.0
+
+
+@pytest.mark.parametrize("restored", [True, False])
+@pytest.mark.parametrize("stops", [-16.0, -4.0, -1.0, 0.0, 1.0, 16.0])
+@pytest.mark.parametrize("calibration", [SensorCalibration(), CAMERA, FOUR])
+def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibration, stops: float, restored: bool) -> None:
+    """White that is brighter and brighter: no step down, no tint, white at the end; and what is dark follows the exposure."""
+    shown = ColourTransform.to_space(calibration, restored=restored)
+    white, limit = np.array(shown.white), calibration.full_scale
+    end = limit / white.min() if restored else limit / (white @ calibration.gamma)
+    ramp = (np.linspace(0, end, 400)[:, None] * white).astype(np.float32)[None]
+    seen = shown.apply(ramp, stops)[0]
+    assert np.ptp(seen, axis=1).max() < 1e-4
+    assert np.diff(seen[:, 1]).min() > -ROUNDING
+    np.testing.assert_allclose(seen[-1], 1, atol=ROUNDING)
+    below = ramp[0, :, 1] < 0.6 * ramp[0, -1, 1]
+    expected = encode_srgb((ramp[0, below, 1] / np.float32(white[1]) * 2**stops).clip(0, 1).astype(np.float32))
+    np.testing.assert_allclose(seen[below, 1], expected, atol=1e-4)
+    if stops <= -1:
+        assert np.diff(seen[:, 1]).max() < 0.2  # no hard edge
+
+
+def test_where_nothing_is_restored_saturated_pixels_lose_their_wrong_colour() -> None:
+    """The paper's method takes a colour from samples that are clipped: yellow, for a white sky."""
+    sky = np.float32([[[0.3, 1.8, 0.9]]]) * np.float32(CAMERA.full_scale / 3)
+    kept, white = (ColourTransform.to_space(CAMERA, restored=restored).apply(sky) for restored in (True, False))
+    assert np.ptp(kept) > 0.1
+    np.testing.assert_allclose(white, 1, atol=ROUNDING)
+    linear = ColourTransform.to_space(CAMERA, "linear-srgb", restored=False)
+    np.testing.assert_array_equal(linear.apply(sky), ColourTransform.to_space(CAMERA, "linear-srgb").apply(sky))
 
 
 def test_strips_leave_no_seam() -> None:

@@ -10,7 +10,6 @@ rings of every colour. So a pixel beside a place where all channels are clipped 
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, uniform_filter
 
 from shared.arrays import FloatArray
 from shared.white_balance import clipped_share, raised_to_white
@@ -63,6 +62,8 @@ def with_white_highlights(
     share = f"{100 * float(clipped.mean()):.2g} % of the pixels are clipped in the file"
     if neutral is None:
         return rgb, (f"{share}; no white balance is known, so they keep the colour of clipped samples",)
+    from scipy.ndimage import maximum_filter, uniform_filter
+
     white, result = np.array(neutral, np.float32), rgb.copy()
     some = (gone > 0).any(axis=2)
     result[some] = raised_to_white(rgb[some], gone[some], 1.0, neutral)

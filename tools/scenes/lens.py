@@ -49,6 +49,10 @@ class SimulatedLens:
         return replace(lens, aberration=lens_aberration(*self.aberration, channels, shape)) if self.aberration else lens
 
 
+NO_LENS = SimulatedLens()
+"""A lens that does nothing."""
+
+
 def parsed_shading(text: str) -> tuple[float, float]:
     """The fall-off in stops and the colour shading as a share, of a text such as "2,15". Raises InputError for any other."""
     try:

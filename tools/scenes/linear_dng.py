@@ -40,8 +40,8 @@ def linear_dng_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
 
     rgb is (sample - black) / (white - black) of the active area, after the linearization table. It is neither rotated nor
     white-balanced, and not brightened by BaselineExposure. Values below black become 0, values above white exceed 1. Integers at
-    the white level are clipped, and become white (see `clipped`). Matrix, neutral and orientation are the file's. Lossless compressions
-    are read (DNG 1.7.1, chapter 4), integers and floating point.
+    the white level are clipped, and become white (see `clipped`). Matrix, neutral and orientation are the file's. Lossless
+    compressions are read (DNG 1.7.1, chapter 4), integers and floating point.
 
     Raises InputError for lossy compression, for impossible levels, and for a damaged file.
     """

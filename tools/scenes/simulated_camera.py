@@ -10,7 +10,7 @@ from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
 
 from .filters import Filters, filters_for
-from .lens import SimulatedLens
+from .lens import NO_LENS, SimulatedLens
 from .scene import Scene
 
 BITS = 12
@@ -25,8 +25,8 @@ class Exposed:
 
     mosaic: the shot.
     seen: what its filters would read at every pixel under full light, without lens and noise, float32 (H, W, C), scene units.
-    white: what the scene's white reads in the shot, scene units: amount of light times exposure. It is the peak of every measure of a
-        picture of this shot, so that figures fall with the light.
+    white: what the scene's white reads in the shot, scene units: amount of light times exposure. It is the peak of every measure of
+        a picture of this shot, so that figures fall with the light.
     """
 
     mosaic: Mosaic
@@ -47,7 +47,7 @@ class SimulatedCamera:
     sensor: its calibration; gamma, noise and colours are replaced where they are not known, see `before`.
     measured: whether the sensor has gamma and noise of its own; otherwise they follow from the filters.
     lens: what its lens does.
-    sigma: additive Gaussian noise of this standard deviation, scene units, and no clipping; None = shot and read noise of the sensor,
+    sigma: standard deviation of additive Gaussian noise, scene units, without clipping; None = shot and read noise of the sensor,
         clipped and quantised.
     light: amount of light, 1 = a full exposure.
     """
@@ -55,7 +55,7 @@ class SimulatedCamera:
     pattern: CfaPattern
     sensor: SensorCalibration
     measured: bool = False
-    lens: SimulatedLens = SimulatedLens()
+    lens: SimulatedLens = NO_LENS
     sigma: float | None = None
     light: float = 1.0
 
@@ -66,7 +66,7 @@ class SimulatedCamera:
         known: Camera | None = None,
         *,
         bits: int | None = None,
-        lens: SimulatedLens = SimulatedLens(),
+        lens: SimulatedLens = NO_LENS,
         sigma: float | None = None,
         light: float = 1.0,
     ) -> "SimulatedCamera":

@@ -31,6 +31,20 @@ def mixed(tmp_path: Path) -> Path:
     return folder
 
 
+def test_shots_with_what_they_saw_are_refused(out: Path, tmp_path: Path) -> None:
+    """They would be measured for minutes, as if they were photographs."""
+    folder = tmp_path / "shots"
+    assert run("simulate", "builtin:60x60", "-o", folder, "--truth").code == 0
+    assert run("simulate", "builtin:66x60", "-o", folder / "below", "--burst", "2", "--truth").code == 0
+    outcome = run("evaluate", folder, "-o", out, "--methods", "preview")
+    assert outcome.code == 2
+    assert "holds shots and what they saw (builtin-60x60.truth.tif)" in outcome.err
+    assert "Name the photographs instead" in outcome.err
+    assert run("evaluate", folder / "below", "-o", out, "--methods", "preview").code == 2
+    named = run("evaluate", folder / "builtin-60x60.truth.tif", "-o", out, "--methods", "preview", "--sigma", "0", "-j", "1")
+    assert named.code == 0
+
+
 def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "-j", "1", "--json")
     outcome = run("evaluate", mixed, "builtin:60x60", *options)

@@ -16,6 +16,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
 from shared.arrays import FloatArray
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
@@ -118,6 +119,35 @@ def test_the_truth_is_the_scene_in_float32(out: Path) -> None:
     assert truth.dtype == np.float32
     assert np.array_equal(truth, builtin_scene(24, 18).rgb)
     assert names(out) == {SHOT, TRUTH}
+
+
+@pytest.mark.parametrize("light", [0.25, 1, 3])
+@pytest.mark.parametrize(
+    "more", [(), ("--shading", "1,10"), ("--reduce", "2"), ("--burst", "2", "--motion", "1", "--exposures=1,-1")]
+)
+def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tuple[str, ...], light: float) -> None:
+    """It is the light of the scene times light and exposure, in command and notebook, in each protocol."""
+    options = ("--truth", *more)
+    assert run("simulate", "builtin:96x72", "-o", out, "--protocol", "sensor", "--light", str(light), *options).code == 0
+    name = "builtin-96x72"
+    found = tifffile.imread(out / f"{name}.truth.tif")
+    assert run("simulate", "builtin:96x72", "-o", out, "--overwrite", "--truth", *more).code == 0
+    exposure = 2 if "--burst" in more else 1
+    plain = tifffile.imread(out / f"{name}.truth.tif") / exposure
+    np.testing.assert_allclose(found, plain * light * exposure, rtol=1e-6)
+    if not more:
+        shot = panchroma.simulate("builtin:96x72", light=light)
+        assert shot.truth is not None
+        np.testing.assert_array_equal(shot.truth.rgb, found)
+        assert shot.truth.white == light
+
+
+def test_what_is_known_of_many_scenes_is_said_once(out: Path, tmp_path: Path) -> None:
+    for name in "abc":
+        Image.fromarray(np.full((12, 12), 30000, np.uint16)).save(tmp_path / f"{name}.png")
+    outcome = run("simulate", tmp_path, "-o", out)
+    assert outcome.err.count("taken as linear light") == 1
+    assert "and 2 more: " in outcome.err
 
 
 def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:

@@ -154,6 +154,48 @@ def test_the_truth_is_as_bright_as_the_render() -> None:
         assert panchroma.render(shot, preset="paper").rgb.mean() == pytest.approx(shot.truth.rgb.mean(), rel=0.01)
 
 
+def test_figures_fall_with_the_light_as_those_of_the_command_do(tmp_path: Path) -> None:
+    """White as exposed is the peak of every figure, however truth and picture come."""
+    ours, commands = [], []
+    for light in (1.0, 1 / 4, 1 / 16):
+        shot = panchroma.simulate("builtin:180x120", light=light)
+        assert shot.truth is not None
+        picture = panchroma.render(shot, preset="paper")
+        found = panchroma.evaluate(picture, shot)
+        assert found == panchroma.evaluate(picture.rgb, shot.truth) == panchroma.evaluate(picture, shot.truth.rgb)
+        assert found == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
+        ours.append((found.median, found.ssim, found.psnr))
+    assert ours[0] > ours[1] > ours[2]
+    again = panchroma.simulate(shot.truth)  # its white is as dark as it
+    assert again.truth is not None
+    assert again.truth.white == light
+    options = ("--methods", "paper", "--protocol", "sensor", "--light", "1", "1/4", "1/16", "-j", "1", "--no-report")
+    assert run("evaluate", "builtin:180x120", "-o", tmp_path / "results", *options).code == 0
+    figures = json.loads((tmp_path / "results/evaluation.json").read_text())["figures"]
+    commands = [each["rgb_q50"] for each in figures if each["scene"]]
+    np.testing.assert_allclose([median[0] for median, *_ in ours], commands, atol=0.3)  # other noise, and cut to whole periods
+    for white in (0, -1, np.inf, np.nan):
+        with pytest.raises(panchroma.PanchromaError, match="white is"):
+            panchroma.evaluate(picture, shot, white=white)
+
+
+def test_a_note_is_shown_once_in_a_run(capfd: pytest.CaptureFixture[str]) -> None:
+    bright = np.full((48, 48, 3), 7.125, np.float32)
+    shots = [panchroma.simulate(bright, sigma=sigma) for sigma in (0.0, 0.01, 0.02)]
+    assert capfd.readouterr().err.count("the brightest value is 7.125") == 1
+    assert all("the brightest value is 7.125" in shot.notes[0] for shot in shots)
+
+
+def test_a_darkened_picture_of_a_clipped_shot_ends_in_white() -> None:
+    lamp = np.full((60, 60, 3), 0.2, np.float32)
+    lamp[18:42, 18:42] = 1
+    shot = panchroma.simulate(lamp, light=20)
+    for preset in ("best", "paper"):
+        picture = panchroma.render(shot, preset=preset)
+        for stops in (0, -1, -4):
+            assert np.asarray(panchroma.to_srgb(picture, exposure=stops))[24:36, 24:36].min() >= 254
+
+
 def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):

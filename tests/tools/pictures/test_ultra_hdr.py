@@ -14,7 +14,7 @@ from PIL import Image
 
 from shared import SensorCalibration
 from shared.arrays import FloatArray
-from shared.display import SPACES
+from shared.display import SPACES, ColourTransform
 from tests.browser import Browser
 from tests.exiftool import exiftool
 from tests.tools.pictures.test_writer import CALIBRATION, METADATA, SIZES, encoded, scene
@@ -41,7 +41,7 @@ def hdr(data: bytes, boost: float | None = None) -> NDArray[np.float32]:
 
 def light(rgb: FloatArray, space: str, exposure: float, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
     """The render as it is: linear light of the space's primaries, nothing clipped."""
-    shown = GainMap.of(calibration, space).shown
+    shown = ColourTransform.to_space(calibration, space)
     return replace(shown, space=replace(shown.space, linear=True)).apply(rgb, exposure)
 
 
@@ -94,6 +94,17 @@ def test_a_clipped_lamp_is_white_and_bright() -> None:
     np.testing.assert_allclose(seen, np.full(3, luminance(expected, "srgb")), rtol=STEP)
 
 
+@pytest.mark.parametrize("restored", [True, False])
+def test_a_lamp_past_all_limits_is_white_on_every_display(restored: bool) -> None:
+    """So dark that even the brightest light the sensor measures would be grey."""
+    lamp = np.full((32, 32, 3), 12.0, np.float32) * np.array(CALIBRATION.neutral, np.float32)
+    data = encode_picture(
+        lamp, PictureKind.of("uhdr"), calibration=CALIBRATION, metadata=METADATA, exposure=-5.0, restored=restored
+    )
+    assert np.asarray(Image.open(io.BytesIO(data))).min() >= 254
+    np.testing.assert_allclose(hdr(data), 1, rtol=STEP)
+
+
 def test_without_highlights_every_display_shows_the_same() -> None:
     rgb = scene((64, 64)).clip(0, 0.4)
     for quality in (None, 30):
@@ -103,13 +114,14 @@ def test_without_highlights_every_display_shows_the_same() -> None:
 
 
 def test_the_range_is_that_of_the_sensor() -> None:
-    gains = GainMap.of(CALIBRATION, "srgb")  # a white of which red reads half as much as green
+    shown = ColourTransform.to_space(CALIBRATION)
+    gains = GainMap(shown)  # a white of which red reads half as much as green
     assert gains.headroom == pytest.approx(6)
     assert [gains.capacity(code) for code in (0, 51, 255)] == pytest.approx([1, 1, np.log2(6)])
-    assert GainMap.of(SensorCalibration(), "srgb").headroom == pytest.approx(3)
-    brighter, darker = (GainMap.of(CALIBRATION, "srgb", stops) for stops in (2.0, -1.0))
+    assert GainMap(ColourTransform.to_space(SensorCalibration())).headroom == pytest.approx(3)
+    brighter, darker = (GainMap(shown, stops) for stops in (2.0, -1.0))
     assert (brighter.highest, brighter.capacity(255)) == pytest.approx((np.log2(24), np.log2(24)))
-    assert (darker.highest, darker.capacity(255)) == pytest.approx((np.log2(6), np.log2(3)))
+    assert (darker.highest, darker.capacity(255)) == pytest.approx((np.log2(3), np.log2(3)))
     burnt = np.full((2, 2, 3), 100.0, np.float32)
     assert (gains.codes(burnt, display_codes(burnt, gains.shown, 8)) >= 250).all()
 
@@ -127,7 +139,7 @@ def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     assert not [key for key in found if "Warning" in key]
     (tmp_path / "map.jpg").write_bytes(data[second:])
     (described,) = json.loads(exiftool("-j", "-n", "-G1", "-XMP:all", "-warning", tmp_path / "map.jpg"))
-    gains = GainMap.of(CALIBRATION, "srgb")
+    gains = GainMap(ColourTransform.to_space(CALIBRATION))
     assert described["XMP-hdrgm:GainMapMax"] == pytest.approx(gains.highest, abs=1e-6)
     assert described["XMP-hdrgm:HDRCapacityMax"] == pytest.approx(2, abs=0.02)  # the brightest patch is four times white
     assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")

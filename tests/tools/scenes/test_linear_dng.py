@@ -83,7 +83,7 @@ def test_samples_of_every_lossless_kind(tmp_path: Path, dtype: Any, options: dic
 
 
 def test_levels_table_and_active_area(tmp_path: Path) -> None:
-    samples = codes()
+    samples = np.minimum(codes(), 38000)  # nothing is clipped
     black = np.array([[[100, 200, 300], [110, 210, 310]]])
     path = save(
         tmp_path / "x.dng",
@@ -100,7 +100,7 @@ def test_levels_table_and_active_area(tmp_path: Path) -> None:
     expected = (samples[2:38, 3:51] - levels) / (np.array((60000, 50000, 40000)) - levels.max(axis=(0, 1)))
     np.testing.assert_allclose(load_scene(str(path)).rgb, expected.clip(0), atol=1e-5)
     table = np.linspace(0, 65535, 4096).astype(int)
-    short = np.random.default_rng(0).integers(0, 4096, SHAPE).astype(np.uint16)
+    short = np.random.default_rng(0).integers(0, 4000, SHAPE).astype(np.uint16)
     path = save(tmp_path / "y.dng", short, fields=((50712, 3, 4096, table.tolist(), True), (50717, 3, 1, 65535, True)))
     np.testing.assert_allclose(load_scene(str(path)).rgb, table[short] / 65535, atol=1e-6)
 

@@ -96,7 +96,7 @@ class Picture:
     calibration: what the sensor is: `calibration.channels` are the letters of the C channels, and it gives the colours. By default
         red, green and blue with the primaries of sRGB.
     metadata: capture data: camera, lens, exposure, orientation (the samples of `rgb` are not turned; what is shown or saved is).
-    white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot. `evaluate` takes it for the peak.
+    white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the peak of `evaluate`.
     restored: nothing is clipped, or highlights are restored, as by `render` but for preset "paper". Otherwise all that is as bright
         as saturated pixels is shown white.
 

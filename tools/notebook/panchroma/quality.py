@@ -76,8 +76,8 @@ def evaluate(
 
     picture: a `Picture` of `render`, or an array (H, W, C) of linear light: what another program made of the same scene.
     truth: `shot.truth`, or an array alike; a shot stands for its truth.
-    white: what the scene's white reads in both, the peak of every figure, so that figures fall with the light. By default that of the
-        truth, or of the picture if the truth is an array; for two arrays 1.0. After `simulate(..., light=1/4)` it is 1/4.
+    white: what the scene's white reads in both, the peak of every figure, so that figures fall with the light: 1/4 after
+        `simulate(..., light=1/4)`. By default that of the truth, or of the picture if the truth is an array; for two arrays 1.0.
     Raises PanchromaError where their sizes differ, or are below 41 x 41 pixels.
 
     >>> import panchroma
