@@ -132,14 +132,10 @@ def test_luminance_is_kept_wherever_it_is_measured() -> None:
 @pytest.mark.parametrize("scale", [1, 2])
 def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scale: int) -> None:
     mosaic = Mosaic(codes((60, 80)), CfaPattern.bayer(4), CALIBRATION)
-    measured = linear(mosaic, scale)
-    shown = np.rint(ColourTransform.to_space(CALIBRATION).apply(measured) * 255)
+    shown = np.rint(ColourTransform.to_space(CALIBRATION).apply(linear(mosaic, scale)) * 255)
     picture = Preview(build_preview(mosaic.pattern, scale).SerializeToString()).run(mosaic)
     assert picture.dtype == np.uint8
-    below = measured @ np.array(CALIBRATION.gamma, np.float32) < 0.9 * CALIBRATION.full_scale
-    assert 0.5 < below.mean() < 1
-    assert_close(picture[below], shown[below], 1)
-    assert (picture[~below] >= shown[~below] - 1).all()
+    assert_close(picture, shown, 1)
 
 
 @pytest.mark.parametrize("scale", [1, 2])

@@ -28,7 +28,13 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
     options.add_quality(parser, ", also of uhdr, and of jxl, which is lossless by default")
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
-    parser.add_argument("--exposure", type=float, default=0.0, metavar="STOPS", help="brighten the picture by this many stops")
+    parser.add_argument(
+        "--exposure",
+        type=float,
+        default=0.0,
+        metavar="STOPS",
+        help="brighten the picture by this many stops; negative ones darken it, and what is burnt out stays white",
+    )
     parser.add_argument(
         "--wb",
         type=WhiteBalance.parse,

@@ -187,7 +187,7 @@ def test_a_note_is_shown_once_in_a_run(capfd: pytest.CaptureFixture[str]) -> Non
 
 
 def test_a_darkened_picture_of_a_clipped_shot_ends_in_white() -> None:
-    lamp = np.full((60, 60, 3), 0.2, np.float32)
+    lamp = np.full((60, 60, 3), 0.02, np.float32)
     lamp[18:42, 18:42] = 1
     shot = panchroma.simulate(lamp, light=20)
     for preset in ("best", "paper"):
