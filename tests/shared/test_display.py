@@ -138,7 +138,7 @@ def test_exposure_is_in_stops() -> None:
     shown = ColourTransform.to_space(CAMERA)
     whites = np.array(NEUTRAL) * np.array([[0.5], [1], [2], [4]])
     darker = shown.apply(whites[None].astype(np.float32), -1.0)
-    np.testing.assert_allclose(darker[0, :, 1], encode_srgb(np.float32([0.25, 0.5, 1, 1])), atol=ROUNDING)
+    np.testing.assert_allclose(darker[0, :, 1], encode_srgb(np.array([0.25, 0.5, 1, 1], np.float32)), atol=ROUNDING)
     assert np.ptp(darker, axis=2).max() < ROUNDING
     assert shown.apply(rgb, MAX_EXPOSURE).max() <= 1.0
 
@@ -165,7 +165,7 @@ def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibra
 
 def test_where_nothing_is_restored_saturated_pixels_lose_their_wrong_colour() -> None:
     """The paper's method takes a colour from samples that are clipped: yellow, for a white sky."""
-    sky = np.float32([[[0.3, 1.8, 0.9]]]) * np.float32(CAMERA.full_scale / 3)
+    sky = picture((0.3, 1.8, 0.9)) * np.float32(CAMERA.full_scale / 3)
     kept, white = (ColourTransform.to_space(CAMERA, restored=restored).apply(sky) for restored in (True, False))
     assert np.ptp(kept) > 0.1
     np.testing.assert_allclose(white, 1, atol=ROUNDING)

@@ -166,6 +166,7 @@ def test_figures_fall_with_the_light_as_those_of_the_command_do(tmp_path: Path) 
         assert found == panchroma.evaluate(picture.rgb, shot.truth.rgb, white=light)
         ours.append((found.median, found.ssim, found.psnr))
     assert ours[0] > ours[1] > ours[2]
+    assert shot.truth is not None
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
     assert again.truth is not None
     assert again.truth.white == light

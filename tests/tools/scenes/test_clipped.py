@@ -22,7 +22,7 @@ def lamp(peak: float, shape: tuple[int, int] = (80, 90), width: float = 8) -> Fl
     """What white reads of a soft light on a dim wall, (H, W, 3)."""
     row, column = np.indices(shape) - np.array(shape)[:, None, None] // 2
     level = 0.2 + peak * np.exp(-(row**2 + column**2) / (2 * width**2))
-    return (level[..., None] * np.array(NEUTRAL)).astype(np.float32)
+    return np.asarray(level[..., None] * np.array(NEUTRAL), np.float32)
 
 
 def bayer(light: FloatArray, limit: int = TOP) -> CodeArray:
@@ -49,7 +49,7 @@ def raw(path: Path, samples: CodeArray) -> Scene:
 def test_a_burnt_out_lamp_is_white_without_a_ring(tmp_path: Path, width: float, limit: int) -> None:
     """Also where the sensor saturates below the white level that the file states."""
     light = lamp(6, (160, 180), width)
-    scene, sharp = raw(tmp_path / "lamp.dng", bayer(light, limit)), raw(tmp_path / "dim.dng", bayer(light / 8))
+    scene, sharp = raw(tmp_path / "lamp.dng", bayer(light, limit)), raw(tmp_path / "dim.dng", bayer(light / np.float32(8)))
     clipped = (light * TOP >= limit).any(axis=2).reshape(80, 2, 90, 2).any(axis=(1, 3))
     assert clipped.sum() > 5
     quads = colour(sharp.rgb).max()  # the samples of a quad lie side by side: so much colour has a lamp that is not clipped
@@ -95,5 +95,5 @@ def test_saturation_is_the_code_that_many_samples_have() -> None:
     rng = np.random.default_rng(0)
     codes = rng.integers(0, 3000, 100_000).astype(np.uint16)
     assert saturation(codes, TOP) == TOP
-    assert saturation(np.concatenate([codes, np.full(500, 3700, np.uint16), np.uint16([4000])]), TOP) == 3700
+    assert saturation(np.concatenate([codes, np.full(500, 3700, np.uint16), np.array([4000], np.uint16)]), TOP) == 3700
     assert saturation(np.concatenate([codes, rng.integers(3500, 3900, 5000).astype(np.uint16)]), TOP) == TOP
