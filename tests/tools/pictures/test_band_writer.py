@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,6 +48,17 @@ def test_any_number_of_threads_writes_the_same_bytes(tmp_path: Path, kind: Pictu
         bands, path = cut(scene(shape), 90), tmp_path / str(threads)
         write_picture_bands(path, bands, shape, kind, calibration=CALIBRATION, metadata=METADATA, threads=threads)
     assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["tif", "jpg", "uhdr"])
+@pytest.mark.parametrize("restored", [True, False])
+def test_the_same_bytes_of_what_is_burnt_out(tmp_path: Path, name: str, restored: bool) -> None:
+    rgb, kind = 4 * scene((70, 30)), PictureKind.of(name)
+    how: Any = {"calibration": CALIBRATION, "metadata": METADATA, "exposure": -3.0, "restored": restored}
+    write_picture(tmp_path / "whole", rgb, kind, **how)
+    for rows, threads in ((9, 1), (33, 3)):
+        write_picture_bands(tmp_path / f"{rows}", cut(rgb, rows), (70, 30), kind, **how, threads=threads)
+        assert (tmp_path / f"{rows}").read_bytes() == (tmp_path / "whole").read_bytes()
 
 
 def test_the_same_bytes_of_other_channels_and_exposure(tmp_path: Path) -> None:
