@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .arrays import CACHED, FloatArray, mirrored, strips
 from .errors import InputError
+from .figures import tables
 from .lens import OfLens
 
 _LARGEST = 0.05
@@ -44,12 +45,9 @@ class Aberration(OfLens):
     focal_length: float | None = None
 
     def __post_init__(self) -> None:
-        try:
-            pairs = tuple((float(a), float(b)) for a, b in self.radial)
-            if any(isinstance(figure, str) for pair in self.radial for figure in pair):  # float() takes them
-                raise TypeError
-        except (TypeError, ValueError):
-            raise InputError("aberration: radial is not a list of [a, b], one for each channel") from None
+        pairs = tables("aberration: radial", self.radial, 2)
+        if any(len(pair) != 2 for pair in pairs):
+            raise InputError("aberration: radial is not a list of [a, b], one for each channel")
         if not all(abs(figure) <= _LARGEST for pair in pairs for figure in pair):  # not for NaN either
             raise InputError(f"aberration: radial holds a figure that is not -{_LARGEST:g} to {_LARGEST:g}: {pairs}")
         if (0.0, 0.0) not in pairs:

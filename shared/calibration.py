@@ -7,7 +7,6 @@ pixel reads sum_i gamma_i channel_i (Eq. 7), so the full scale of every pixel of
 import hashlib
 import json
 import math
-import operator
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
@@ -18,6 +17,7 @@ import numpy as np
 from .aberration import Aberration
 from .arrays import DoubleArray
 from .errors import InputError
+from .figures import numbers, shown, whole
 from .lens import OfLens
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
@@ -58,7 +58,7 @@ class NoiseModel:
 
     def __post_init__(self) -> None:
         for name in ("shot", "read"):
-            values = _numbers(f"noise.{name}", getattr(self, name))
+            values = numbers(f"calibration: noise.{name}", getattr(self, name))
             if min(values, default=0.0) < 0:
                 raise InputError(f"calibration: noise.{name} has a negative figure: {values}")
             object.__setattr__(self, name, values)
@@ -130,13 +130,10 @@ class SensorCalibration:
             raise InputError(f"calibration: gamma is {self.gamma}, expected positive weights")
         _check_range("gamma", self.gamma, _GAMMA)
         self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
-        try:
-            object.__setattr__(self, "white_level", operator.index(self.white_level))  # NumPy's integers too: JSON takes only int
-        except TypeError:
-            raise InputError(f"calibration: white_level is {self.white_level!r}, expected a whole number") from None
+        object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))  # JSON takes only int
         if not 0 <= min(self.black_level) <= max(self.black_level) < self.white_level <= 65535:
             raise InputError(
-                f"calibration: black_level {self.black_level} and white_level {self.white_level}, "
+                f"calibration: black_level {self.black_level} and white_level {shown(self.white_level)}, "
                 "expected 0 <= black < white <= 65535"
             )
         if self.white_level - max(self.black_level) < _LEAST_RANGE:
@@ -158,9 +155,9 @@ class SensorCalibration:
             raise InputError("calibration: neutral_estimated is true, but there is no neutral")
         if self.camera_to_xyz is not None:
             try:
-                rows = tuple(_numbers("camera_to_xyz", row, count) for row in self.camera_to_xyz)
+                rows = tuple(numbers("calibration: camera_to_xyz", row, count) for row in self.camera_to_xyz)
             except TypeError:
-                raise InputError(f"calibration: camera_to_xyz is {self.camera_to_xyz!r}, expected a list of rows") from None
+                raise InputError(f"calibration: camera_to_xyz is {shown(self.camera_to_xyz)}, expected a list of rows") from None
             matrix = np.array(rows)
             largest = np.abs(matrix).max(axis=0)
             if not all(_COLOUR[0] <= figure <= _COLOUR[1] for figure in largest[largest > 0]):
@@ -262,7 +259,7 @@ class SensorCalibration:
             raise InputError(f"calibration: unknown field {unknown[0]!r}")
         for name, kind in (("channels", str), ("sensor", str), ("camera", str), ("white_level", int), ("neutral_estimated", bool)):
             if name in given and (not isinstance(given[name], kind) or isinstance(given[name], bool) != (kind is bool)):
-                raise InputError(f"calibration: {name} is {given[name]!r}, expected {kind.__name__}")
+                raise InputError(f"calibration: {name} is {shown(given[name])}, expected {kind.__name__}")
         noise = given.get("noise")
         if noise is not None:
             if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
@@ -275,26 +272,11 @@ class SensorCalibration:
         return cls(**given)
 
     def _set(self, name: str, values: Any, count: int) -> None:
-        object.__setattr__(self, name, _numbers(name, values, count))
+        object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
 
 
 def _absent(values: Any) -> bool:
     return isinstance(values, tuple) and not values
-
-
-def _numbers(name: str, values: Any, count: int | None = None) -> tuple[float, ...]:
-    """Check that `values` are finite numbers (`count` of them) and return them as floats; InputError names the field."""
-    try:
-        numbers = tuple(float(value) for value in values)
-        if any(isinstance(value, str | bool) for value in values):  # float() takes both
-            raise TypeError
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"calibration: {name} is {values!r}, expected a list of numbers") from None
-    if not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"calibration: {name} holds a value that is not finite: {numbers}")
-    if count is not None and len(numbers) != count:
-        raise InputError(f"calibration: {name} has {len(numbers)} figures, expected {count}")
-    return numbers
 
 
 def _check_range(name: str, values: Iterable[float], limits: tuple[float, float], also: str = "") -> None:
@@ -308,8 +290,8 @@ def _check_range(name: str, values: Iterable[float], limits: tuple[float, float]
 def _places(values: Any) -> tuple[tuple[int, int], ...]:
     """Check a list of pixel places and return it sorted, without duplicates; raises InputError."""
     try:
-        places = sorted({(operator.index(row), operator.index(column)) for row, column in values})
-    except (TypeError, ValueError):
+        places = sorted({(whole("a row", row), whole("a column", column)) for row, column in values})
+    except (TypeError, ValueError, InputError):
         raise InputError("calibration: defects is not a list of [row, column]") from None
     if len(places) > _MOST_DEFECTS:
         raise InputError(

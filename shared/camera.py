@@ -4,7 +4,6 @@ The file is the JSON object of a calibration with two more fields, "pattern" and
 calibration is a valid camera file.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from .calibration import SensorCalibration
 from .errors import InputError
+from .figures import parsed_json, shown
 from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_whole
@@ -51,7 +51,7 @@ class Camera:
             if part not in MEASURABLE:
                 raise InputError(f"camera: measured has an unknown part {part!r}; one of {', '.join(MEASURABLE)}")
             if not isinstance(how, Mapping):
-                raise InputError(f"camera: measured.{part} is {how!r}, expected an object")
+                raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
         """The shot with this camera's calibration; what it does not know of colours, noise and lens stays that of the shot.
@@ -108,7 +108,7 @@ class Camera:
         given = dict(document)
         pattern, measured = given.pop("pattern", None), given.pop("measured", {})
         if not isinstance(measured, dict):
-            raise InputError(f"camera: measured is {measured!r}, expected an object")
+            raise InputError(f"camera: measured is {shown(measured)}, expected an object")
         return cls(SensorCalibration.from_json(given), None if pattern is None else _pattern(pattern), measured)
 
 
@@ -124,11 +124,7 @@ def read_camera(path: Path | str) -> Camera:
     """
     try:
         text = read_whole(path, MAX_DOCUMENT, "a camera file")
-        try:
-            document = json.loads(text.decode("utf-8"))
-        except (ValueError, RecursionError) as error:  # ValueError: no UTF-8, no JSON, or a number of thousands of digits
-            raise InputError(f"is not JSON ({error})") from None
-        return Camera.from_json(document)
+        return Camera.from_json(parsed_json(text))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -136,7 +132,7 @@ def read_camera(path: Path | str) -> Camera:
 def _pattern(given: Any) -> CfaPattern:
     """Check the field "pattern" of a camera file and return it as a pattern; InputError names the field."""
     if not isinstance(given, dict):
-        raise InputError(f"camera: pattern is {given!r}, expected an object")
+        raise InputError(f"camera: pattern is {shown(given)}, expected an object")
     if unknown := sorted(set(given) - {"tile", "origin", "channels"}):
         raise InputError(f"camera: pattern has an unknown field {unknown[0]!r}")
     tile, origin, channels = given.get("tile"), given.get("origin", [0, 0]), given.get("channels", "")
@@ -145,7 +141,7 @@ def _pattern(given: Any) -> CfaPattern:
     if not isinstance(origin, list | tuple) or len(origin) != 2 or not all(type(value) is int for value in origin):
         raise InputError("camera: pattern.origin is not [row, column]")
     if not isinstance(channels, str):
-        raise InputError(f"camera: pattern.channels is {channels!r}, expected letters")
+        raise InputError(f"camera: pattern.channels is {shown(channels)}, expected letters")
     return CfaPattern(tuple(tile), (origin[0], origin[1]), channels)
 
 

@@ -1,9 +1,10 @@
 """What is measured of a lens belongs to one part of the sensor, and to one focal length."""
 
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from .errors import InputError
+from .figures import number, shown
 
 ZOOMED = 0.02
 """Relative difference of focal lengths from which on they are two."""
@@ -26,15 +27,15 @@ class OfLens:
         """Check `size` and `focal_length`, and make `size` a tuple. Raises InputError that names the field."""
         sides = tuple(self.size) if isinstance(self.size, tuple | list) else ()
         if len(sides) != 2 or not all(type(side) is int and 0 < side < 1 << 20 for side in sides):
-            raise InputError(f"{self._name}: size is {self.size!r}, expected [rows, columns]")
+            raise InputError(f"{self._name}: size is {shown(self.size)}, expected [rows, columns]")
         object.__setattr__(self, "size", sides)
         if self.focal_length is not None:
             self._check_figure("focal_length")
 
     def _check_figure(self, name: str) -> None:
-        value: Any = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < 1e6:
-            raise InputError(f"{self._name}: {name} is {value!r}, expected a number that is not negative")
+        value = number(f"{self._name}: {name}", getattr(self, name))
+        if not 0 <= value < 1e6:
+            raise InputError(f"{self._name}: {name} is {value:g}, expected 0 to a million")
 
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""

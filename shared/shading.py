@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .arrays import FloatArray
 from .errors import InputError
+from .figures import tables
 from .lens import OfLens
 
 _WHOLE = slice(None)
@@ -50,8 +51,8 @@ class Shading(OfLens):
 
     def __post_init__(self) -> None:
         try:
-            points = np.array(self.gain, np.float64)
-        except (TypeError, ValueError):
+            points = np.array(tables("shading: gain", self.gain, 3), np.float64)
+        except ValueError:  # rows of different lengths
             points = np.zeros(0)
         if points.ndim != 3 or not all(count in _POINTS for count in points.shape[1:]):
             raise InputError(

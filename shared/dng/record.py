@@ -10,6 +10,8 @@ from typing import Any
 
 from ..calibration import SensorCalibration
 from ..errors import InputError
+from ..figures import parsed_json
+from ..figures import whole as whole_number
 from ..mosaic import Mosaic
 from ..pattern import CfaPattern
 from .reader import damaged
@@ -75,25 +77,33 @@ def is_record(data: bytes) -> bool:
 def decode_record(data: bytes) -> Record:
     """The content of a record. Raises InputError when it has changed, or a newer Panchroma wrote it."""
     try:
-        document = json.loads(data[len(RECORD_ID) :].rstrip(b"\0"))
+        document = parsed_json(data[len(RECORD_ID) :].rstrip(b"\0"))
         digest = document.pop("digest")
         whole = digest == _digest(document)
-    except (ValueError, AttributeError, KeyError, TypeError, RecursionError):
+    except (InputError, ValueError, AttributeError, KeyError, TypeError):  # ValueError: text that is no UTF-8
         whole = False
     if not whole:
-        raise damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
+        raise _changed()
     if (schema := document.get("schema")) != SCHEMA:
         raise InputError(f"the record of pattern and calibration has schema {schema!r}, this version reads {SCHEMA}; update it")
-    given = document["pattern"]
-    row, column = given["origin"]
-    pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
-    calibration = SensorCalibration.from_json(
-        {**document["calibration"], **{name: document[name] for name in _BESIDE & document.keys()}}
-    )
-    if "shape" not in document:
-        return Record(pattern, calibration, digest)
-    rows, columns = document["shape"]
-    return Record(pattern, calibration, digest, (rows, columns), document["samples"], document["preview"])
+    try:
+        given = document["pattern"]
+        row, column = (whole_number("origin", place) for place in given["origin"])
+        pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
+        known = {**document["calibration"], **{name: document[name] for name in _BESIDE & document.keys()}}
+        shape, samples, preview = (document.get(name, "") for name in ("shape", "samples", "preview"))
+        if shape:
+            rows, columns = (whole_number("shape", length) for length in shape)
+            shape = rows, columns
+        if not (isinstance(samples, str) and isinstance(preview, str)):
+            raise TypeError
+    except (ValueError, AttributeError, KeyError, TypeError):  # the digest is right, but no version of ours wrote this
+        raise _changed() from None
+    return Record(pattern, SensorCalibration.from_json(known), digest, shape or None, samples, preview)
+
+
+def _changed() -> InputError:
+    return damaged("the record of pattern and calibration (DNGPrivateData) is not what was written")
 
 
 def preview_digest(jpeg: bytes) -> str:

@@ -78,7 +78,7 @@ def test_the_neutral_is_estimated_without_it() -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"gain": [[1.0] * 4] * 4}, "gain is not a list of planes"),
+        ({"gain": [[1.0] * 4] * 4}, "gain is 1.0, expected a list of numbers"),
         ({"gain": [[[1.0] * 3] * 4] * 4}, "4 to 32 rows and columns"),
         ({"gain": [[[1.0, 2.0], [1.0]]] * 4}, "gain is not"),
         ({"gain": [[[float("nan")] * 4] * 4] * 4}, "gain holds a figure"),

@@ -14,6 +14,7 @@ from shared import Camera, SensorCalibration
 from shared.arrays import DoubleArray
 from shared.colorimetry import as_rows
 from shared.errors import InputError
+from shared.figures import tables
 
 from .chart.judge import FoundChart
 from .chart.place import PATCHES, ChartPlace
@@ -152,7 +153,7 @@ def _shot(given: Mapping[str, Any], calibration: SensorCalibration) -> ShotMeasu
     fits = [_fit(each, count) for each in given["fits"]]
     if "corners" not in given:
         return ShotMeasurement(_text(given["name"]), own, tuple(fits))
-    places = replace(_points(given, count + 1), clipped=np.array([bool(each) for each in given["clipped"]]))
+    places = replace(_points(given, count + 1), clipped=np.array([_truth(each) for each in given["clipped"]]))
     if places.mean.shape[0] != PATCHES or places.clipped.shape != (PATCHES,):
         raise ValueError
     chart = FoundChart(ChartPlace(as_rows(_numbers(given["corners"], (4, 2)))), 0.0)
@@ -188,7 +189,7 @@ def _listed(values: DoubleArray) -> Any:
 
 
 def _numbers(given: Any, shape: tuple[int, ...]) -> DoubleArray:
-    values = np.array(given, np.float64)
+    values = np.array(tables("kept", given, len(shape)), np.float64)
     if values.shape != shape or not (np.abs(values) < 1e15).all():
         raise ValueError
     return values
@@ -197,6 +198,12 @@ def _numbers(given: Any, shape: tuple[int, ...]) -> DoubleArray:
 def _count(given: Any) -> int:
     if type(given) is not int or not 0 < given < 1 << 40:
         raise ValueError
+    return given
+
+
+def _truth(given: Any) -> bool:
+    if not isinstance(given, bool):
+        raise TypeError
     return given
 
 

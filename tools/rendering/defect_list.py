@@ -6,6 +6,7 @@ from pathlib import Path
 
 from shared import Mosaic
 from shared.errors import InputError
+from shared.figures import parsed_json
 from shared.reading import MAX_DOCUMENT, read_whole
 
 Places = tuple[tuple[int, int], ...]
@@ -42,9 +43,9 @@ def with_defects(mosaic: Mosaic, places: Places) -> Mosaic:
 
 def _from_json(path: Path | str, text: str) -> Places:
     try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: no JSON, or a number of thousands of digits
-        raise InputError(f"{path}: is not JSON ({error})") from None
+        document = parsed_json(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     listed = document.get("defects") if isinstance(document, dict) else document
     if not isinstance(listed, list):
         raise InputError(f"{path}: expected {_EXPECTED}")

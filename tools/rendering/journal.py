@@ -15,6 +15,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from shared.errors import InputError
+from shared.figures import parsed_json
 from shared.writing import own_file, sync_folder
 
 NAME = ".panchroma-journal.jsonl"
@@ -92,11 +94,11 @@ class Journal:
 def _entry(line: bytes) -> Entry | None:
     """The entry in a line; None for a torn line, and for a line of another version."""
     try:
-        document = json.loads(line)
+        document = parsed_json(line)
         if not isinstance(document, dict) or document.pop("format", None) != _FORMAT:
             return None
         entry = Entry(**document)
-    except (ValueError, TypeError, RecursionError):
+    except (InputError, TypeError):
         return None
     return entry if all(isinstance(value, str) for value in asdict(entry).values()) else None
 

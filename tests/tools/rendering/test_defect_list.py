@@ -109,7 +109,7 @@ def test_what_never_ends_or_is_no_list_is_refused(tmp_path: Path) -> None:
     for name, said in (
         ("pipe", "pipe or a device"),
         ("long", "is larger than"),
-        ("digits", "is not JSON"),
+        ("digits", "a number of 5000 digits"),
         ("far", "whole numbers"),
     ):
         with pytest.raises(InputError, match=said):

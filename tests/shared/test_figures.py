@@ -1,0 +1,143 @@
+"""Numbers of documents and of callers: whatever is not a finite number is refused by name, everywhere."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import Aberration, CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading, read_camera
+from shared.dng import record
+from shared.dng.record import RECORD_ID, decode_record, encode_record
+from shared.errors import InputError
+from shared.figures import number, numbers, parsed_json, tables, whole
+from tools.calibration.camera_file import read_known
+from tools.rendering.defect_list import read_defects
+
+HUGE = 10**400
+SHADING = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))  # type: ignore[list-item, arg-type]
+CALIBRATION = SensorCalibration.of_bits(
+    12,
+    noise=NoiseModel.gaussian(0.01, 4),
+    neutral=(0.5, 1.0, 0.7),
+    camera_to_xyz=np.eye(3).tolist(),
+    defects=((1, 2),),
+    shading=SHADING,
+    aberration=Aberration([[0.001, 0], [0, 0], [0, 0.001]], (800, 1200)),  # type: ignore[arg-type]
+)
+DOCUMENT = {
+    **CALIBRATION.to_json(),
+    "measured": {"gamma": {"half_width_95": [0.1, 0.2, 0.3]}, "black_level": {"kept": {"frames": 2, "black": [1.0] * 4}}},
+}
+DOCUMENT.pop("camera")
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """The paths to all numbers of a document, one for each list of numbers."""
+    if isinstance(value, dict):
+        return [found for key, each in value.items() for found in places(each, (*path, key))]
+    if isinstance(value, list | tuple) and value:
+        return places(value[-1], (*path, len(value) - 1))
+    return [path] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+def with_figure(document: Any, path: tuple[Any, ...], figure: Any) -> Any:
+    changed = json.loads(json.dumps(document))
+    inner = changed
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = figure
+    return changed
+
+
+@pytest.mark.parametrize("path", places(DOCUMENT), ids=lambda path: ".".join(map(str, path)))
+@pytest.mark.parametrize("figure", [HUGE, -HUGE, float("nan"), float("inf"), "1", True])
+def test_whatever_is_no_number_in_a_camera_file_is_refused(path: tuple[Any, ...], figure: Any, tmp_path: Path) -> None:
+    file = tmp_path / "camera.json"
+    file.write_text(json.dumps(DOCUMENT))
+    read_camera(file)
+    file.write_text(json.dumps(with_figure(DOCUMENT, path, figure)))
+    if path[:2] == ("measured", "gamma") and isinstance(figure, str | bool):
+        return  # these are notes for people
+    with pytest.raises(InputError, match=r"camera\.json: "):
+        read_known(file)
+
+
+@pytest.mark.parametrize("figure", [HUGE, "1", True, None, [1]])
+@pytest.mark.parametrize(
+    "of",
+    [
+        lambda figure: Shading([[[figure] * 4] * 4] * 4, (800, 1200)),  # type: ignore[list-item, arg-type]
+        lambda figure: Shading(SHADING.gain, (800, figure)),
+        lambda figure: Shading(SHADING.gain, (800, 1200), residual=figure),
+        lambda figure: Aberration([[figure, 0], [0, 0], [0, 0]], (800, 1200)),  # type: ignore[arg-type]
+        lambda figure: Aberration([[0, 0]] * 3, (800, 1200), figure if figure is not None else "35"),  # type: ignore[arg-type]
+        lambda figure: SensorCalibration(gamma=(figure, 1, 1)),
+        lambda figure: SensorCalibration(white_level=figure),
+        lambda figure: SensorCalibration(defects=((figure, 1),)),
+        lambda figure: SensorCalibration(camera_to_xyz=((figure, 0, 0), (0, 1, 0), (0, 0, 1))),
+    ],
+)
+def test_callers_get_an_error_by_name_too(of: Callable[[Any], Any], figure: Any) -> None:
+    with pytest.raises(InputError) as caught:
+        of(figure)
+    assert len(str(caught.value)) < 500
+
+
+def test_numbers_of_any_type_are_taken() -> None:
+    assert numbers("a", np.array([1, 2], np.uint8)) == (1.0, 2.0)
+    assert tables("a", np.ones((2, 2), np.float32), 2) == ((1.0, 1.0), (1.0, 1.0))
+    assert number("a", np.float32(0.5)) == 0.5
+    assert whole("a", np.int64(7)) == 7
+    for wrong in (np.True_, np.array(["1"]), {"1": 1}, 1j):
+        with pytest.raises(InputError, match=r"^a is "):
+            numbers("a", [wrong] if isinstance(wrong, complex | np.bool_) else wrong)
+
+
+def test_documents_are_refused_with_the_reason() -> None:
+    assert parsed_json(b'{"a": [1, -2.5e3]}') == {"a": [1, -2500.0]}
+    for text, words in (
+        ("[", "is not JSON"),
+        (b"\xff", "is not JSON"),
+        ("[" * 100_000, "is not JSON"),
+        ("9" * 401, "a number of 401 digits"),
+        ("-" + "9" * 5000, "a number of 5000 digits"),
+        ("1e999", "holds '1e999'"),
+        ("[NaN]", "holds 'NaN'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            parsed_json(text)
+
+
+def test_a_record_whose_digest_is_right_may_still_be_wrong() -> None:
+    pattern = CfaPattern.bayer(6)
+    shot = Mosaic(np.full((24, 24), 500, np.uint16), pattern, SensorCalibration.of_bits(12))
+    document = json.loads(encode_record(shot, b"1", b"2")[len(RECORD_ID) :])
+    del document["digest"]
+    for change in (
+        {"shape": ["a", "b"]},
+        {"shape": [24]},
+        {"shape": 5},
+        {"samples": 7},
+        {"pattern": 3},
+        {"pattern": {"tile": [1], "origin": [0, 0], "channels": "RGB"}},
+        {"pattern": {**document["pattern"], "origin": [0.5, "1"]}},
+        {"pattern": {**document["pattern"], "origin": [HUGE, 0]}},
+        {"calibration": 5},
+        {"calibration": {**document["calibration"], "gamma": [HUGE, 1, 1]}},
+        {"shading": {"gain": [[["1"] * 4] * 4] * 4, "size": [24, 24]}},
+    ):
+        changed = {**document, **change}
+        data = RECORD_ID + json.dumps({**changed, "digest": record._digest(changed)}).encode()
+        with pytest.raises(InputError):
+            decode_record(data)
+
+
+def test_a_list_of_defects_too(tmp_path: Path) -> None:
+    path = tmp_path / "defects.json"
+    for text in (f"[[{HUGE}, 1]]", "[[NaN, 1]]", "[[true, 1]]"):
+        path.write_text(text)
+        with pytest.raises(InputError, match=r"defects\.json"):
+            read_defects(path)
