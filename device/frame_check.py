@@ -38,10 +38,11 @@ class FrameCheck:
     """Compares frames with the description of their sensor, until some have confirmed it.
 
     sensor: the description.
+    dark: whether the lens is covered. Then all that is checked is that no sample is too large or lit: the rest takes light.
     """
 
-    def __init__(self, sensor: "Sensor") -> None:
-        self._sensor = sensor
+    def __init__(self, sensor: "Sensor", *, dark: bool = False) -> None:
+        self._sensor, self._dark = sensor, dark
         self._seen = 0
         self._confirmed = 0
         self._order = self._bits = False
@@ -54,11 +55,14 @@ class FrameCheck:
         """
         self._seen += 1
         rarely = self._seen & (self._seen - 1) == 0
+        if self._dark:
+            if lit := self._levels(self._sensor.layout.unpack(frame.data)).lit() if rarely else None:
+                raise _misfit(*lit)
+            return []
         if self._confirmed >= _TWICE and (not rarely or (self._order and self._bits)):
             return []
-        layout, calibration = self._sensor.layout, self._sensor.calibration
-        codes = layout.unpack(frame.data)
-        levels = Levels(codes, calibration, are_words=layout.format == "u16")
+        codes = self._sensor.layout.unpack(frame.data)
+        levels = self._levels(codes)
         found = self._found(frame, codes, levels, rarely=rarely)
         if not found:
             return [_UNPROVEN]
@@ -68,6 +72,9 @@ class FrameCheck:
         self._bits |= not unsettled
         left = [] if self._order else [_COLOURS if self._sensor.pattern.is_scattered else _GREENS]
         return left if self._bits else [*left, f"{unsettled}{_NEXT}"]
+
+    def _levels(self, codes: CodeArray) -> Levels:
+        return Levels(codes, self._sensor.calibration, are_words=self._sensor.layout.format == "u16")
 
     def _shows_order(self, codes: CodeArray, found: Found) -> bool:
         """Whether the frame shows that the colours are where they are said to be; InputError if they are elsewhere."""
@@ -224,13 +231,14 @@ class FrameCheck:
         return "--order GRBG or GBRG" if letters in ("RGGB", "BGGR") else "--order RGGB or BGGR"
 
 
-def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], None]) -> Iterator[RawFrame]:
+def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], None], *, dark: bool = False) -> Iterator[RawFrame]:
     """Pass frames on, and look at them until some have confirmed the description of their sensor.
 
     note: called with each sentence on what a frame leaves open, once.
+    dark: whether the lens is covered, so that checks that take light are left out.
     Raises InputError, before the frame is passed on, at the first that proves the description wrong; it names the likely right one.
     """
-    check = FrameCheck(sensor)
+    check = FrameCheck(sensor, dark=dark)
     told: set[str] = set()
     for frame in frames:
         try:

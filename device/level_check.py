@@ -8,6 +8,9 @@ from shared.arrays import CodeArray
 from .pattern_search import Tiles
 
 _MARGIN = 1 / 16  # of the black level: a black level that is known less well than this is wrong
+_LEAST_MARGIN = 1 / 1024  # of the range of codes: a low black level may be off by as much
+_NARROW = 1 / 16  # of the range of codes: the samples of a dark frame differ by less, but for defects
+_DEFECTS = 1  # percent of the samples at either end that may be defects
 _DEEP = 3 / 4  # of the black level: no tile of a frame is darker, on average
 _PILE = 8  # samples at the highest code that show that light was clipped there
 _LIT = 0.03  # of the range of codes: a tile with less light says nothing of its filters
@@ -28,8 +31,9 @@ class Levels:
     def __init__(self, codes: CodeArray, calibration: SensorCalibration, *, are_words: bool) -> None:
         self._codes, self._calibration, self._are_words = codes, calibration, are_words
         self._highest = int(codes.max())
-        self._dark = float(np.percentile(codes[::8, ::8], 1))
         self._black = float(np.mean(calibration.black_level))
+        self._margin = max(_MARGIN * self._black, _LEAST_MARGIN * (1 << calibration.bits))
+        self._low, self._high = (float(np.percentile(codes[::8, ::8], part)) for part in (_DEFECTS, 100 - _DEFECTS))
         # With all samples alike, as in the dark, zeros at the end say nothing.
         used = int(np.bitwise_or.reduce(codes, axis=None))
         shift = (used & -used).bit_length() - 1 if used else 0
@@ -43,11 +47,21 @@ class Levels:
         seen = self._impossible(declared, bits)
         return (seen, self._likely(bits)) if seen else None
 
+    def lit(self) -> tuple[str, str] | None:
+        """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""
+        bits = max(self._highest.bit_length(), _LEAST)
+        if bits > self._calibration.bits:
+            return f"a sample is {self._highest}, more than {self._calibration.bits} bits hold", self._likely(bits + bits % 2)
+        if not self._are_narrow(self._calibration.bits):
+            seen = f"its samples are {self._low:.0f} to {self._high:.0f}, and those of a dark frame are nearly equal"
+            return seen, "light on the sensor (cover the lens, or leave --dark out), or another --format"
+        return None
+
     def _impossible(self, declared: int, bits: int) -> str:
         if bits > declared:
             return f"a sample is {self._highest}, more than {declared} bits hold"
         mean, darkest = float(self._codes.mean()), float(Tiles.of(self._codes).parts.mean(axis=(1, 2)).min())
-        if mean < self._black * (1 - _MARGIN):
+        if mean < self._black - self._margin:
             return f"the mean of all samples is {mean:.0f}, darker than black, which is {self._black:.0f}"
         if darkest < self._black * _DEEP:
             return f"a part of it has a mean of {darkest:.0f}, darker than black, which is {self._black:.0f}"
@@ -60,7 +74,7 @@ class Levels:
 
     def are_dark(self) -> bool:
         """Whether all are near black, as in no wrong layout of a lit frame."""
-        return abs(float(self._codes.mean()) - self._black) < _MARGIN * self._black and self._highest < _HIGH * self._black
+        return abs(float(self._codes.mean()) - self._black) < self._margin and self._highest < _HIGH * self._black + self._margin
 
     def unsettled(self) -> str:
         """A remark on what they leave open; "" if nothing. Packed samples always have the bits of their format."""
@@ -71,7 +85,7 @@ class Levels:
             return f"its samples never use the lowest {self._shift} bits: they may be shifted up; then --bits {_WORD} is right"
         if declared - self._highest.bit_length() >= _UNUSED:
             return f"its samples never use the highest of {declared} bits: the light is dim, or they have fewer; then give --bits"
-        if self._dark > _HIGH * self._black and self._highest < self._calibration.white_level:
+        if self._low > _HIGH * self._black + self._margin and self._highest < self._calibration.white_level:
             return f"even its darkest samples are far brighter than black, which is {self._black:.0f}: is --bits {declared} right?"
         return ""
 
@@ -89,10 +103,15 @@ class Levels:
         return len(ratios) > _PILE and bool(np.mean(ratios) - 4 * np.std(ratios) / len(ratios) ** 0.5 > _SAME)
 
     def _likely(self, bits: int) -> str:
+        if self._are_narrow(bits) and self._highest < self._black:
+            return "--dark, if the lens is covered, and --black N with the sensor's black level if it is known; or other --bits"
         if self._shift >= _UNUSED:
             bits = _WORD
-        elif bits < 12 and self._dark > _HIGH * (1 << (bits - 4)):  # a sensor of 10 bits has its black at 64, one of 12 at 256
+        elif bits < 12 and self._low > _HIGH * (1 << (bits - 4)):  # a sensor of 10 bits has its black at 64, one of 12 at 256
             bits = 12
         if self._are_words and bits != self._calibration.bits:
             return f"--bits {bits}"
-        return "another --format, or --camera with its levels"
+        return "--black N with the sensor's own black level, another --format, or --camera with its levels"
+
+    def _are_narrow(self, bits: int) -> bool:
+        return self._high - self._low < _NARROW * (1 << bits)

@@ -301,3 +301,42 @@ def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
         bayer[row::2, column::2] = scene[row::2, column::2, channel]
     with suppress(InputError):  # its greens are where panchromatic pixels would be
         assert look(pack((256 + 3000 * bayer.clip(0, 1)).astype(np.uint16), "u16"), sensor(layout, KODAK))
+
+
+def dark_codes(black: float, sigma: float = 3.0) -> CodeArray:
+    return np.random.default_rng(0).normal(black, sigma, SIZE).round().clip(0).astype(np.uint16)
+
+
+def look_at_dark(code: CodeArray, bits: int, name: str = "u16") -> list[str]:
+    layout = FrameLayout(SIZE[1], SIZE[0], name)
+    frames = [RawFrame.now(pack(code, name, layout.stride))] * 2
+    notes: list[str] = []
+    assert len(list(checked(frames, sensor(layout, bits=bits), notes.append, dark=True))) == 2
+    return notes
+
+
+@pytest.mark.parametrize(
+    ("black", "bits", "name"), [(16, 12, "u16"), (0, 12, "u16"), (16, 10, "raw10"), (16, 12, "raw12"), (900, 12, "u16")]
+)
+def test_dark_frames_of_any_black_level_pass_where_they_are_said_to_be_dark(black: int, bits: int, name: str) -> None:
+    """They are the first that a new sensor has to give: nothing is known of its black level before."""
+    assert look_at_dark(dark_codes(black), bits, name) == []
+
+
+def test_what_is_lit_or_too_large_is_not_dark() -> None:
+    with pytest.raises(InputError, match=r"nearly equal; likely light on the sensor \(cover the lens, or leave --dark out\)"):
+        look_at_dark(codes(), 12)
+    with pytest.raises(InputError, match=r"a sample is .*, more than 10 bits hold; likely --bits 12"):
+        look_at_dark(codes(), 10)
+    layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
+    packed = RawFrame.now((pack(dark_codes(70), "raw10") * 2)[: layout.frame_bytes])
+    with pytest.raises(InputError, match="another --format"):  # packed words, read as other ones
+        list(checked([packed], sensor(layout), print, dark=True))
+
+
+def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
+    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
+    assert "likely --dark, if the lens is covered, and --black N" in refusal(dark_codes(16).tobytes() * 2, sensor(layout))
+    low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
+    said = refusal(low * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "raw12")))
+    assert "likely --black N with the sensor's own black level" in said

@@ -68,6 +68,18 @@ def add_source_options(parser: argparse.ArgumentParser) -> None:
         "--bits", type=int, metavar="N", help=f"bits used in u16, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)"
     )
     frames.add_argument(
+        "--black",
+        type=int,
+        metavar="N",
+        help="black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
+        "`calibrate --dark` measures it",
+    )
+    frames.add_argument(
+        "--dark",
+        action="store_true",
+        help="the lens is covered: frames for `calibrate --dark`, to which the checks that take light are not applied",
+    )
+    frames.add_argument(
         "--unchecked",
         action="store_true",
         help="do not compare the first frames with these options; without it, frames that prove one of them wrong are refused",
@@ -82,9 +94,10 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
     is_builtin, is_stream = source.startswith(_BUILTIN), source == _STREAM
     _refuse(arguments, is_builtin or is_stream, "--new", "only a folder can already contain frames")
     if is_builtin:
-        for option in ("--width", "--height", "--format", "--stride", "--bits", "--unchecked"):
+        for option in ("--width", "--height", "--format", "--stride", "--bits", "--black", "--dark", "--unchecked"):
             _refuse(arguments, True, option, "the built-in sensor has its own")
         return _builtin(source, arguments)
+    _refuse(arguments, arguments.unchecked, "--dark", "with --unchecked no frame is looked at; leave one of the two out")
     sensor, notes = _described(arguments)
     layout = sensor.layout
     if is_stream:
@@ -112,7 +125,7 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
         stopped: Callable[[], bool], refused: Callable[[InputError], None], note: Callable[[str], None]
     ) -> Iterator[RawFrame]:
         raw = opened(stopped, refused)
-        return raw if arguments.unchecked else checked(raw, sensor, note)
+        return raw if arguments.unchecked else checked(raw, sensor, note, dark=arguments.dark)
 
     return FrameSource(sensor, frames, waits, notes)
 
@@ -124,7 +137,8 @@ def _enlarge_pipe(descriptor: int) -> None:
 
 
 def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str) -> None:
-    if unfit and getattr(arguments, option.lstrip("-")):
+    given = getattr(arguments, option.lstrip("-"))
+    if unfit and (given or (given is not None and option == "--black")):  # --black 0 is a black level
         raise InputError(f"{option} does not go with {arguments.source}: {reason}")
 
 
@@ -140,6 +154,8 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     layout = FrameLayout(arguments.width, arguments.height, name, arguments.stride)
     if arguments.camera and arguments.bits:
         raise InputError("--bits does not go with --camera: the camera file says it")
+    if arguments.camera and arguments.black is not None:
+        raise InputError("--black does not go with --camera: the camera file says it")
     camera, pattern = camera_of(arguments)
     if camera:
         return Sensor(layout, pattern, camera.calibration), ()
@@ -147,9 +163,19 @@ def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     calibration = SensorCalibration.of_bits(
         arguments.bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
     )
+    if arguments.black is not None:
+        calibration = _with_black(calibration, arguments.black)
     black, white = calibration.black_level[0], calibration.white_level
-    note = f"no --camera: black level {black:.0f} and white level {white} are assumed, and the white balance is estimated"
+    assumed = f"black level {black:.0f} and white level {white} are" if arguments.black is None else f"white level {white} is"
+    note = f"no --camera: {assumed} assumed, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
+
+
+def _with_black(calibration: SensorCalibration, black: int) -> SensorCalibration:
+    """Return the calibration with this black level on all planes. Raises InputError that names the option."""
+    if not 0 <= black <= calibration.white_level // 2:
+        raise InputError(f"--black is {black}, expected a code from 0 to {calibration.white_level // 2}, half of the range")
+    return replace(calibration, black_level=(float(black),) * len(calibration.black_level))
 
 
 def _ideal_gamma(pattern: CfaPattern) -> tuple[float, ...]:

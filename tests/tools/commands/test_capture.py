@@ -417,3 +417,46 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
     assert "estimated from the picture" in command("inspect", first).out
     preview = imagecodecs.jpeg8_decode(read_preview(first)).mean(axis=(0, 1))
     assert np.ptp(preview) < 0.05 * preview.mean()
+
+
+def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out: Path) -> None:
+    """`calibrate --dark` needs them; without the options the message names these."""
+    levels = np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16)
+    data = pack(levels, "raw12", 0) * 2
+    done = piped(data, "-o", str(out), *DESCRIBED, "--wait")
+    assert done.returncode == 1
+    assert b"likely --dark, if the lens is covered, and --black N" in done.stderr
+    for number, options in enumerate((["--dark"], ["--black", "16"], ["--dark", "--black", "16"])):
+        done = piped(data, "-o", str(out / str(number)), *DESCRIBED, "--wait", *options)
+        assert done.returncode == 0, done.stderr
+        saved = shots(out / str(number))
+        assert len(saved) == 2
+        black = 16.0 if "--black" in options else 256.0
+        assert read_dng(saved[0]).calibration.black_level == (black,) * 4
+        assert (f"black level {black:.0f}".encode() in done.stderr) == ("--black" not in options)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--dark", "--unchecked"], "--dark does not go with -"),
+        (["--black", "-1"], "--black is -1, expected a code from 0 to 2047"),
+        (["--black", "4000"], "--black is 4000, expected a code from 0 to 2047"),
+        (["--black", "16", "--camera", "camera.json"], "--black does not go with --camera"),
+    ],
+)
+def test_options_of_dark_streams_that_contradict_others_are_refused(
+    options: list[str], words: str, out: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "camera.json").write_text(json.dumps(Camera(SensorCalibration.of_bits(12)).to_json()))
+    done = piped(b"", "-o", str(out), *DESCRIBED, *(str(tmp_path / o) if o.endswith("json") else o for o in options))
+    assert done.returncode == 2
+    assert words in done.stderr.decode()
+
+
+@pytest.mark.parametrize("option", [["--dark"], ["--black", "0"]])
+def test_the_built_in_sensor_has_its_own_black_level_and_light(
+    option: list[str], out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("builtin:30x20@10", "-o", str(out), "--frames", "1", *option) == 2
+    assert f"{option[0]} does not go with builtin:30x20@10" in capsys.readouterr().err
