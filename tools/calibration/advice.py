@@ -4,34 +4,68 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .chart.place import PATCHES
-from .colour_matrix import UNEVEN, ColourFit
+from .colour_matrix import GREYS, UNEVEN, ColourFit
 from .gamma import GammaFit
 from .noise import SIGMAS, DarkResult, NoiseResult
 
 if TYPE_CHECKING:
     from .shot import ShotMeasurement
 
-_OFFSET = 4.0  # standard errors: a larger offset is not a coincidence
+_CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_READ = 0.05  # half width over read noise
 _GOOD_NOISE = 0.1  # half width over variance at full scale
 _CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
 _GOOD_GAMMA = 0.02  # half width over gamma
+_COLOURED = 0.2  # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three broad channels
 _GOOD_COLOUR = 4.0  # mean dE2000: an average chart in average light stays below
+
+
+def contradicting(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[str]:
+    """Return what does not fit together by more than four standard errors, and what to shoot instead; a sentence each."""
+    said = []
+    if abs(gamma.off) > _CONTRADICTION:
+        offset, error = gamma.offset
+        calibration = gamma.calibration
+        span = calibration.white_level - calibration.black_level[-1]
+        common = offset * span / (1 - gamma.gamma.sum()) if abs(gamma.gamma.sum() - 1) > 0.2 else offset * span
+        which = "that the dark frames show" if gamma.assumed.black_measured else "that is assumed"
+        remedy = (
+            "take dark frames anew, with exposure, gain and temperature of the other shots, and the lens well covered, or the chart "
+            "without reflections"
+            if gamma.assumed.black_measured
+            else "take dark frames (--dark), and give them together with these shots, or add them with --update"
+        )
+        said.append(
+            f"the shots contradict the black level {which}, by {abs(gamma.off):.0f} standard errors: it seems to be "
+            f"{abs(common):.1f} codes (± {error / max(abs(offset), 1e-12) * abs(common):.1g}) {'higher' if common > 0 else 'lower'} on all "
+            f"planes; {remedy}"
+        )
+    if gamma.apart > _CONTRADICTION:
+        rows = ", ".join(
+            f"{shot.name}{' (around the chart)' if shot.chart and number else ''} {_figures(fit)}"
+            for shot in shots
+            for number, fit in enumerate(shot.fits)
+        )
+        said.append(
+            f"the shots contradict each other in gamma, beyond their intervals ({gamma.apart:.0f} standard deviations): {rows}; give "
+            "only shots of one session, with one lens and even light, or shoot the chart anew"
+        )
+    return said
+
+
+def _figures(fit: GammaFit) -> str:
+    return " ".join(f"{value:.3f} ± {half:.2g}" for value, half in zip(fit.gamma, fit.half_width, strict=True))
 
 
 def gamma_warnings(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[str]:
     """Warn of an uncertain gamma, of residuals that noise does not explain, and of patches that were left out."""
     warnings = []
+    tints = [tint for shot in shots if (tint := coloured_light(shot))]
     if gamma.worst > _GOOD_GAMMA:
-        warnings.append(
-            f"gamma is only known to ±{100 * gamma.worst:.1f} % (95 %): more light, a larger chart or more shots would help"
-        )
-    if abs(gamma.offset) > _OFFSET:
-        warnings.append(
-            f"the panchromatic samples have an offset of {gamma.offset:+.1f} standard errors relative to the colours: "
-            "the black level is probably wrong; take dark frames (--dark)"
-        )
+        remedy = "white light would help" if tints else "more light, a larger chart, more shots or flat frames (--flat) would help"
+        warnings.append(f"gamma is only known to ±{100 * gamma.worst:.1f} % (95 %): {remedy}")
+    warnings += tints
     if gamma.spread > _SPREAD:
         warnings.append(
             f"the residuals are {gamma.spread:.1f} times as large as noise explains: "
@@ -49,6 +83,21 @@ def gamma_warnings(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[
         if left_out > 0:
             warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
     return warnings
+
+
+def coloured_light(shot: "ShotMeasurement") -> str:
+    """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it shows on the grey patches."""
+    if shot.places is None:
+        return ""
+    grey = shot.places.mean[list(GREYS), :-1].mean(axis=0)
+    if grey.min() > _COLOURED * grey.max():
+        return ""
+    letters = shot.calibration.channels
+    weak, strong = letters[int(grey.argmin())], letters[int(grey.argmax())]
+    return (
+        f"{shot.name}: the light is strongly coloured: on grey {weak} reads {100 * max(grey.min(), 0) / grey.max():.0f} % of what "
+        f"{strong} does, so that colours, and gamma of {weak}, are known less well; take white light"
+    )
 
 
 def noise_warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:
@@ -77,10 +126,14 @@ def dark_warnings(dark: DarkResult) -> list[str]:
     return ["the read noise is smaller than rounding to codes shows, so the dark frames do not tell it; use more gain or more bits"]
 
 
-def colour_warnings(colour: ColourFit, shot: str) -> list[str]:
-    """Warn of uneven light on the chart and of large colour differences; shot: name of the shot."""
+def colour_warnings(colour: ColourFit, shot: str, *, coloured: bool) -> list[str]:
+    """Warn of uneven light on the chart and of large colour differences.
+
+    shot: its name.
+    coloured: whether its light is strongly coloured: then that is the cause of errors that are corrected as uneven light.
+    """
     warnings = []
-    if colour.unevenness > UNEVEN and colour.left_out.mean() > _CORRECTED:
+    if not coloured and colour.unevenness > UNEVEN and colour.left_out.mean() > _CORRECTED:
         warnings.append(
             f"{shot}: the light on the chart is uneven, up to {colour.unevenness:.2f} times brighter in one place than in another; "
             "correcting the colours for it leaves errors; light the chart evenly"

@@ -11,9 +11,11 @@ too small. The maximum of the likelihood over gamma and the true c_i together is
 import numpy as np
 from scipy.optimize import least_squares
 
+from shared import SensorCalibration
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
+from .assumed import Assumed, unknowns
 from .gamma import INSTEAD, GammaFit, too_few_colours
 from .photon_transfer import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation
@@ -25,11 +27,16 @@ _HUBER = 2.5
 _ROUNDS = 4
 
 
-def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
+def fit_chart_gamma(places: PlaceSamples, calibration: SensorCalibration, assumed: Assumed | None = None) -> GammaFit:
     """Estimate gamma from the patches of one chart, for any number C of channels.
+
+    places: statistics of the patches.
+    calibration: of the shot; its levels are used.
+    assumed: what may be off; None = nothing was measured, see `Assumed.of`.
 
     Raises InputError that says what to shoot instead, if the patches cannot determine it: clipped, too few, too similar in colour.
     """
+    assumed = assumed or Assumed.of(calibration)
     channels = places.mean.shape[1] - 1
     level, colours = places.mean[:, -1], places.mean[:, :-1]
     exposed = ~places.clipped & (places.count.min(axis=1) >= 1) & (level > 0)
@@ -38,20 +45,23 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
         clipped = int(places.clipped.sum())
         why = f"{clipped} of {len(level)} patches are clipped" if clipped else f"only {int(exposed.sum())} patches can be measured"
         raise InputError(f"gamma: {why}, and {least} good ones are needed: {'expose less, or ' if clipped else ''}{INSTEAD}")
-    variance = mean_variance(places, exposed)
-    used = exposed
-    estimate = _start(colours[used], level[used], variance[used])
+    problem = _Problem(level, colours, places.where, mean_variance(places, exposed))
+    used, spread, freedom = exposed, 1.0, 1.0
+    found = np.zeros(problem.terms.shape[1])
+    found[:channels] = _start(colours[used], level[used], problem.variance[used])
+    information = prior = np.zeros(0)
     for _ in range(_ROUNDS):
-        estimate = _solve(colours[used], level[used], variance[used], estimate)
-        score = _score(estimate, colours, level, variance)
-        scale = max(1.0, robust_deviation(score[used]))
-        kept = exposed & (np.abs(score) <= _REJECT * scale)
+        prior = assumed.precision(found[:channels], calibration)
+        found = problem.solved(used, found, prior, spread)
+        information = problem.information(used, found) / spread**2
+        score = problem.scores(found)
+        freedom = max(float(used.sum() - np.trace(np.linalg.lstsq(information + prior, information, rcond=None)[0])), 1.0)
+        spread = max(1.0, float(np.sqrt((score[used] ** 2).sum() / freedom)))
+        kept = exposed & (np.abs(score) <= _REJECT * max(1.0, robust_deviation(score[used])))
         if kept.sum() < least or (kept == used).all():
             break
         used = kept
-    score = _score(estimate, colours, level, variance)
-    freedom = max(int(used.sum()) - channels, 1)
-    spread = float(np.sqrt((score[used] ** 2).sum() / freedom))
+    information = problem.information(used, found) / spread**2
     condition = float(np.linalg.cond(colours[used] / level[used, None]))
     if condition > (worst := max(_WORST_CONDITION, _PER_CHANNEL * channels)):
         raise InputError(
@@ -59,16 +69,54 @@ def fit_chart_gamma(places: PlaceSamples) -> GammaFit:
             f"{too_few_colours(channels)}"
         )
     return GammaFit(
-        gamma=estimate,
-        covariance=_covariance(estimate, colours[used], level[used], variance[used]) * max(spread, 1.0) ** 2,
+        information=information,
+        told=(information + prior) @ found,
+        assumed=assumed,
+        calibration=calibration,
         freedom=freedom,
         level=level,
-        predicted=colours @ estimate,
+        predicted=problem.terms @ found,
         used=used,
         condition=condition,
-        spread=spread,
-        offset=_offset(estimate, colours[used], level[used], variance[used]) / max(spread, 1.0),
+        spread=float(np.sqrt((problem.scores(found)[used] ** 2).sum() / freedom)),
     )
+
+
+class _Problem:
+    """The regression of N panchromatic levels on the channels and all that disturbs them.
+
+    level: (N,); colours: (N, C); places: see `unknowns`; variance: (N, C + 1), of the means.
+    """
+
+    def __init__(self, level: DoubleArray, colours: DoubleArray, places: DoubleArray | None, variance: DoubleArray) -> None:
+        self.level, self.colours, self.places, self.variance = level, colours, places, variance
+        self.terms = unknowns(colours, places)
+
+    def scores(self, found: DoubleArray) -> DoubleArray:
+        """Return the residual of each place in standard deviations, (N,)."""
+        return (self.level - self.terms @ found) / np.sqrt(_total(self.variance, found[: self.colours.shape[1]]))
+
+    def solved(self, used: BoolArray, start: DoubleArray, prior: DoubleArray, spread: float) -> DoubleArray:
+        """Return the likeliest unknowns (P,), with Huber's loss for the places; prior: (P, P), diagonal."""
+        strict = np.sqrt(np.diag(prior))
+        assumed = strict > 0
+
+        def missed(found: DoubleArray) -> DoubleArray:
+            score = self.scores(found)[used] / spread
+            large = np.abs(score) > _HUBER
+            score[large] = np.sign(score[large]) * np.sqrt(2 * _HUBER * np.abs(score[large]) - _HUBER**2)
+            return np.concatenate([score, (strict * found)[assumed]])
+
+        return least_squares(missed, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
+
+    def information(self, used: BoolArray, found: DoubleArray) -> DoubleArray:
+        """Return what the places tell, (P, P), from the most likely true channels: the spread of noisy ones would count as information."""
+        gamma = found[: self.colours.shape[1]]
+        total = _total(self.variance, gamma)
+        pull = self.variance[:, :-1] * gamma * ((self.level - self.terms @ found) / total)[:, None]
+        likely = unknowns(self.colours + pull, self.places)[used]
+        told: DoubleArray = (likely / total[used, None]).T @ likely
+        return told
 
 
 def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:
@@ -101,31 +149,3 @@ def _start(colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> D
     start, *_ = np.linalg.lstsq(colours * weight[:, None], level * weight, rcond=None)
     positive: DoubleArray = np.maximum(start, 1e-2)
     return positive
-
-
-def _score(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
-    return (level - colours @ gamma) / np.sqrt(_total(variance, gamma))
-
-
-def _solve(colours: DoubleArray, level: DoubleArray, variance: DoubleArray, start: DoubleArray) -> DoubleArray:
-    scale = max(1.0, robust_deviation(_score(start, colours, level, variance)))
-    found = least_squares(
-        _score, start, args=(colours, level, variance), loss="huber", f_scale=_HUBER * scale, x_scale="jac", xtol=1e-12, ftol=1e-12
-    )
-    return found.x
-
-
-def _covariance(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> DoubleArray:
-    """Return the inverse information, from the most likely true channels: the spread of noisy ones would count as information."""
-    total = _total(variance, gamma)
-    likely = colours + variance[:, :-1] * gamma * ((level - colours @ gamma) / total)[:, None]
-    information = (likely / total[:, None]).T @ likely
-    return np.linalg.pinv(information).astype(np.float64)
-
-
-def _offset(gamma: DoubleArray, colours: DoubleArray, level: DoubleArray, variance: DoubleArray) -> float:
-    """Return the intercept of a fit of gamma with an intercept, in standard errors."""
-    weight = 1 / np.sqrt(_total(variance, gamma))
-    design = np.concatenate([colours, np.ones((len(level), 1))], axis=1) * weight[:, None]
-    solution, *_ = np.linalg.lstsq(design, level * weight, rcond=None)
-    return float(solution[-1] / np.sqrt(np.linalg.pinv(design.T @ design)[-1, -1]))

@@ -2,12 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.stats import chi2 as chi2_of
+from scipy.stats import norm as normal
 from scipy.stats import t as student
 
+from shared import SensorCalibration
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
+
+from .assumed import SHAPES, Assumed
 
 CONFIDENCE = 0.95
 WORST_INTERVAL = 0.05  # half width over gamma: beyond it a calibration would do harm
@@ -30,39 +36,97 @@ def too_few_colours(channels: int) -> str:
 class GammaFit:
     """An estimate of gamma from N places, and how reliable it is.
 
-    gamma: (C,), weights of Eq. 7.
-    covariance: (C, C), of gamma.
+    The unknowns are gamma, an offset, and colour shading (see `unknowns`); P is their number. What the places tell of them, without
+    any prior, is `information` @ unknowns = `told`; so fits are combined, and repeated with another black level.
+
+    information: (P, P), inverse covariance.
+    told: (P,).
+    assumed: how far black level and shading may be off.
+    calibration: its levels; its gamma is not used.
     freedom: degrees of freedom of the covariance.
     level: (N,), measured panchromatic levels, parts of full scale.
-    predicted: (N,), levels that gamma predicts.
+    predicted: (N,), levels that the fit predicts.
     used: (N,), False for places that were left out (clipped, outliers).
     condition: largest over smallest singular value of the colours, each divided by its level: 1 = ideal, 100 = nearly grey.
     spread: sqrt(chi2 / freedom); 1 = noise explains the residuals.
-    offset: panchromatic level where the channels are 0, in standard errors; beyond about 4 the black level is wrong.
-    moments: (C, C + 2), of a fit with instruments Z: Z'X, Z'l and the sums of Z, from which the fit can be repeated for another
-        black level. None for a chart, whose patches are kept.
+    apart: by how much independent fits contradict each other, as standard deviations of a normal number; 0 = there is only one.
+    widened: by how much that widens the covariance.
     """
 
-    gamma: DoubleArray
-    covariance: DoubleArray
-    freedom: int
+    information: DoubleArray
+    told: DoubleArray
+    assumed: Assumed
+    calibration: SensorCalibration
+    freedom: float
     level: DoubleArray
     predicted: DoubleArray
     used: BoolArray
     condition: float
     spread: float
-    offset: float
-    moments: DoubleArray | None = None
+    apart: float = 0.0
+    widened: float = 1.0
 
-    def rebased(self, was: DoubleArray, now: DoubleArray, white: int) -> "GammaFit":
-        """Return the fit with another black level, from its moments; parameters: see `PlaceSamples.rebased`."""
-        if self.moments is None:
-            return self
-        count = len(self.gamma)
-        stretch, shift = (white - was) / (white - now), (was - now) / (white - now)
-        products, total = self.moments[:, :-1], self.moments[:, -1:]
-        moments = np.concatenate([products * stretch + total * shift, total], axis=1)
-        return replace(self, gamma=np.linalg.lstsq(moments[:, :count], moments[:, count], rcond=None)[0], moments=moments)
+    @cached_property
+    def _solution(self) -> tuple[DoubleArray, DoubleArray]:
+        return self._solved(offset=True)
+
+    def _solved(self, *, offset: bool) -> tuple[DoubleArray, DoubleArray]:
+        """Return all unknowns (P,) and their covariance (P, P); offset: see `Assumed.precision`."""
+        return solved(self.information, self.told, self.assumed, self.calibration, offset=offset)
+
+    @property
+    def _prior(self) -> DoubleArray:
+        return self.assumed.precision(self.gamma, self.calibration)
+
+    @property
+    def gamma(self) -> DoubleArray:
+        """The weights of Eq. 7, (C,)."""
+        return self._solution[0][: self._channels]
+
+    @property
+    def covariance(self) -> DoubleArray:
+        """The covariance of gamma, (C, C)."""
+        return self._solution[1][: self._channels, : self._channels] * self.widened
+
+    @property
+    def _channels(self) -> int:
+        return len(self.calibration.channels)
+
+    @property
+    def offset(self) -> tuple[float, float]:
+        """The panchromatic level where the channels are 0, as the places alone tell it, and its standard error; parts of full scale.
+
+        The error includes that of the black level only where dark frames have measured it.
+        """
+        found, covariance = self._solved(offset=False)
+        place = self._channels
+        measured = self.assumed.black_measured
+        prior = 1 / self.assumed.precision(found[:place], self.calibration)[place, place] if measured else 0.0
+        return float(found[place]), float(np.sqrt(max(covariance[place, place], 0.0) * self.widened + prior))
+
+    @property
+    def off(self) -> float:
+        """How many standard errors the black level seems to be off by."""
+        offset, error = self.offset
+        return offset / max(error, 1e-12)
+
+    def rebased(self, black: DoubleArray) -> "GammaFit":
+        """Return the fit with another black level (C + 1,), codes: a change of variables."""
+        white, was = self.calibration.white_level, np.array(self.calibration.black_level)
+        calibration = replace(self.calibration, black_level=tuple(black.tolist()))
+        if np.array_equal(was, black):
+            return replace(self, calibration=calibration)
+        stretch, shift = (white - was) / (white - black), (was - black) / (white - black)
+        count = self._channels
+        factors = np.concatenate([stretch[-1] / stretch[:-1]] * (1 + SHAPES))
+        change = np.diag([*factors[:count], stretch[-1], *factors[count:]])
+        change[count, :count] = -stretch[-1] * shift[:-1] / stretch[:-1]
+        back = np.linalg.inv(change)
+        information = back.T @ self.information @ back
+        moved = np.zeros(len(change))
+        moved[count] = shift[-1]
+        told = back.T @ self.told + information @ moved
+        return replace(self, information=information, told=told, calibration=calibration)
 
     @property
     def half_width(self) -> DoubleArray:
@@ -75,27 +139,49 @@ class GammaFit:
         return float((self.half_width / np.abs(self.gamma)).max())
 
 
+def solved(
+    information: DoubleArray, told: DoubleArray, assumed: Assumed, calibration: SensorCalibration, *, offset: bool = True
+) -> tuple[DoubleArray, DoubleArray]:
+    """Return the unknowns (P,) and their covariance (P, P) from what places tell of them, and from what is assumed."""
+    gamma = np.ones(len(calibration.channels))
+    found, covariance = told, information
+    for _ in range(2):  # how much shading matters depends on gamma
+        known = information + assumed.precision(gamma, calibration, offset=offset)
+        scale = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
+        covariance = np.linalg.pinv(known * scale[:, None] * scale, hermitian=True) * scale[:, None] * scale
+        found = covariance @ told
+        gamma = found[: len(gamma)]
+    return found, covariance
+
+
 def combined(fits: Sequence[GammaFit]) -> GammaFit:
-    """Combine independent fits, each weighted by its information (inverse covariance)."""
+    """Combine independent fits: what they tell adds up, and what they assume counts once.
+
+    All have the same calibration and assumptions.
+    """
     if len(fits) == 1:
         return fits[0]
-    information = [np.linalg.inv(fit.covariance) for fit in fits]
-    covariance = np.linalg.inv(np.sum(information, axis=0))
-    gamma = covariance @ np.sum([weight @ fit.gamma for weight, fit in zip(information, fits, strict=True)], axis=0)
     joined = {name: np.concatenate([getattr(fit, name) for fit in fits]) for name in ("level", "predicted", "used")}
-    # Fits that contradict each other beyond their intervals widen the common one (Birge's ratio).
-    chi2 = sum(float((fit.gamma - gamma) @ weight @ (fit.gamma - gamma)) for weight, fit in zip(information, fits, strict=True))
-    excess = chi2 / (len(gamma) * (len(fits) - 1))
     best = max(fits, key=lambda fit: np.linalg.slogdet(np.linalg.inv(fit.covariance))[1])
-    return GammaFit(
-        gamma=gamma,
-        covariance=covariance * max(1.0, excess),
+    whole = replace(
+        best,
+        information=np.sum([fit.information for fit in fits], axis=0),
+        told=np.sum([fit.told for fit in fits], axis=0),
         freedom=sum(fit.freedom for fit in fits),
         **joined,
         condition=min(fit.condition for fit in fits),
-        spread=best.spread,
-        offset=max((fit.offset for fit in fits), key=abs),
     )
+    # Fits that contradict each other beyond their intervals widen the common one (Birge's ratio).
+    found, _ = whole._solved(offset=True)
+    chi2, freedom = 0.0, -float(np.trace(np.linalg.lstsq(whole.information + whole._prior, whole.information, rcond=None)[0]))
+    for fit in fits:
+        missed = fit.told - fit.information @ found
+        values, directions = np.linalg.eigh(fit.information)
+        known = values > 1e-9 * values.max()
+        chi2 += float(((directions[:, known].T @ missed) ** 2 / values[known]).sum())
+        freedom += int(known.sum())
+    freedom = max(freedom, 1.0)
+    return replace(whole, apart=float(normal.isf(chi2_of(freedom).sf(chi2))), widened=max(1.0, chi2 / freedom))
 
 
 def check_determined(fit: GammaFit) -> None:

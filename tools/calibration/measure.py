@@ -1,19 +1,20 @@
 """From observations to a camera: combine what the frames show, and decide what to warn of. Start reading here."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from shared import Camera, Mosaic
+from shared import Camera, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray
 from shared.colorimetry import SRGB_TO_XYZ, as_rows
 from shared.colour_difference import delta_e_2000
 from shared.errors import InputError
 
 from .aberration import AberrationResult
-from .advice import colour_warnings, dark_warnings, gamma_warnings, noise_warnings
+from .advice import colour_warnings, coloured_light, contradicting, dark_warnings, gamma_warnings, noise_warnings
+from .assumed import Assumed
 from .chart_gamma import reconciled
 from .colour_matrix import ColourFit, fit_colour, white_balanced
 from .gamma import GammaFit, check_determined, combined
@@ -23,6 +24,8 @@ from .samples import PlaceSamples
 from .shading import ShadingResult
 from .shot import ShotMeasurement
 
+_UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
+_BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 _BAD_COLOUR = 6.0  # mean dE2000: above it the colours are useless
 _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
 
@@ -33,6 +36,7 @@ class Outcome:
 
     camera: the camera; None if the shots cannot determine it.
     refusal: the reason why there is no camera; "" if there is one.
+    contradictions: sentences on what does not fit together, beyond doubt: the camera must not be used.
     warnings: sentences for the user.
     shots: measurements of the shots.
     gamma: combined estimate of all shots.
@@ -50,6 +54,7 @@ class Outcome:
 
     camera: Camera | None
     refusal: str
+    contradictions: tuple[str, ...]
     warnings: tuple[str, ...]
     shots: tuple[ShotMeasurement, ...]
     gamma: GammaFit | None
@@ -66,7 +71,7 @@ class Outcome:
     @property
     def verdict(self) -> str:
         """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None or (self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR):
+        if self.camera is None or self.contradictions or (self.colour is not None and self.colour.difference.mean() > _BAD_COLOUR):
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 
@@ -79,6 +84,7 @@ def conclude(
     notes: Sequence[str] = (),
     shading: ShadingResult | None = None,
     aberration: AberrationResult | None = None,
+    old: Camera | None = None,
 ) -> Outcome:
     """Combine all measurements into one camera. The order in which they were made does not matter.
 
@@ -89,6 +95,7 @@ def conclude(
     notes: further warnings.
     shading: of new flat frames; None = there are none, or they do not tell it.
     aberration: of new shots with edges, likewise.
+    old: the camera to which the observations are added; None = there is none.
     """
     noted = provenance or {}
     changes: dict[str, Any] = {}
@@ -101,7 +108,10 @@ def conclude(
         measured["black_level"] = {**noted, "frames": dark.frames, "standard_error": _rounded(dark.black_error)}
         calibration = replace(calibration, black_level=changes["black_level"])
         warnings += dark_warnings(dark)
-    seen = seen.rebased(np.array(calibration.black_level), calibration.white_level)
+    before_this = old.measured if old else {}
+    assumed = assumptions(calibration, dark, before_this, even=shading is not None)
+    seen = seen.rebased(calibration, assumed)
+    contradictions: list[str] = []
     shots = (*seen.charts, *seen.scenes)
     full_scale = calibration.full_scale
     if shots:
@@ -114,6 +124,15 @@ def conclude(
         changes["gamma"] = tuple(gamma.gamma.tolist())
         measured["gamma"] = {**noted, **_gamma_facts(gamma, shots)}
         warnings += gamma_warnings(gamma, shots)
+        contradictions = contradicting(gamma, shots)
+        if contradictions and assumed.black_measured and not refusal:  # otherwise gamma is honest, and dark frames may follow
+            refusal = "; ".join(contradictions)
+    elif "gamma" not in before_this:
+        warnings.append(
+            f"gamma was not measured, and stays as the shots state it ({_listed(calibration.gamma)}); shoot a ColorChecker, and add it "
+            "with --update"
+        )
+    black = assumed.black if gamma is None or assumed.black_measured else np.minimum(assumed.black, _black_error(gamma))
     dead = seen.flats.dead if seen.flats else ()
     if dark or seen.flats:
         defects = sorted({*(dark.defects if dark else ()), *dead})
@@ -122,27 +141,42 @@ def conclude(
         if len(defects) > 1e-3 * base.samples.size:
             warnings.append(f"there are many defective pixels: {len(defects)} ({100 * len(defects) / base.samples.size:.2f} %)")
     if seen.flats:
-        noise = noise_of_flats(seen.flats, calibration, dark)
+        noise = noise_of_flats(seen.flats, calibration, dark, black)
+        if seen.flats.blind > _BLIND:
+            warnings.append(
+                f"the flat frames are too dark, or too uneven, to tell dead pixels in {100 * seen.flats.blind:.0f} % of the frame; "
+                "expose the brightest pair up to three quarters of full scale"
+            )
     elif seen.charts:
         warnings.append(
             "noise was measured on the chart's patches, whose texture adds to it; pairs of flat frames (--flat) show only noise"
         )
         try:
-            noise = noise_of_places(PlaceSamples.joined([shot.places for shot in seen.charts if shot.places]), calibration, dark)
+            places = PlaceSamples.joined([shot.places.as_recorded() for shot in seen.charts if shot.places])
+            noise = noise_of_places(places, calibration, dark, black)
         except InputError as error:
             warnings[-1] = str(error)
     if noise:
         changes["noise"] = noise.model(full_scale)
+        # In scene units noise is as uncertain as their size, which is that of gamma.
+        unsure = 0.0 if gamma is None else float(gamma.covariance.sum()) ** 0.5
         measured["noise"] = {
             **noted,
             "from": noise.source,
-            "shot_error": _rounded(np.array([full_scale * line.shot_error for line in noise.lines])),
-            "read_error": _rounded(np.array([full_scale * line.read_error for line in noise.lines])),
+            "shot_error": _rounded(np.array([np.hypot(full_scale * line.shot_error, unsure * line.shot) for line in noise.lines])),
+            "read_error": _rounded(np.array([np.hypot(full_scale * line.read_error, unsure * line.read) for line in noise.lines])),
         }
         warnings += noise_warnings(noise, dark)
     if shading:
         gain = changes["shading"] = shading.shading
-        measured["shading"] = {**noted, "frames": shading.frames, "standard_error": float(f"{shading.error:.2g}")}
+        error = shading.error
+        if not assumed.black_measured:  # light that is black in truth does not fall off
+            error = float(np.hypot(error, shading.error_of_black(black)))
+            warnings.append(
+                f"shading was measured with a black level that is assumed, and so is only known to ±{100 * error:.2g} % in the corners "
+                "(standard error); take dark frames (--dark)"
+            )
+        measured["shading"] = {**noted, "frames": shading.frames, "standard_error": float(f"{error:.2g}")}
         if gain:
             measured["shading"] |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
             measured["shading"] |= {"residual": gain.residual, "focal_length": gain.focal_length}
@@ -164,13 +198,29 @@ def conclude(
             "leave_one_out_dE2000": round(float(colour.left_out.mean()), 3),
             "light_unevenness": round(colour.unevenness, 3),
         }
-        warnings += colour_warnings(colour, shot)
+        tinted = any(coloured_light(each) for each in shots if each.name == shot)
+        warnings += colour_warnings(colour, shot, coloured=tinted)
     for part, kept in seen.to_json().items():
         measured[part] = {**measured[part], KEPT: kept}
     camera = None if refusal else Camera(replace(calibration, **changes), base.pattern, measured)
     channels = base.pattern.channels
     lens = shading, aberration
-    return Outcome(camera, refusal, tuple(warnings), shots, gamma, colour, shot, before, camera_rgb, noise, dark, *lens, channels)
+    said = refusal, tuple(contradictions), tuple(warnings)
+    return Outcome(camera, *said, shots, gamma, colour, shot, before, camera_rgb, noise, dark, *lens, channels)
+
+
+def assumptions(
+    calibration: SensorCalibration, dark: DarkResult | None, measured: Mapping[str, Mapping[str, Any]], *, even: bool
+) -> Assumed:
+    """Return what is assumed of a camera.
+
+    calibration: with its black level.
+    dark: measurement of the black level by these dark frames, or those before; None = there are none.
+    measured: parts of the camera before, as its file describes them.
+    even: whether these flat frames tell the shading.
+    """
+    known = measured.get("black_level", {}).get("standard_error")
+    return Assumed.of(calibration, dark, black_error=known, even=even or "shading" in measured)
 
 
 def _colour(
@@ -206,6 +256,18 @@ def _gamma_facts(gamma: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str,
         "condition": round(gamma.condition, 2),
         "residuals_over_noise": round(gamma.spread, 2),
     }
+
+
+def _black_error(gamma: GammaFit) -> DoubleArray:
+    """Return how far the black level may be off as the shots show it, (C + 1,), codes: on all planes, and on each by itself."""
+    offset, error = gamma.offset
+    black = np.array(gamma.calibration.black_level)
+    common = np.hypot(offset, error) / max(abs(1 - float(gamma.gamma.sum())), 0.2) * (gamma.calibration.white_level - black)
+    return np.hypot(common, _UNEVEN_BLACK * black)
+
+
+def _listed(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 def _rounded(values: DoubleArray) -> list[float]:

@@ -18,8 +18,13 @@ _CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation
 _DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pixels are beyond
 _LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
 _DEAD = 0.5  # a pixel in a flat frame is dead below this part of the median of its plane nearby
+_MOST_DEAD = 0.1  # of the pixels of a plane in a tile: more of them are a shadow, not dead
 _NOT_DARK = 0.1  # of full scale above black
 _UNLIKE = 4.0  # times the variance of another dark frame: one has another gain or exposure, or is no measurement at all
+_USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2  # of the read noise; and what that counts, in frames, beside the drift that is seen
+_LEAK = 1 / 1024  # of the range of codes: black levels of the planes that differ by less are those of electronics
+_LEAST_LEAK = 3.0  # codes
+_IN_LINE = 0.9  # correlation of levels and variances of the planes, from which on both rise together
 _DRIFT = 3.0  # standard deviations (and codes) that black may move between dark frames, as with temperature
 _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _TILES = 12  # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
@@ -64,12 +69,14 @@ class FlatResult:
     black: (C + 1,), the black level that the points refer to, codes.
     points: mean and variance in parts of full scale, in a few groups of places per pair; rounding to codes is part of the variance.
     dead: (row, column) of pixels that are dead in the brightest pair.
+    blind: part of the pixels whose light is too weak, or too uneven nearby, to tell a dead pixel from a good one.
     """
 
     pairs: int
     black: DoubleArray
     points: PlaceSamples
     dead: tuple[tuple[int, int], ...]
+    blind: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,16 +128,22 @@ def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
         black[plane] = values[good].mean()
         error[plane] = values[good].std() / np.sqrt(max(good.sum(), 1))
         samples = stack[:, here][:, good]
+        levels = samples.mean(axis=1)
         if len(frames) > 1:
             samples -= samples.mean(axis=1, keepdims=True)  # what a whole frame drifts by is no read noise
             variance = float(samples.var(axis=0, ddof=1).sum()) / max(good.sum() - 1, 1)
         else:
             variance = float(samples.var(ddof=1))
         read[plane] = np.sqrt(max(variance - _ROUNDING, 0.0))
+        # What whole frames drift by is an error of the black level that samples of one frame do not show, and few frames hardly.
+        usual = _USUAL_DRIFT_FRAMES * (_USUAL_DRIFT * np.sqrt(variance)) ** 2
+        drift = (((levels - levels.mean()) ** 2).sum() + usual) / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
+        error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
         if read[plane] < _HIDDEN:  # then the mean of the codes is not that of the samples, however many there are
             error[plane] = np.hypot(error[plane], np.sqrt(_ROUNDING))
         independent = good.sum() * max(len(frames) - 1, 1)
         read_error[plane] = variance / (max(read[plane], _HIDDEN) * np.sqrt(2 * max(independent, 1)))
+    _check_light(first, mean, black, np.hypot(read, _ROUNDING**0.5), len(frames))
     defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
     return DarkResult(len(frames), black, error, read, read_error, defects)
 
@@ -149,6 +162,42 @@ def _check_alike(samples: DoubleArray) -> None:
                 f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of frame {high + 1} {values[high]:.4g}: "
                 "they have another gain or exposure, or light fell in; take all in the same way"
             )
+
+
+def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int) -> None:
+    """Raise InputError if light has fallen on dark frames: in all of the sensor, or in a part of it.
+
+    frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes.
+
+    Panchromatic samples collect the light of all channels, so light lifts them above the others, and light has shot noise: the
+    planes' variances rise along a line over their levels. Heat lifts all planes alike, and an electronic offset has no noise.
+    """
+    letters, planes = frame.pattern.planes, frame.pattern.filter_map(frame.shape)
+    limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
+    lift = black - black[:-1].min()
+    variance = noise**2
+    slope = float(np.polyfit(lift, variance, 1)[0]) if np.ptp(lift) > 0 else 0.0
+    sure = variance.mean() * np.sqrt(2 / max(float(np.bincount(planes.ravel()).min()) * frames, 1.0))
+    agrees = slope * np.ptp(lift) > 4 * sure and float(np.corrcoef(lift, variance)[0, 1]) > _IN_LINE
+    if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
+        levels = ", ".join(f"{letter} {level:.1f}" for letter, level in zip(letters, black, strict=True))
+        noises = ", ".join(f"{letter} {each:.2f}" for letter, each in zip(letters, noise, strict=True))
+        raise InputError(
+            f"dark frames: light fell in: their levels are {levels} codes, with a noise of {noises}: both rise from filter to filter as "
+            "they do in light, most in W, which sees all colours; cover lens and viewfinder, and take them in the dark"
+        )
+    parts = []
+    for window in _tiles(planes):
+        tile, here = mean[window], planes[window]
+        middle = [float(np.median(tile[here == plane])) for plane in range(len(letters))]
+        parts.append((middle[-1] - float(np.mean(middle[:-1])), window))
+    usual = float(np.median([part for part, _ in parts]))
+    most, (rows, columns) = max(parts, key=lambda part: part[0])
+    if most - usual > max(limit, _CLIP * float(noise.max()) / np.sqrt(frames * _LEAST_SAMPLES)):
+        raise InputError(
+            f"dark frames: light fell in around row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}: W is "
+            f"{most - usual:.1f} codes further above the other filters there than elsewhere; cover lens and viewfinder"
+        )
 
 
 def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
@@ -177,22 +226,25 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
         )
     points = [_grouped(_pair_points(levels[first], levels[second], planes, white + 1)) for first, second in pairs]
     first, second = pairs[-1]
-    dead = tuple(_dead(levels[first] + levels[second], planes))
+    dead, blind = _dead(levels[first] + levels[second], levels[first] - levels[second], planes)
     black = np.array(frames[0].calibration.black_level)
-    return FlatResult(len(pairs), black, PlaceSamples.joined(points), dead), unpaired
+    return FlatResult(len(pairs), black, PlaceSamples.joined(points), dead, blind), unpaired
 
 
-def noise_of_flats(flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None) -> NoiseResult:
+def noise_of_flats(
+    flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None = None
+) -> NoiseResult:
     """Fit the noise of flat frames.
 
     calibration: its black and white level are those of the result.
     dark: measurements of dark frames; None = the read noise is the intercept of the fit.
+    black_error: (C + 1,), standard error of the black level, codes; None = it is exact.
 
     Raises InputError if the pairs do not tell how the noise grows with light.
     """
     black = np.array(calibration.black_level)
     points = flats.points.rebased(flats.black, black, calibration.white_level)
-    noise = _fitted(points, calibration, dark, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
+    noise = _fitted(points, calibration, dark, black_error, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
     if fault := _undetermined(noise, calibration):
         raise InputError(
             f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, up to three quarters of full "
@@ -201,15 +253,19 @@ def noise_of_flats(flats: FlatResult, calibration: SensorCalibration, dark: Dark
     return noise
 
 
-def noise_of_places(places: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None) -> NoiseResult:
+def noise_of_places(
+    places: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None = None
+) -> NoiseResult:
     """Measure noise from the patches of a chart: an upper bound if they have texture. Parameters, errors: see `noise_of_flats`."""
-    noise = _fitted(places.chosen(~places.clipped), calibration, dark, "the chart's patches")
+    noise = _fitted(places.chosen(~places.clipped), calibration, dark, black_error, "the chart's patches")
     if fault := _undetermined(noise, calibration):
         raise InputError(f"noise: {noise.source} {fault}; take pairs of flat frames (--flat)")
     return noise
 
 
-def _fitted(points: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None, source: str) -> NoiseResult:
+def _fitted(
+    points: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None, source: str
+) -> NoiseResult:
     """Fit a line per plane, after subtracting the variance that rounding to codes adds."""
     span = calibration.white_level - np.array(calibration.black_level)
     points = replace(points, variance=np.maximum(points.variance - _ROUNDING / span**2, 0))
@@ -217,7 +273,14 @@ def _fitted(points: PlaceSamples, calibration: SensorCalibration, dark: DarkResu
     lines = []
     for plane, (mean, variance, count) in enumerate(zip(points.mean.T, points.variance.T, points.count.T, strict=True)):
         line = fit_photon_transfer(mean, variance, count, None if known is None else float(known.read[plane] / span[plane]))
-        lines.append(line if known is None else replace(line, read_error=float(known.read_error[plane] / span[plane])))
+        off = 0.0 if black_error is None else float(black_error[plane] / span[plane])
+        # Black that is off stretches the levels, and moves the line's intercept.
+        line = replace(line, shot_error=float(np.hypot(line.shot_error, line.shot * off)))
+        if known is None:
+            least = max(line.read, float(np.sqrt(line.shot * off)), 1e-12)
+            lines.append(replace(line, read_error=float(np.hypot(line.read_error, line.shot * off / least))))
+        else:
+            lines.append(replace(line, read_error=float(known.read_error[plane] / span[plane])))
     return NoiseResult(tuple(lines), points, source)
 
 
@@ -273,15 +336,26 @@ def _pair_points(first: DoubleArray, second: DoubleArray, planes: np.ndarray, nu
     return points.chosen(~points.clipped)
 
 
-def _dead(bright: DoubleArray, planes: np.ndarray) -> list[tuple[int, int]]:
-    """Return (row, column) of pixels with less than half the light of their plane in the same tile."""
-    found = []
+def _dead(bright: DoubleArray, difference: DoubleArray, planes: np.ndarray) -> tuple[tuple[tuple[int, int], ...], float]:
+    """Return (row, column) of pixels with less than half the light of their plane in the same tile, and the part that cannot tell.
+
+    bright, difference: (H, W), sum and difference of two frames; the difference shows the noise of the sum.
+
+    A good pixel must not be as dark by chance, nor a dead one as bright: the limit, half the light, is _DEFECT deviations of the
+    noise away from both. Where many pixels are dark it is the light that is uneven.
+    """
+    found, blind = [], 0
     for window in _tiles(planes):
-        tile, here = bright[window], planes[window]
+        tile, here, noise = bright[window], planes[window], difference[window]
         for plane in np.unique(here):
-            low = (here == plane) & (tile < _DEAD * np.median(tile[here == plane]))
+            own = here == plane
+            middle = float(np.median(tile[own]))
+            low = own & (tile < _DEAD * middle)
+            if (1 - _DEAD) * middle < _DEFECT * _clipped(noise[own])[1] or low.sum() > max(_MOST_DEAD * own.sum(), 2):
+                blind += int(own.sum())
+                continue
             found += [(window[0].start + row, window[1].start + column) for row, column in np.argwhere(low).tolist()]
-    return found
+    return tuple(found), blind / planes.size
 
 
 def _tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:

@@ -16,6 +16,7 @@ from shared.colorimetry import as_rows
 from shared.errors import InputError
 from shared.figures import tables
 
+from .assumed import Assumed, unknowns
 from .chart.judge import FoundChart
 from .chart.place import PATCHES, ChartPlace
 from .chart_gamma import fit_chart_gamma
@@ -54,9 +55,9 @@ class Observations:
                 lines.append(f"the {_KINDS[kind]} before are kept: they are better known than the new ones")
         return Observations(**chosen), lines
 
-    def rebased(self, black: DoubleArray, white: int) -> "Observations":
-        """Return the observations with this black level, (C + 1,) codes, in all shots; white: white level, code."""
-        charts, scenes = (tuple(_rebased(shot, black, white) for shot in shots) for shots in (self.charts, self.scenes))
+    def rebased(self, calibration: SensorCalibration, assumed: Assumed) -> "Observations":
+        """Return the observations with the black level of a calibration, and with what is assumed now, in all shots."""
+        charts, scenes = (tuple(_rebased(shot, calibration, assumed) for shot in shots) for shots in (self.charts, self.scenes))
         return replace(self, charts=charts, scenes=scenes)
 
     def to_json(self) -> dict[str, Any]:
@@ -99,6 +100,7 @@ class Observations:
         return Observations(dark, flats, **shots)
 
 
+_BESIDE = ("where", "gain")
 _DARK = ("black", "black_error", "read", "read_error")
 _KINDS = {"dark": "dark frames", "flats": "flat frames", "charts": "shots of the chart", "scenes": "scenes"}
 
@@ -115,16 +117,14 @@ _UNCERTAINTY: Mapping[str, Callable[[Any], float]] = {
 }
 
 
-def _rebased(shot: ShotMeasurement, black: DoubleArray, white: int) -> ShotMeasurement:
-    was = np.array(shot.calibration.black_level)
-    if np.array_equal(was, black):
-        return shot
-    places = None if shot.places is None else shot.places.rebased(was, black, white)
-    fits = tuple(fit.rebased(was, black, white) for fit in shot.fits)
+def _rebased(shot: ShotMeasurement, calibration: SensorCalibration, assumed: Assumed) -> ShotMeasurement:
+    was, black = (np.array(each.black_level) for each in (shot.calibration, calibration))
+    own = replace(shot.calibration, black_level=calibration.black_level)
+    fits = tuple(replace(fit.rebased(black), assumed=assumed) for fit in shot.fits)
+    places = None if shot.places is None else shot.places.rebased(was, black, calibration.white_level)
     if places is not None:
-        fits = (fit_chart_gamma(places), *fits[1:])
-    calibration = replace(shot.calibration, black_level=tuple(black.tolist()))
-    return replace(shot, calibration=calibration, fits=fits, places=places)
+        fits = (fit_chart_gamma(places, own, assumed), *fits[1:])
+    return replace(shot, calibration=own, fits=fits, places=places)
 
 
 def _shot_to_json(shot: ShotMeasurement) -> dict[str, Any]:
@@ -133,40 +133,44 @@ def _shot_to_json(shot: ShotMeasurement) -> dict[str, Any]:
     if shot.chart is not None and shot.places is not None:
         document |= {"corners": _listed(np.array(shot.chart.place.corners)), **_points_to_json(shot.places)}
         document["clipped"] = shot.places.clipped.tolist()
+        document |= {name: _listed(values) for name in _BESIDE if (values := getattr(shot.places, name)) is not None}
     document["fits"] = [
         {
-            "gamma": fit.gamma.tolist(),
-            "covariance": fit.covariance.tolist(),
+            "information": fit.information.tolist(),
+            "told": fit.told.tolist(),
             "freedom": fit.freedom,
             "condition": fit.condition,
-            "moments": fit.moments.tolist(),
         }
-        for fit in shot.fits
-        if fit.moments is not None
+        for fit in shot.fits[1 if shot.places else 0 :]  # a chart's own comes from its patches
     ]
     return document
 
 
 def _shot(given: Mapping[str, Any], calibration: SensorCalibration) -> ShotMeasurement:
     own = replace(calibration, black_level=given["black_level"], camera_to_xyz=given["camera_to_xyz"])
-    count = len(calibration.channels)
-    fits = [_fit(each, count) for each in given["fits"]]
+    fits = [_fit(each, own) for each in given["fits"]]
     if "corners" not in given:
         return ShotMeasurement(_text(given["name"]), own, tuple(fits))
-    places = replace(_points(given, count + 1), clipped=np.array([_truth(each) for each in given["clipped"]]))
+    planes = len(calibration.channels) + 1
+    beside = {name: _numbers(given[name], (PATCHES, width)) for name, width in zip(_BESIDE, (2, planes)) if name in given}
+    places = replace(_points(given, planes), clipped=np.array([_truth(each) for each in given["clipped"]]), **beside)
     if places.mean.shape[0] != PATCHES or places.clipped.shape != (PATCHES,):
         raise ValueError
     chart = FoundChart(ChartPlace(as_rows(_numbers(given["corners"], (4, 2)))), 0.0)
-    return ShotMeasurement(_text(given["name"]), own, (fit_chart_gamma(places), *fits), chart, places)
+    return ShotMeasurement(_text(given["name"]), own, (fit_chart_gamma(places, own), *fits), chart, places)
 
 
-def _fit(given: Mapping[str, Any], count: int) -> GammaFit:
-    covariance, moments = _numbers(given["covariance"], (count, count)), _numbers(given["moments"], (count, count + 2))
-    gamma, none = _numbers(given["gamma"], (count,)), np.zeros(0)
-    if not (np.linalg.eigvalsh(covariance) > 0).all() or np.linalg.matrix_rank(moments[:, :count]) < count:
+def _fit(given: Mapping[str, Any], calibration: SensorCalibration) -> GammaFit:
+    number, none = unknowns(np.zeros((1, len(calibration.channels))), None).size, np.zeros(0)
+    information, told = _numbers(given["information"], (number, number), 1e30), _numbers(given["told"], (number,), 1e30)
+    values = np.linalg.eigvalsh(information)
+    if not np.allclose(information, information.T, rtol=1e-6) or values[0] < -1e-6 * values[-1] or not values[-1] > 0:
         raise ValueError
     condition = float(_numbers([given["condition"]], (1,))[0])
-    return GammaFit(gamma, covariance, _count(given["freedom"]), none, none, none.astype(bool), condition, 1.0, 0.0, moments)
+    assumed = Assumed.of(calibration)
+    return GammaFit(
+        information, told, assumed, calibration, _count(given["freedom"]), none, none, none.astype(bool), condition, spread=1.0
+    )
 
 
 def _points_to_json(points: PlaceSamples) -> dict[str, Any]:
@@ -188,9 +192,9 @@ def _listed(values: DoubleArray) -> Any:
     return [float(f"{value:.{_DIGITS}g}") for value in values.tolist()]
 
 
-def _numbers(given: Any, shape: tuple[int, ...]) -> DoubleArray:
+def _numbers(given: Any, shape: tuple[int, ...], most: float = 1e15) -> DoubleArray:
     values = np.array(tables("kept", given, len(shape)), np.float64)
-    if values.shape != shape or not (np.abs(values) < 1e15).all():
+    if values.shape != shape or not (np.abs(values) < most).all():
         raise ValueError
     return values
 

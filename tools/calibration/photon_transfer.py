@@ -10,6 +10,7 @@ from shared.arrays import BoolArray, DoubleArray
 from .samples import robust_deviation
 
 _ROUNDS = 12
+_LEAST_SHARE = 0.2  # of the variance that a place shows: its weight does not count on less
 _HIGH = 4.0  # standard deviations above the line: beyond is texture, not noise
 
 
@@ -35,6 +36,8 @@ class PhotonTransfer:
 def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleArray, read: float | None = None) -> PhotonTransfer:
     """Fit the line through the means and variances of N places of one plane; neither shot nor read is negative.
 
+    An intercept that is fitted may be: then black is lower than it is taken for, which must not tilt the line.
+
     mean, variance: (N,), parts of full scale.
     count: (N,), number of samples; it gives the weight, because the variance of n samples has the variance 2 variance^2 / (n - 1).
     read: read noise from dark frames, parts of full scale; None = it is the line's intercept.
@@ -47,12 +50,13 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
     kept: BoolArray = np.ones(mean.size, bool)
     offset = 0.0 if read is None else read**2
     columns = design if read is None else design[:, :1]
+    signed = np.concatenate([columns, -columns[:, 1:]], axis=1)
     predicted = np.maximum(variance, variance.mean() * 1e-3) if mean.size else variance
     coefficients = np.zeros(columns.shape[1])
     for _ in range(_ROUNDS):
         weight = np.sqrt((count - 1) / 2) / np.maximum(predicted, 1e-15)
-        coefficients, _ = nnls(columns[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
-        predicted = np.maximum(columns @ coefficients + offset, 1e-15)
+        coefficients, _ = nnls(signed[kept] * weight[kept, None], (variance[kept] - offset) * weight[kept])
+        predicted = np.maximum(signed @ coefficients + offset, np.maximum(_LEAST_SHARE * variance, 1e-15))
         score = (variance / predicted - 1) * np.sqrt((count - 1) / 2)
         spread = max(1.0, robust_deviation(score))
         kept = score <= _HIGH * spread
@@ -64,9 +68,12 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
     # A pseudo-inverse would report an error of nearly 0 for what the places do not tell.
     told = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
     errors = np.sqrt(np.diag(np.linalg.inv(information))) if told else np.full(len(information), np.inf)
+    # Places that differ by more than noise explains, as with texture, tell it less well.
+    left = ((variance / predicted - 1) * np.sqrt((count - 1) / 2))[kept]
+    errors = errors * max(1.0, float(np.sqrt((left**2).sum() / max(len(left) - len(information), 1))))
     shot = float(coefficients[0])
     if read is not None:
         return PhotonTransfer(shot, read, float(errors[0]), 0.0)
-    intercept = float(np.sqrt(coefficients[1]))
+    intercept = float(np.sqrt(max(coefficients[1] - coefficients[2], 0.0)))
     unsure = float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))) if told else np.inf
     return PhotonTransfer(shot, intercept, float(errors[0]), unsure)

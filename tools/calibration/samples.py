@@ -5,11 +5,13 @@ gamma for levels as for scene units. That is why gamma can be measured without k
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from shared import Mosaic
+from shared.aberration import half_diagonal
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
@@ -37,16 +39,26 @@ class PlaceSamples:
     variance: (N, C + 1), of a single sample about the place's shading.
     count: (N, C + 1), number of samples.
     clipped: (N,), whether a sample is at the white level.
+    where: (N, 2), row and column from the middle of the frame, in halves of its diagonal; None = in the middle.
+    gain: (N, C + 1), by which shading was undone; None = it was not.
     """
 
     mean: DoubleArray
     variance: DoubleArray
     count: DoubleArray
     clipped: BoolArray
+    where: DoubleArray | None = None
+    gain: DoubleArray | None = None
 
     def chosen(self, which: BoolArray) -> "PlaceSamples":
         """Return the places where `which` (N,) is true."""
-        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which])
+        return PlaceSamples(**{field.name: _each(getattr(self, field.name), which) for field in fields(self)})
+
+    def as_recorded(self) -> "PlaceSamples":
+        """Return the places as the sensor has recorded them, without their gain, which noise was multiplied by, too."""
+        if self.gain is None:
+            return self
+        return replace(self, mean=self.mean / self.gain, variance=self.variance / self.gain**2, gain=None)
 
     def rebased(self, was: DoubleArray, now: DoubleArray, white: int) -> "PlaceSamples":
         """Return the same places with another black level.
@@ -55,14 +67,24 @@ class PlaceSamples:
         white: white level, code.
         """
         stretch = (white - was) / (white - now)
-        mean = self.mean * stretch + (was - now) / (white - now)
-        return PlaceSamples(mean, self.variance * stretch**2, self.count, self.clipped)
+        shift = (was - now) / (white - now) * (1.0 if self.gain is None else self.gain)
+        return replace(self, mean=self.mean * stretch + shift, variance=self.variance * stretch**2)
 
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
-        """Return the places of several shots, one after the other."""
+        """Return the places of several shots, one after the other, without where they are and what their gain was."""
         names = ("mean", "variance", "count", "clipped")
         return PlaceSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def _each(values: DoubleArray | BoolArray | None, which: BoolArray) -> Any:
+    return None if values is None else values[which]
+
+
+def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
+    """Return where pixels are, (N, 2): row and column from the middle, in halves of the diagonal of a frame of `shape`."""
+    centred = np.stack([rows - (shape[0] - 1) / 2, columns - (shape[1] - 1) / 2], axis=1)
+    return centred / half_diagonal(shape)
 
 
 def levels_of(mosaic: Mosaic) -> FloatArray:
@@ -81,10 +103,17 @@ def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
     The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
     are many, and all samples are divided by it, so that samples at different sites can be compared.
     """
-    levels, planes = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape)
-    clipped = levels_of(mosaic.evenly_shaded()) >= CLIPPED  # what saturates is what the sensor reads
-    rows = [_statistics(levels, clipped, planes, region, len(mosaic.pattern.planes)) for region in regions]
-    return PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
+    levels, planes, number = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape), len(mosaic.pattern.planes)
+    bare = replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
+    clipped = levels_of(bare) >= CLIPPED  # what saturates is what the sensor reads
+    rows = [_statistics(levels, clipped, planes, region, number) for region in regions]
+    middles = np.array([np.argwhere(region.mask).mean(axis=0) + (region.top, region.left) for region in regions]).reshape(-1, 2)
+    gain = None
+    if shading := mosaic.calibration.shading:
+        spots = [(slice(round(row), round(row) + 1), slice(round(column), round(column) + 1)) for row, column in middles.tolist()]
+        gain = np.array([[shading.of_plane(mosaic.shape, plane, *spot).item() for plane in range(number)] for spot in spots])
+    places = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
+    return replace(places, where=from_middle(*middles.T, mosaic.shape), gain=gain)
 
 
 def _statistics(

@@ -20,8 +20,9 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
-from .gamma import INSTEAD, GammaFit, too_few_colours
-from .samples import CLIPPED, levels_of, robust_deviation
+from .assumed import Assumed, unknowns
+from .gamma import INSTEAD, GammaFit, solved, too_few_colours
+from .samples import CLIPPED, from_middle, levels_of, robust_deviation
 
 _REACH = 2  # pixels: width of the ring of panchromatic samples around a block
 _LEAST_RING = 8  # panchromatic samples of a scattered tile, through which a linear surface is fitted
@@ -37,51 +38,69 @@ LEAST_BLOCKS = 300
 LEAST_STRENGTH = 12.0  # strength of the instruments in the weakest direction, in standard deviations
 
 
-def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None) -> GammaFit:
+def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: Assumed | None = None) -> GammaFit:
     """Estimate gamma from the smooth places of a shot, for any number of channels.
 
     mosaic: the shot.
     excluded: (H, W), pixels whose blocks are left out (a chart, which is measured separately).
+    assumed: what may be off; None = nothing was measured, see `Assumed.of`.
 
     Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
-    level, colours, instruments, classes = _chosen(*_measured(mosaic, excluded))
+    assumed = assumed or Assumed.of(mosaic.calibration)
+    level, colours, instruments, classes, where = _chosen(*_measured(mosaic, excluded))
     if len(level) < LEAST_BLOCKS:
         raise InputError(
             f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
         )
-    gamma, *_ = np.linalg.lstsq(colours, level, rcond=None)
-    deviation, weighted = np.ones(len(level)), instruments
+    channels = colours.shape[1]
+    terms, known = unknowns(colours, where), unknowns(instruments, where)
+    found = np.zeros(terms.shape[1])
+    found[:channels], *_ = np.linalg.lstsq(colours, level, rcond=None)
+    information, deviation, weighted = np.zeros(0), np.ones(len(level)), known
+    told = found
     for _ in range(_ROUNDS):
-        residual = level - colours @ gamma
+        residual = level - terms @ found
         deviation = _deviation(residual, classes)
         weight = np.minimum(1, _HUBER * deviation / np.maximum(np.abs(residual), 1e-12)) / deviation**2
-        weighted = instruments * weight[:, None]
-        gamma = np.linalg.lstsq(weighted.T @ colours, weighted.T @ level, rcond=None)[0]
+        weighted = known * weight[:, None]
+        # The instruments' moments, Z'(l - X x) = 0, by their own covariance (generalized method of moments, two steps).
+        moments = weighted * residual[:, None]
+        size = np.sqrt((moments**2).sum(axis=0))
+        unlike = np.linalg.pinv((moments / size).T @ (moments / size), hermitian=True) / size[:, None] / size
+        slopes = unlike @ (weighted.T @ terms)
+        information, told = (weighted.T @ terms).T @ slopes, slopes.T @ (weighted.T @ level)
+        found, _ = solved(information, told, assumed, mosaic.calibration)
     _check_strength(instruments, colours, deviation)
-    residual = level - colours @ gamma
-    inverse = np.linalg.inv(weighted.T @ colours)
-    moments = weighted * residual[:, None]
-    covariance = inverse @ (moments.T @ moments) @ inverse.T + np.diag((_FLOOR * gamma) ** 2)
+    residual = level - terms @ found
+    information, told = _less(information, told, found[:channels])
     return GammaFit(
-        gamma=gamma.astype(np.float64),
-        covariance=covariance,
-        freedom=len(level) - colours.shape[1],
+        information=(information + information.T) / 2,
+        told=told,
+        assumed=assumed,
+        calibration=mosaic.calibration,
+        freedom=len(level) - channels,
         level=level,
-        predicted=colours @ gamma,
+        predicted=terms @ found,
         used=np.abs(residual) <= _HUBER * deviation,
         condition=float(np.linalg.cond(instruments / instruments.sum(axis=1, keepdims=True))),
         spread=1.0,
-        offset=0.0,
-        moments=np.concatenate([weighted.T @ colours, (weighted.T @ level)[:, None], weighted.sum(axis=0)[:, None]], axis=1),
     )
 
 
-def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, DoubleArray, DoubleArray, BoolArray]:
+def _less(information: DoubleArray, told: DoubleArray, gamma: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    """Return what a scene tells if its texture puts an error of _FLOOR on each gamma: Woodbury's identity."""
+    of_gamma = information[:, : len(gamma)]
+    inner = np.diag((_FLOOR * np.abs(gamma)) ** -2.0) + of_gamma[: len(gamma)]
+    part = of_gamma @ np.linalg.inv(inner)
+    return information - part @ of_gamma.T, told - part @ told[: len(gamma)]
+
+
+def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, DoubleArray, DoubleArray, BoolArray, DoubleArray]:
     """Measure every whole block that has a ring around it, or scattered tile, on the grid (n, m) of them.
 
     Returns the panchromatic level at a block's centre (n, m), the channels there (n, m, C), the variance of the ring about a linear
-    surface (n, m), and whether the block can be used (n, m).
+    surface (n, m), whether the block can be used (n, m), and where it is (n, m, 2), see `from_middle`.
     """
     pattern, levels = mosaic.pattern, levels_of(mosaic.evenly_shaded()).astype(np.float64)
     grid, tiles, period = pattern.grid(mosaic.shape), _tiles_together(pattern), pattern.period
@@ -118,7 +137,9 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     usable = brightest < CLIPPED
     if excluded is not None:
         usable &= ~excluded[np.ix_(rows, columns)]
-    return level, colours / shading, texture, usable
+    down, across = (axis.ravel().astype(np.float64) for axis in np.meshgrid(rows, columns, indexing="ij"))
+    where = from_middle(down + middle[0], across + middle[1], mosaic.shape)
+    return level, colours / shading, texture, usable, where.reshape(*level.shape, 2)
 
 
 def _tiles_together(pattern: CfaPattern) -> int:
@@ -133,9 +154,9 @@ def _tiles_together(pattern: CfaPattern) -> int:
 
 
 def _chosen(
-    levels: DoubleArray, colours: DoubleArray, texture: DoubleArray, usable: BoolArray
-) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray]:
-    """Return level (N,), colours (N, C), instruments (N, C) and class (N,) of the blocks in smooth places; see `_measured`."""
+    levels: DoubleArray, colours: DoubleArray, texture: DoubleArray, usable: BoolArray, where: DoubleArray
+) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray, DoubleArray]:
+    """Return level (N,), colours and instruments (N, C), class (N,) and place (N, 2) of the blocks that are smooth; see `_measured`."""
     number = convolve(usable.astype(np.float64), _NEIGHBOURS, mode="constant")
 
     def around(values: DoubleArray) -> DoubleArray:
@@ -156,7 +177,7 @@ def _chosen(
         for rough, alike in enumerate(np.array_split(smooth, _TEXTURES)):
             classes[alike] = bright * _TEXTURES + rough
     chosen = classes >= 0
-    return levels[good][chosen], colours[good][chosen], instruments[good][chosen], classes[chosen]
+    return levels[good][chosen], colours[good][chosen], instruments[good][chosen], classes[chosen], where[good][chosen]
 
 
 def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:

@@ -1,10 +1,11 @@
 """One run of `panchroma calibrate`: sort the files, read and measure them, and skip the frames that cannot be used."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 from shared import Camera, Mosaic, SensorCalibration, read_dng
 from shared.arrays import DoubleArray
@@ -15,8 +16,10 @@ from tools.host.folders import DNGS, search
 from tools.host.jobs import identity
 
 from .aberration import AberrationResult, measure_aberration
+from .assumed import Assumed
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .edges import Edges, find_edges
+from .measure import assumptions
 from .noise import DarkResult, FlatResult, measure_dark, measure_flats, noise_of_flats
 from .shading import ShadingResult, measure_shading
 from .shot import ShotMeasurement, measure_chart, measure_scene
@@ -78,7 +81,7 @@ class Session:
     console: for lines, records and progress.
     sensor: name of the sensor; None = the name in the frames.
     known: what a camera file knows of the camera; the frames get its shading. None = nothing.
-    black: black level per plane, codes, if it is known before; None = that of the frames.
+    measured: parts of the camera before, as its file describes them; their black level and shading count as known.
 
     Attribute `base` is the first frame that was read, None if there is none; `skipped` has a line for each skipped frame. `shading`
     and `aberration` are what the flat frames, and the shots with edges, show of it, None if they were refused or there are none.
@@ -90,9 +93,11 @@ class Session:
         console: Console,
         sensor: str | None,
         known: SensorCalibration | None = None,
-        black: tuple[float, ...] | None = None,
+        measured: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     ) -> None:
-        self._console, self._sensor, self._known, self._black = console, sensor, known, black
+        self._console, self._sensor, self._known, self._measured = console, sensor, known, measured
+        self._black = known.black_level if known and "black_level" in measured else None
+        self._dark: DarkResult | None = None
         self.base: Mosaic | None = None
         self.skipped: list[str] = []
         self.shading: ShadingResult | None = None
@@ -109,7 +114,7 @@ class Session:
 
         dark = self._together(paths, measure) if frames else None
         if dark is not None:
-            self._black = tuple(dark.black.tolist())
+            self._black, self._dark = tuple(dark.black.tolist()), dark
             black, read, defects = figures(dark.black), figures(dark.read), len(dark.defects)
             shown = f"read noise {read} codes" if dark.shows_read else "read noise too small for these codes"
             self._console.say(f"black level {black} codes, {shown}, {defects} defects")
@@ -131,7 +136,10 @@ class Session:
         self._measure_shading(frames)
         try:
             flats, unpaired = measure_flats([mosaic for _, mosaic in frames])
-            noise_of_flats(flats, frames[0][1].calibration, dark)  # refused here, where the frames can be named
+            calibration = frames[0][1].calibration
+            noise_of_flats(
+                flats, calibration, dark, self._assumed(calibration).black
+            )  # refused here, where the frames can be named
         except InputError as error:
             if self.shading is None:
                 self._skip(" ".join(paths), str(error))
@@ -163,13 +171,20 @@ class Session:
         def measure(path: str, mosaic: Mosaic) -> ShotMeasurement:
             name = Path(path).name
             with self._console.progress(name) as progress:
-                return self._announced(measure_chart(name, mosaic, reference, corners, progress))
+                return self._announced(measure_chart(name, mosaic, reference, corners, progress, self._assumed(mosaic.calibration)))
 
         return self._each(paths, "shot", measure)
 
     def scenes(self, paths: Sequence[str]) -> list[ShotMeasurement]:
         """Measure shots of ordinary scenes."""
-        return self._each(paths, "shot", lambda path, mosaic: self._announced(measure_scene(Path(path).name, mosaic)))
+
+        def measure(path: str, mosaic: Mosaic) -> ShotMeasurement:
+            return self._announced(measure_scene(Path(path).name, mosaic, self._assumed(mosaic.calibration)))
+
+        return self._each(paths, "shot", measure)
+
+    def _assumed(self, calibration: SensorCalibration) -> Assumed:
+        return assumptions(calibration, self._dark, self._measured, even=self.shading is not None)
 
     def edges(self, paths: Sequence[str], gamma: DoubleArray | None) -> None:
         """Measure lateral chromatic aberration; what shots say of it does not count.

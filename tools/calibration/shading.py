@@ -47,12 +47,20 @@ class ShadingResult:
 
     shading: None = there is none to speak of.
     frames: number of frames that it comes from; those that are clipped are left out.
-    error: standard error of the gain where it is known worst, as a share.
+    error: standard error of the gain where it is known worst, as a share, if the black level is right.
+    light: (C + 1,), in the middle of the frame, codes above black.
+    falls: (C + 1,), the largest gain of each plane.
     """
 
     shading: Shading | None
     frames: int
     error: float
+    light: DoubleArray
+    falls: DoubleArray
+
+    def error_of_black(self, black: DoubleArray) -> float:
+        """Return the standard error of the gain where it is largest, as a share, that one of the black level (C + 1,), codes, makes."""
+        return float((black / self.light * np.abs(self.falls - 1)).max())
 
     @property
     def words(self) -> str:
@@ -114,9 +122,12 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
             f"flat frames: in {letter} they differ by {100 * residual:.2g} % from any smooth shading, {100 * _RESIDUAL:.1f} % are "
             "allowed; take an evenly lit surface without texture, out of focus"
         )
+    calibration = frames[0][1].calibration
+    codes = left.light.mean(axis=1) * (calibration.white_level - np.array(calibration.black_level))
+    gains = shading.sketch.max(axis=(1, 2)).astype(np.float64)
     if float(np.abs(shading.sketch - 1).max()) < max(_EVEN, _ERRORS * error):
-        return ShadingResult(None, len(parts), error)
-    return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), len(parts), error)
+        return ShadingResult(None, len(parts), error, codes, gains)
+    return ShadingResult(replace(shading, residual=float(f"{residual:.2g}")), len(parts), error, codes, gains)
 
 
 def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Tiles:

@@ -9,6 +9,7 @@ from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.progress import SILENT, Progress
 
+from .assumed import Assumed
 from .channel_order import check_channel_order
 from .chart.find import chart_at, find_chart
 from .chart.judge import FoundChart
@@ -41,7 +42,12 @@ class ShotMeasurement:
 
 
 def measure_chart(
-    name: str, mosaic: Mosaic, reference: DoubleArray, corners: Matrix | None = None, progress: Progress = SILENT
+    name: str,
+    mosaic: Mosaic,
+    reference: DoubleArray,
+    corners: Matrix | None = None,
+    progress: Progress = SILENT,
+    assumed: Assumed | None = None,
 ) -> ShotMeasurement:
     """Find the chart in a shot, measure its patches, and estimate gamma from them and from the scene around the chart.
 
@@ -50,6 +56,7 @@ def measure_chart(
     reference: (24, 3), XYZ (D50), white = 1.
     corners: of the chart, see `ChartPlace`; None = find it.
     progress: receives the stages of the search.
+    assumed: what may be off; None = nothing was measured, see `Assumed.of`.
 
     Raises InputError with the reason if the shot cannot be used.
     """
@@ -57,12 +64,12 @@ def measure_chart(
     progress.stage("measuring", 1)
     places = patch_samples(mosaic, chart.place.regions())
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
-    fits = [fit_chart_gamma(places)]
+    fits = [fit_chart_gamma(places, mosaic.calibration, assumed)]
     with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
-        fits.append(fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape)))
+        fits.append(fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape), assumed))
     return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
 
 
-def measure_scene(name: str, mosaic: Mosaic) -> ShotMeasurement:
+def measure_scene(name: str, mosaic: Mosaic, assumed: Assumed | None = None) -> ShotMeasurement:
     """Estimate gamma from a shot without a chart. Raises InputError with the reason if the shot cannot be used."""
-    return ShotMeasurement(name, mosaic.calibration, (fit_scene_gamma(mosaic),))
+    return ShotMeasurement(name, mosaic.calibration, (fit_scene_gamma(mosaic, assumed=assumed),))

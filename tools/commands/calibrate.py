@@ -92,8 +92,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     reference = read_reference(Path(arguments.reference)) if arguments.reference else color_checker_xyz()
     old, known = read_known(output) if arguments.update and output.exists() else (None, Observations())
 
-    black = old.calibration.black_level if old and "black_level" in old.measured else None
-    session = Session(console, arguments.sensor, old.calibration if old else None, black)
+    session = Session(console, arguments.sensor, old.calibration if old else None, old.measured if old else {})
     dark = session.dark(files.dark)
     flats = session.flat(files.flat, dark or known.dark)
     shots = session.scenes(files.shots) if arguments.no_chart else session.charts(files.shots, reference, corners)
@@ -102,6 +101,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         for note in session.notes:
             console.note(note)
         console.error("no frame could be used, and no camera file was written")
+        return FAILED
+    if files.shots and not shots and not (old and "gamma" in old.measured):
+        error = (
+            f"gamma is not known, for no {'scene' if arguments.no_chart else 'chart'} could be used, and no camera file was written"
+        )
+        remedy = "shoot it anew, or leave these shots out to keep only what the other frames show"
+        console.error(f"{error}; {remedy}")
+        console.record(source=str(output), ok=False, error=f"{error}; {remedy}")
         return FAILED
     base, notes, fixed = session.base, session.notes, []
     if old is not None:
@@ -114,8 +121,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     for line in lines:
         console.note(line)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
-    outcome = conclude(base, seen, reference, provenance, notes, session.shading, session.aberration)
+    outcome = conclude(base, seen, reference, provenance, notes, session.shading, session.aberration, old)
 
+    for contradiction in outcome.contradictions:
+        console.error(contradiction)
     for warning in outcome.warnings:
         console.note(f"warning: {warning}")
     if folder is not None:
@@ -125,8 +134,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             write_durably(folder / "chart.ti3", ti3(reference, outcome.camera_rgb).encode(), overwrite=True)
         console.say(f"{folder / 'report.html'}: {outcome.verdict}")
     if outcome.camera is None:
-        console.error(f"{outcome.refusal}; no camera file was written")
-        console.record(source=str(output), ok=False, error=outcome.refusal)
+        said = outcome.contradictions and outcome.refusal == "; ".join(outcome.contradictions)
+        console.error(
+            "no camera file was written; do not use these shots" if said else f"{outcome.refusal}; no camera file was written"
+        )
+        console.record(source=str(output), ok=False, error=outcome.refusal, verdict=outcome.verdict)
         return FAILED
     camera = outcome.camera if old is None else merged(old, outcome.camera, fixed)
     kept = write_camera(output, camera, overwrite=replace_existing)
@@ -135,7 +147,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if kept is not None:
         console.say(f"{kept}: the file as it was before")
     console.say(f"{output}: {_summary(camera)}; {outcome.verdict}")
-    warnings, identity = list(outcome.warnings), camera.calibration.id
+    warnings, identity = [*outcome.contradictions, *outcome.warnings], camera.calibration.id
     console.record(source=str(output), ok=True, verdict=outcome.verdict, warnings=warnings, camera=camera.to_json(), id=identity)
     return FAILED if session.skipped else 0
 

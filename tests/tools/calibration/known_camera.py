@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.sensor import simulate_sensor
+from tools.calibration.assumed import Assumed
 from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
 from tools.scenes.drawn.chart import CORNERS, chart_scene
 from tools.scenes.drawn.perspective import apply_homography, homography, rectangle
@@ -21,6 +22,7 @@ TRUTH = SensorCalibration(
     sensor="bench",
 )
 BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)  # what a shot says of itself before calibration
+MEASURED = Assumed.of(BLIND, black_error=[0.01] * 4, even=True)  # what dark and flat frames leave open
 WIDTH, HEIGHT = 600, 400
 
 

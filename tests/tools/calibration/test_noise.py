@@ -95,7 +95,8 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     blamed = [line for line in conclude(frames[0], Observations(flats=seen), color_checker_xyz()).warnings if "--dark" in line]
     assert len(blamed) == 1
     known = Observations(measure_dark(darks(4)), seen)
-    assert not conclude(frames[0], known, color_checker_xyz()).warnings
+    (unknown,) = conclude(frames[0], known, color_checker_xyz()).warnings
+    assert "gamma was not measured" in unknown
 
 
 def test_flats_without_partner_and_dead_pixels() -> None:
@@ -164,3 +165,73 @@ def test_texture_does_not_pass_for_noise() -> None:
     assert line.shot == pytest.approx(1e-4, rel=1e-6)
     assert line.read == pytest.approx(1e-3, rel=1e-6)
     assert line.shot_error > 0
+
+
+def leaking(light: float | np.ndarray, count: int = 4) -> list[Mosaic]:
+    """Dark frames into which light falls, of 1 where a chart's white is."""
+    return [frame(np.broadcast_to(light, (*SHAPE, 3)), seed=seed) for seed in range(count)]
+
+
+@pytest.mark.parametrize("light", [0.02, 0.005, (0.0, 0.001, 0.02), (0.02, 0.005, 0.0)])
+def test_light_that_leaks_into_dark_frames_is_told_by_its_colours_and_its_noise(light: float | tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match=r"light fell in: their levels are R .* W .* codes, with a noise of R .* cover lens"):
+        measure_dark(leaking(np.array(light)))
+    with pytest.raises(InputError, match="light fell in"):
+        measure_dark(leaking(np.array(light), 1))
+
+
+def test_light_that_leaks_into_a_corner_is_told_by_its_place() -> None:
+    corner = np.zeros((*SHAPE, 1))
+    corner[:60, :90] = 0.02
+    with pytest.raises(InputError, match=r"light fell in around row \d+, column \d+: W is .* codes further above"):
+        measure_dark(leaking(corner))
+
+
+def test_what_is_warm_or_offset_is_dark() -> None:
+    """Heat lifts all filters alike, and electronics may lift one of them without noise."""
+    glow = 40 * np.linspace(0, 1, SHAPE[1])
+    random = np.random.default_rng(2)
+    frames = []
+    for seed in range(4):
+        dark = frame(np.zeros((*SHAPE, 3)), seed=seed)
+        lifted = np.where(dark.pattern.panchromatic_mask(SHAPE), 12, 0) + random.poisson(np.broadcast_to(glow, SHAPE))
+        frames.append(Mosaic((dark.codes + lifted).astype(np.uint16), dark.pattern, BLIND))
+    measure_dark(frames)
+
+
+def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
+    """With some twenty electrons a pixel, thousands of good ones read less than half by chance."""
+    seen, _ = measure_flats(flats(0.002, 0.01))
+    assert seen.dead == ()
+    assert seen.blind > 0.3
+    known = Observations(measure_dark(darks(4)), measure_flats(flats(0.01))[0])
+    warnings = conclude(frame(np.zeros((12, 12, 3))), known, color_checker_xyz()).warnings
+    assert any("too dark, or too uneven, to tell dead pixels" in line for line in warnings)
+
+
+def test_a_shadow_on_flats_is_no_list_of_dead_pixels() -> None:
+    shadow = np.full((*SHAPE, 3), 0.5)
+    shadow[:90, :120] = 0.05
+    pair = [frame(shadow, seed=seed) for seed in range(2)]
+    for number, each in enumerate(pair):
+        codes = each.codes.copy()
+        codes[200, 300] = 262
+        pair[number] = Mosaic(codes, each.pattern, BLIND)
+    seen, _ = measure_flats(pair)
+    assert seen.dead == ((200, 300),)
+
+
+def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
+    """Flat frames alone, black 40 codes off: the variance at the assumed black is negative by the line."""
+    wrong = replace(BLIND, black_level=tuple(black - 100 for black in BLIND.black_level))
+    frames = [Mosaic(each.codes, each.pattern, wrong) for each in flats(0.1, 0.3, 0.8)]
+    seen, _ = measure_flats(frames)
+    assert TRUTH.noise is not None
+    outcome = conclude(frames[0], Observations(flats=seen), color_checker_xyz())
+    assert outcome.camera is not None
+    assert outcome.camera.calibration.noise is not None
+    found, errors = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
+    off = (np.array(found.shot) * FULL / 3 - TRUTH.noise.shot) / (1.96 * np.array(errors["shot_error"]))
+    assert np.abs(off).max() < 1.5
+    off = (np.array(found.read) * FULL / 3 - TRUTH.noise.read) / (1.96 * np.array(errors["read_error"]))
+    assert np.abs(off).max() < 1

@@ -112,7 +112,7 @@ def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good
     other = save(tmp_path / "other.dng", frame(chart().rgb, 8))
     assert panchroma("calibrate", folder / "chart.dng", other, "-o", output) == 1
     assert "period 8" in capsys.readouterr().err
-    assert read_camera(output).calibration.gamma == pytest.approx(TRUTH.gamma, rel=0.01)
+    assert read_camera(output).calibration.gamma == pytest.approx(TRUTH.gamma, rel=0.02)
 
 
 def test_what_cannot_work_is_refused_before_the_work(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -52,6 +52,6 @@ def _why(outcome: Outcome) -> str:
     if outcome.colour is not None:
         mean, left_out = outcome.colour.difference.mean(), outcome.colour.left_out.mean()
         facts.append(f"The colours match the reference to a mean ΔE2000 of {mean:.2f} (leave-one-out: {left_out:.2f}).")
-    if not outcome.refusal and not outcome.warnings:
+    if not outcome.refusal and not outcome.warnings and not outcome.contradictions:
         facts.append("There are no warnings.")
-    return f"<p>{escape(' '.join(facts))}</p>" + bullets(outcome.warnings)
+    return f"<p>{escape(' '.join(facts))}</p>" + bullets((*outcome.contradictions, *outcome.warnings))

@@ -56,7 +56,7 @@ def gamma(outcome: Outcome) -> str:
     ]
     facts = (
         f"Condition number of the colours: {fit.condition:.1f}, 1 is ideal. Residuals: {fit.spread:.2f} times what noise explains. "
-        f"Offset of the panchromatic samples: {fit.offset:+.1f} standard errors."
+        f"Offset of the panchromatic samples: {fit.off:+.1f} standard errors."
     )
     head = ("shot", "measured on", "gamma", "± (95 %)", "places used")
     return _table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + _table(head, shots)

@@ -1,0 +1,267 @@
+"""How often 95 % is 95 %: python -m tests.benchmarks.coverage [--cameras 100] [--seed 0] [--kinds chart chart+dark ...]
+
+Each camera is drawn at random, and simulated here, without the program's own simulator: pattern, bits, gamma, electrons, read noise,
+black levels that are not what the shots state, a lens whose colours fall off unlike each other, and the light on a chart of any size at
+any place. It is calibrated from every subset of its frames. Of each kind of subset the table says how many cameras are refused, how
+many get the verdict "do not use it", and how often the 95 % intervals of the others cover the truth, with the largest error, in half
+widths: of gamma; of black level, gain and read noise, where frames measure them.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from unittest.mock import patch
+
+import numpy as np
+
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.arrays import DoubleArray, FloatArray
+from shared.errors import InputError
+from tests.tools.calibration.known_camera import true_place
+from tools.calibration import session as sessions
+from tools.calibration.chart.place import ChartPlace
+from tools.calibration.measure import Outcome, conclude
+from tools.calibration.observations import Observations
+from tools.calibration.reference import color_checker_xyz
+from tools.host.console import Console
+from tools.scenes.drawn.builtin import builtin_scene
+from tools.scenes.drawn.chart import chart_scene
+
+SHAPE = (400, 600)
+PATTERNS = (
+    CfaPattern.bayer(4),
+    CfaPattern.bayer(6),
+    CfaPattern.bayer(8),
+    CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
+    CfaPattern.of_letters("RG/BW"),
+)
+KINDS = (
+    "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat",
+    "scene", "scene+dark+flat", "scenes+dark+flat", "chart+scene+dark+flat", "dark+flat", "flat",
+)  # fmt: skip
+REFERENCE = color_checker_xyz()
+SIGMAS = 1.96
+NAMES = ("gamma", "black", "shot", "read")
+
+
+@dataclass(frozen=True)
+class SimulatedCamera:
+    """A camera whose truth is known.
+
+    pattern: its filters.
+    states: the calibration that its shots state.
+    gamma: (C,), weights of Eq. 7.
+    black: (C + 1,), codes.
+    electrons: at full scale.
+    read: (C + 1,), electrons.
+    falls: (C + 1, 4), fall-off per plane: shares of r^2, r^4, row and column.
+    """
+
+    pattern: CfaPattern
+    states: SensorCalibration
+    gamma: DoubleArray
+    black: DoubleArray
+    electrons: float
+    read: DoubleArray
+    falls: DoubleArray
+
+    @staticmethod
+    def drawn(random: np.random.Generator, *, black: float = 1.0, colours: float = 1.0) -> "SimulatedCamera":
+        """A camera at random. black, colours: how far black and the lens are from what is assumed; 0 = not at all."""
+        bits = int(random.choice([10, 12, 14]))
+        states = SensorCalibration.of_bits(bits, headroom=False)
+        level = states.black_level[0]
+        off = black * float(random.choice([0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level]))
+        falls = np.zeros((4, 4))
+        falls[:, :2] += random.uniform(0, 0.6) * np.array([0.8, 0.2])
+        falls[:3, :2] += colours * random.choice([0.3, 1.0]) * random.normal(0, (0.1, 0.05), (3, 2))
+        falls[:3, 2:] += colours * random.normal(0, 0.005, (3, 2))
+        return SimulatedCamera(
+            pattern=PATTERNS[int(random.integers(len(PATTERNS)))],
+            states=states,
+            gamma=random.uniform(0.6, 1.4, 3),
+            black=level + off + black * random.normal(0, level / 256, 4),
+            electrons=float(np.exp(random.uniform(np.log(6e3), np.log(6e4)))),
+            read=random.uniform(1.5, 8, 4),
+            falls=falls,
+        )
+
+    def shot(self, rgb: FloatArray | DoubleArray, random: np.random.Generator, drift: float = 0.0) -> Mosaic:
+        """A frame that looks at a scene (H, W, 3), scene units; drift: of the black level, codes."""
+        height, width = rgb.shape[:2]
+        planes = self.pattern.filter_map((height, width))
+        seen = np.concatenate([rgb, (rgb @ self.gamma)[..., None]], axis=2, dtype=np.float64)
+        y, x = np.mgrid[:height, :width] - np.array([(height - 1) / 2, (width - 1) / 2])[:, None, None]
+        y, x = (each / np.hypot(height - 1, width - 1) * 2 for each in (y, x))
+        shapes = np.stack([y**2 + x**2, (y**2 + x**2) ** 2, y, x], axis=-1)
+        seen *= np.maximum(1 - shapes @ self.falls.T, 0.1)
+        light = np.take_along_axis(seen, planes[..., None].astype(int), axis=2)[..., 0] / self.gamma.sum() * self.electrons
+        counted = random.poisson(light) + random.normal(0, 1, light.shape) * self.read[planes]
+        white, black = self.states.white_level, self.black[planes] + drift
+        codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
+        return Mosaic(codes.astype(np.uint16), self.pattern, self.states)
+
+    def truths(self) -> Mapping[str, DoubleArray]:
+        """What the parts of a camera file should say."""
+        full = self.gamma.sum()
+        return {
+            "gamma": self.gamma,
+            "black": self.black,
+            "shot": np.full(4, full / self.electrons),
+            "read": full * self.read / self.electrons,
+        }
+
+
+class Silent(Console):
+    """A console that says nothing."""
+
+    def say(self, *_lines: str) -> None:
+        """Say nothing."""
+
+    note = error = say
+
+
+@dataclass
+class Frames:
+    """The frames of one session, by name, and where the charts are in them."""
+
+    mosaics: dict[str, Mosaic] = field(default_factory=dict)
+    places: dict[str, ChartPlace] = field(default_factory=dict)
+
+    def named(self, kind: str) -> list[str]:
+        return [name for name in self.mosaics if name.startswith(kind)]
+
+
+@cache
+def charts() -> FloatArray:
+    return chart_scene(600, 400).rgb
+
+
+@cache
+def leaves() -> FloatArray:
+    return builtin_scene(SHAPE[1], SHAPE[0]).rgb
+
+
+def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
+    """Three charts, two scenes, four dark frames and pairs of flat frames of three exposures."""
+    frames = Frames()
+    for number in range(3):
+        colour = random.uniform(0.5, 1, 3)
+        share = random.choice([1.0, 0.8])
+        high, wide = (round(share * side) for side in SHAPE)
+        rows, columns = (np.linspace(0, side - 1, each).round().astype(int) for side, each in zip(SHAPE, (high, wide), strict=True))
+        scene = np.full((*SHAPE, 3), 0.35, np.float32)
+        top, left = (int(random.integers(0, side - each + 1)) for side, each in zip(SHAPE, (high, wide), strict=True))
+        scene[top : top + high, left : left + wide] = charts()[np.ix_(rows, columns)]
+        bright = random.uniform(0.4, 0.95)
+        corners = [(x * wide / SHAPE[1] + left, y * high / SHAPE[0] + top) for x, y in true_place().corners]
+        frames.places[f"chart{number}"] = ChartPlace(tuple(corners))
+        frames.mosaics[f"chart{number}"] = camera.shot(scene * colour / (colour.max() * 0.9) * bright, random)
+    for number in range(2):
+        scene = leaves()[:: random.choice([-1, 1]), :: random.choice([-1, 1])] * random.uniform(0.5, 1, 3)
+        frames.mosaics[f"scene{number}"] = camera.shot(scene, random)
+    for number in range(4):
+        frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
+    colour = random.uniform(0.6, 1, 3)
+    for number, light in enumerate(np.repeat((0.1, 0.35, 0.75), 2)):
+        frames.mosaics[f"flat{number}"] = camera.shot(np.ones((*SHAPE, 3)) * colour / colour.max() * light, random)
+    return frames
+
+
+def calibrated(frames: Frames, kind: str) -> Outcome | None:
+    """Calibrate from a subset: chart, charts, scene, scenes, dark, flat, or flat1, one flat frame; None = no frame can be used."""
+    parts = kind.split("+")
+    with patch.object(sessions, "read_dng", frames.mosaics.__getitem__):
+        session = sessions.Session(Silent(), None)
+        with patch.object(session, "_skip", lambda *_: None):
+            dark = session.dark(frames.named("dark")) if "dark" in parts else None
+            flat = frames.named("flat")
+            flats = session.flat(flat if "flat" in parts else flat[-1:], dark) if {"flat", "flat1"} & set(parts) else None
+            wanted = frames.named("chart")[: 3 if "charts" in parts else 1] if {"chart", "charts"} & set(parts) else []
+            found = [shot for name in wanted for shot in session.charts([name], REFERENCE, frames.places[name].corners)]
+            many = frames.named("scene")[: 2 if "scenes" in parts else 1] if {"scene", "scenes"} & set(parts) else []
+            scenes = session.scenes(many)
+    if session.base is None or ((wanted or many) and not (found or scenes)):
+        return None
+    seen = Observations(dark, flats, tuple(found), tuple(scenes))
+    try:
+        return conclude(session.base, seen, REFERENCE, {}, session.notes, session.shading)
+    except InputError:
+        return None
+
+
+def errors(outcome: Outcome, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
+    """How far each figure is off, in half widths of its interval; a figure that was not measured is left out."""
+    truths, found = camera.truths(), {}
+    if outcome.gamma is not None:
+        found["gamma"] = (outcome.gamma.gamma - truths["gamma"]) / outcome.gamma.half_width
+    if outcome.dark is not None:
+        found["black"] = (outcome.dark.black - truths["black"]) / (SIGMAS * outcome.dark.black_error)
+    if outcome.noise is not None and outcome.camera is not None and outcome.camera.calibration.noise is not None:
+        model, how = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
+        scale = 1.0 if gamma_known else 3.0 / camera.gamma.sum()
+        for name in ("shot", "read"):
+            half = SIGMAS * np.array(how[f"{name}_error"])
+            found[name] = (np.array(getattr(model, name)) - scale * truths[name]) / half
+    return found
+
+
+@dataclass
+class Counts:
+    """What came of the cameras of one kind of subset."""
+
+    refused: int = 0
+    unfit: int = 0
+    off: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    wide: list[float] = field(default_factory=list)
+
+    def line(self, kind: str, cameras: int) -> str:
+        cells = [kind, f"{100 * self.refused / cameras:.0f} %", f"{100 * self.unfit / cameras:.0f} %"]
+        for name in NAMES:
+            each = np.abs(self.off[name])
+            cells.append(f"{100 * (each <= 1).mean():.0f} %, {each.max():.1f}" if each.size else "")
+        return "| " + " | ".join([*cells, f"{100 * np.median(self.wide):.1f} %" if self.wide else ""]) + " |"
+
+
+def campaign(cameras: Iterable[int], kinds: Sequence[str], *, black: float = 1.0, colours: float = 1.0) -> dict[str, Counts]:
+    """Calibrate cameras, by their numbers, from these kinds of subsets."""
+    counts = {kind: Counts() for kind in kinds}
+    for number in cameras:
+        random = np.random.default_rng(number)
+        camera = SimulatedCamera.drawn(random, black=black, colours=colours)
+        frames = session_of(camera, random)
+        for kind, count in counts.items():
+            outcome = calibrated(frames, kind)
+            if outcome is None or (outcome.camera is None and not getattr(outcome, "contradictions", ())):
+                count.refused += 1
+                continue
+            if outcome.verdict == "do not use it":
+                count.unfit += 1
+                continue
+            for name, off in errors(outcome, camera, gamma_known="chart" in kind or "scene" in kind).items():
+                count.off[name] += off.tolist()
+            if outcome.gamma is not None:
+                count.wide.append(outcome.gamma.worst)
+    return counts
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cameras", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--black", type=float, default=1.0, help="how far black may be off, of what is usual")
+    parser.add_argument("--colours", type=float, default=1.0, help="how unlike each other colours may fall off, of what is usual")
+    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
+    given = parser.parse_args()
+    counts = campaign(range(given.seed, given.seed + given.cameras), given.kinds, black=given.black, colours=given.colours)
+    print("| frames | refused | do not use | gamma | black | shot | read | half width of gamma, median |")
+    print("|---|---|---|---|---|---|---|---|")
+    for kind, count in counts.items():
+        print(count.line(kind, given.cameras))
+
+
+if __name__ == "__main__":
+    main()
