@@ -1,8 +1,9 @@
 """Measure the accuracy of calibration: python -m tests.benchmarks.calibration [--seeds 100]
 
-Synthetic truth: the built-in chart, gamma (0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8 and two scattered tiles: error and coverage
-of gamma over many seeds, gain and read noise from flat and dark frames, planted hot pixels. Photographs: those test photographs
-that show a chart; and gamma from twelve scenes without one, its error in units of its half width.
+Black level and shading count as measured; `tests.benchmarks.coverage` is without. Synthetic truth: the built-in chart, gamma
+(0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8 and two scattered tiles: error and coverage of gamma over many seeds, gain and read
+noise from flat and dark frames, planted hot pixels. Photographs: those test photographs that show a chart; and gamma from twelve scenes
+without one, its error in units of its half width.
 """
 
 import argparse
@@ -15,11 +16,12 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.data import DATA
-from tests.tools.calibration.known_camera import BLIND, TRUTH
+from tests.tools.calibration.known_camera import BLIND, MEASURED, TRUTH
 from tools.calibration.chart.find import find_chart
 from tools.calibration.chart_gamma import fit_chart_gamma
+from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
-from tools.calibration.noise import measure_dark, measure_flats, noise_of_flats
+from tools.calibration.noise import measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
 from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
@@ -53,7 +55,8 @@ def synthetic_gamma(name: str, seeds: int) -> None:
     place = find_chart(shot(scene.rgb, pattern, np.random.default_rng(0)), REFERENCE).place
     errors, covered = [], []
     for seed in range(seeds):
-        fit = fit_chart_gamma(patch_samples(shot(scene.rgb, pattern, np.random.default_rng(seed)), place.regions()))
+        samples = patch_samples(shot(scene.rgb, pattern, np.random.default_rng(seed)), place.regions())
+        fit = fit_chart_gamma(samples, BLIND, MEASURED)
         errors.append(fit.gamma / truth - 1)
         covered.append(np.abs(fit.gamma - truth) <= fit.half_width)
     worst, coverage = np.abs(errors).max(axis=0), np.mean(covered, axis=0)
@@ -121,7 +124,8 @@ def scenes(name: str) -> None:
     errors, widths, refused = [], [], 0
     for source in SCENES:
         try:
-            fit = fit_scene_gamma(shot(load_scene(str(DATA / source)).rgb, PATTERNS[name], np.random.default_rng(0)))
+            taken = shot(load_scene(str(DATA / source)).rgb, PATTERNS[name], np.random.default_rng(0))
+            fit = fit_scene_gamma(taken, assumed=MEASURED)
         except InputError:
             refused += 1
             continue

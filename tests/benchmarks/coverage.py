@@ -1,10 +1,10 @@
 """How often 95 % is 95 %: python -m tests.benchmarks.coverage [--cameras 100] [--seed 0] [--kinds chart chart+dark ...]
 
-Each camera is drawn at random, and simulated here, without the program's own simulator: pattern, bits, gamma, electrons, read noise,
-black levels that are not what the shots state, a lens whose colours fall off unlike each other, and the light on a chart of any size at
-any place. It is calibrated from every subset of its frames. Of each kind of subset the table says how many cameras are refused, how
-many get the verdict "do not use it", and how often the 95 % intervals of the others cover the truth, with the largest error, in half
-widths: of gamma; of black level, gain and read noise, where frames measure them.
+Each camera is drawn at random, and simulated here, without the program's own simulator: pattern, bits, gamma, electrons, read
+noise, black levels that are not what the shots state, a lens whose colours fall off unlike each other, and the light on a chart of
+any size at any place. It is calibrated from every subset of its frames. Of each kind of subset the table says how many cameras are
+refused, how many get the verdict "do not use it", and how often the 95 % intervals of the others cover the truth, with the largest
+error, in half widths: of gamma; of black level, gain and read noise, where frames measure them.
 """
 
 import argparse
@@ -117,10 +117,14 @@ class SimulatedCamera:
 class Silent(Console):
     """A console that says nothing."""
 
-    def say(self, *_lines: str) -> None:
+    def say(self, *lines: str) -> None:
         """Say nothing."""
 
-    note = error = say
+    def note(self, text: str) -> None:
+        """Say nothing."""
+
+    def error(self, text: str) -> None:
+        """Say nothing."""
 
 
 @dataclass
@@ -160,8 +164,8 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
         frames.places[f"chart{number}"] = ChartPlace(tuple(corners))
         frames.mosaics[f"chart{number}"] = camera.shot(scene * colour / (colour.max() * 0.9) * bright, random)
     for number in range(2):
-        scene = leaves()[:: random.choice([-1, 1]), :: random.choice([-1, 1])] * random.uniform(0.5, 1, 3)
-        frames.mosaics[f"scene{number}"] = camera.shot(scene, random)
+        turned = leaves()[:: random.choice([-1, 1]), :: random.choice([-1, 1])]
+        frames.mosaics[f"scene{number}"] = camera.shot(turned * random.uniform(0.5, 1, 3), random)
     for number in range(4):
         frames.mosaics[f"dark{number}"] = camera.shot(np.zeros((*SHAPE, 3)), random)
     colour = random.uniform(0.6, 1, 3)

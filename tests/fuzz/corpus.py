@@ -22,8 +22,8 @@ from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.calibration.known_camera import chart, frame, true_place
 from tools.calibration.camera_file import read_known
+from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
-from tools.calibration.noise import measure_dark
 from tools.calibration.observations import Observations
 from tools.calibration.reference import color_checker_xyz, read_reference, ti3
 from tools.calibration.shot import measure_chart

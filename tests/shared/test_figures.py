@@ -17,7 +17,7 @@ from tools.calibration.camera_file import read_known
 from tools.rendering.defect_list import read_defects
 
 HUGE = 10**400
-SHADING = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))  # type: ignore[list-item, arg-type]
+SHADING = Shading([[[1.0] * 4] * 4] * 4, (800, 1200))  # type: ignore[arg-type]
 CALIBRATION = SensorCalibration.of_bits(
     12,
     noise=NoiseModel.gaussian(0.01, 4),
@@ -69,7 +69,7 @@ def test_whatever_is_no_number_in_a_camera_file_is_refused(path: tuple[Any, ...]
 @pytest.mark.parametrize(
     "of",
     [
-        lambda figure: Shading([[[figure] * 4] * 4] * 4, (800, 1200)),  # type: ignore[list-item, arg-type]
+        lambda figure: Shading([[[figure] * 4] * 4] * 4, (800, 1200)),  # type: ignore[arg-type]
         lambda figure: Shading(SHADING.gain, (800, figure)),
         lambda figure: Shading(SHADING.gain, (800, 1200), residual=figure),
         lambda figure: Aberration([[figure, 0], [0, 0], [0, 0]], (800, 1200)),  # type: ignore[arg-type]

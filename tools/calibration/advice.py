@@ -3,15 +3,19 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .chart.place import PATCHES
 from .colour_matrix import GREYS, UNEVEN, ColourFit
+from .dark_frames import DarkResult
 from .gamma import GammaFit
-from .noise import SIGMAS, DarkResult, NoiseResult
+from .noise import SIGMAS, NoiseResult
 
 if TYPE_CHECKING:
     from .shot import ShotMeasurement
 
-_CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
+_LEVER = 0.2  # of the black level: so much of what planes are off by in common has to show
+CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD_READ = 0.05  # half width over read noise
 _GOOD_NOISE = 0.1  # half width over variance at full scale
@@ -24,34 +28,37 @@ _GOOD_COLOUR = 4.0  # mean dE2000: an average chart in average light stays below
 def contradicting(gamma: GammaFit, shots: Sequence["ShotMeasurement"]) -> list[str]:
     """Return what does not fit together by more than four standard errors, and what to shoot instead; a sentence each."""
     said = []
-    if abs(gamma.off) > _CONTRADICTION:
-        offset, error = gamma.offset
-        calibration = gamma.calibration
-        span = calibration.white_level - calibration.black_level[-1]
-        common = offset * span / (1 - gamma.gamma.sum()) if abs(gamma.gamma.sum() - 1) > 0.2 else offset * span
-        which = "that the dark frames show" if gamma.assumed.black_measured else "that is assumed"
-        remedy = (
-            "take dark frames anew, with exposure, gain and temperature of the other shots, and the lens well covered, or the chart "
-            "without reflections"
-            if gamma.assumed.black_measured
-            else "take dark frames (--dark), and give them together with these shots, or add them with --update"
-        )
-        said.append(
-            f"the shots contradict the black level {which}, by {abs(gamma.off):.0f} standard errors: it seems to be "
-            f"{abs(common):.1f} codes (± {error / max(abs(offset), 1e-12) * abs(common):.1g}) {'higher' if common > 0 else 'lower'} on all "
-            f"planes; {remedy}"
-        )
-    if gamma.apart > _CONTRADICTION:
-        rows = ", ".join(
+    if abs(gamma.off) > CONTRADICTION:
+        said.append(_wrong_black(gamma))
+    if gamma.apart > CONTRADICTION:
+        each = ", ".join(
             f"{shot.name}{' (around the chart)' if shot.chart and number else ''} {_figures(fit)}"
             for shot in shots
             for number, fit in enumerate(shot.fits)
         )
         said.append(
-            f"the shots contradict each other in gamma, beyond their intervals ({gamma.apart:.0f} standard deviations): {rows}; give "
-            "only shots of one session, with one lens and even light, or shoot the chart anew"
+            f"the shots contradict each other in gamma by {gamma.apart:.0f} standard deviations: {each}; give only shots of "
+            "one session, with one lens, or shoot the chart anew in even light"
         )
     return said
+
+
+def _wrong_black(gamma: GammaFit) -> str:
+    """Return that shots contradict the black level, by how much, and what to do."""
+    offset, error = gamma.offset
+    span = gamma.calibration.white_level - gamma.calibration.black_level[-1]
+    # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does not show.
+    lever = 1 - float(gamma.gamma.sum())
+    codes, unsure = (abs(value * span / lever) for value in (offset, error)) if abs(lever) > _LEVER else (np.nan, np.nan)
+    seems = f": it seems to be {codes:.1f} ± {unsure:.1g} codes {'higher' if offset / lever > 0 else 'lower'}" if codes > 0 else ""
+    which, remedy = (
+        "that is assumed",
+        "take dark frames (--dark), and give them together with these shots, or add them with --update",
+    )
+    if gamma.assumed.black_measured:
+        which = "that the dark frames show"
+        remedy = "take dark frames anew, with gain, exposure and temperature of the other shots, and the chart without reflections"
+    return f"the shots contradict the black level {which} by {abs(gamma.off):.0f} standard errors{seems}; {remedy}"
 
 
 def _figures(fit: GammaFit) -> str:

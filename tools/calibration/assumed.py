@@ -1,9 +1,10 @@
 """What the shots of a calibration do not measure but depend on, and how far it may be off: the black level, and colour shading.
 
-Both disturb Eq. 7. A black level that is off adds a constant to the panchromatic level: l = gamma . c + offset. Colour shading, a fall-off
-of a channel that differs from the panchromatic one, makes gamma change over the frame: gamma_i (1 + a_i(place)), with a_i = 0 in the
-middle, where a calibration states it. All of these are unknowns beside gamma, with Gaussian priors: narrow if dark and flat frames have
-measured them, wide if not. So intervals of gamma cover what was assumed, and shots that show the unknowns make it narrower again.
+Both disturb Eq. 7. A black level that is off adds a constant to the panchromatic level: l = gamma . c + offset. Colour shading, a
+fall-off of a channel that differs from the panchromatic one, makes gamma change over the frame: gamma_i (1 + a_i(place)), with
+a_i = 0 in the middle, where a calibration states it. All of these are unknowns beside gamma, with Gaussian priors: narrow if dark
+and flat frames have measured them, wide if not. So intervals of gamma cover what was assumed, and shots that show the unknowns make
+them narrower again.
 """
 
 from dataclasses import dataclass
@@ -14,13 +15,13 @@ from shared import SensorCalibration
 from shared.arrays import DoubleArray
 from shared.figures import number
 
-from .noise import DarkResult
+from .dark_frames import DarkResult
 
 _UNKNOWN_BLACK = (
     0.5  # of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64 are assumed
 )
 _STEADY = 0.3  # codes of 12 bits: by so much black moves between dark frames and other shots
-# Of the light, in the corners: an IMX219 behind its usual lens has lost 34 % more red and 5 % less blue there (libcamera's tuning file).
+# Of the light, in the corners: behind its usual lens an IMX219 loses 34 % more red there, 5 % less blue (libcamera's tuning file).
 _UNKNOWN_COLOUR, _UNKNOWN_TILT = 0.15, 0.02
 _KNOWN_COLOUR = (
     0.005  # of the light: flat frames may differ by as much from a smooth shading, and uneven light by as much per colour
@@ -83,7 +84,7 @@ class Assumed:
 
 
 def unknowns(colours: DoubleArray, places: DoubleArray | None) -> DoubleArray:
-    """Return the terms of the panchromatic level at N places, (N, P): colours, 1, and the colours times each shape of colour shading.
+    """Return the terms of the panchromatic level at N places, (N, P): colours, 1, and colours times each shape of their shading.
 
     colours: (N, C), levels of the channels.
     places: (N, 2), row and column from the middle of the frame, in halves of its diagonal; None = in the middle.

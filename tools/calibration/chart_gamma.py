@@ -110,7 +110,7 @@ class _Problem:
         return least_squares(missed, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
 
     def information(self, used: BoolArray, found: DoubleArray) -> DoubleArray:
-        """Return what the places tell, (P, P), from the most likely true channels: the spread of noisy ones would count as information."""
+        """Return what the places tell, (P, P), from the most likely true channels: the spread of noisy ones would count as told."""
         gamma = found[: self.colours.shape[1]]
         total = _total(self.variance, gamma)
         pull = self.variance[:, :-1] * gamma * ((self.level - self.terms @ found) / total)[:, None]

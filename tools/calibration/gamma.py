@@ -94,7 +94,7 @@ class GammaFit:
 
     @property
     def offset(self) -> tuple[float, float]:
-        """The panchromatic level where the channels are 0, as the places alone tell it, and its standard error; parts of full scale.
+        """The panchromatic level where the channels are 0, as the places alone tell it, and its standard error; of full scale.
 
         The error includes that of the black level only where dark frames have measured it.
         """
@@ -161,14 +161,15 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
     """
     if len(fits) == 1:
         return fits[0]
-    joined = {name: np.concatenate([getattr(fit, name) for fit in fits]) for name in ("level", "predicted", "used")}
     best = max(fits, key=lambda fit: np.linalg.slogdet(np.linalg.inv(fit.covariance))[1])
     whole = replace(
         best,
         information=np.sum([fit.information for fit in fits], axis=0),
         told=np.sum([fit.told for fit in fits], axis=0),
         freedom=sum(fit.freedom for fit in fits),
-        **joined,
+        level=np.concatenate([fit.level for fit in fits]),
+        predicted=np.concatenate([fit.predicted for fit in fits]),
+        used=np.concatenate([fit.used for fit in fits]),
         condition=min(fit.condition for fit in fits),
     )
     # Fits that contradict each other beyond their intervals widen the common one (Birge's ratio).

@@ -13,12 +13,13 @@ from shared.colour_difference import delta_e_2000
 from shared.errors import InputError
 
 from .aberration import AberrationResult
-from .advice import colour_warnings, coloured_light, contradicting, dark_warnings, gamma_warnings, noise_warnings
+from .advice import CONTRADICTION, colour_warnings, coloured_light, contradicting, dark_warnings, gamma_warnings, noise_warnings
 from .assumed import Assumed
 from .chart_gamma import reconciled
 from .colour_matrix import ColourFit, fit_colour, white_balanced
+from .dark_frames import DarkResult
 from .gamma import GammaFit, check_determined, combined
-from .noise import DarkResult, NoiseResult, noise_of_flats, noise_of_places
+from .noise import NoiseResult, noise_of_flats, noise_of_places
 from .observations import KEPT, Observations
 from .samples import PlaceSamples
 from .shading import ShadingResult
@@ -125,12 +126,13 @@ def conclude(
         measured["gamma"] = {**noted, **_gamma_facts(gamma, shots)}
         warnings += gamma_warnings(gamma, shots)
         contradictions = contradicting(gamma, shots)
-        if contradictions and assumed.black_measured and not refusal:  # otherwise gamma is honest, and dark frames may follow
+        # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
+        if contradictions and (refusal or assumed.black_measured or gamma.apart > CONTRADICTION):
             refusal = "; ".join(contradictions)
     elif "gamma" not in before_this:
         warnings.append(
-            f"gamma was not measured, and stays as the shots state it ({_listed(calibration.gamma)}); shoot a ColorChecker, and add it "
-            "with --update"
+            f"gamma was not measured, and stays as the shots state it ({_listed(calibration.gamma)}); shoot a ColorChecker, and "
+            "add it with --update"
         )
     black = assumed.black if gamma is None or assumed.black_measured else np.minimum(assumed.black, _black_error(gamma))
     dead = seen.flats.dead if seen.flats else ()
@@ -169,14 +171,14 @@ def conclude(
         warnings += noise_warnings(noise, dark)
     if shading:
         gain = changes["shading"] = shading.shading
-        error = shading.error
+        unsure = shading.error
         if not assumed.black_measured:  # light that is black in truth does not fall off
-            error = float(np.hypot(error, shading.error_of_black(black)))
+            unsure = float(np.hypot(unsure, shading.error_of_black(black)))
             warnings.append(
-                f"shading was measured with a black level that is assumed, and so is only known to ±{100 * error:.2g} % in the corners "
-                "(standard error); take dark frames (--dark)"
+                f"shading was measured with a black level that is assumed, and so is only known to ±{100 * unsure:.2g} % in the "
+                "corners (standard error); take dark frames (--dark)"
             )
-        measured["shading"] = {**noted, "frames": shading.frames, "standard_error": float(f"{error:.2g}")}
+        measured["shading"] = {**noted, "frames": shading.frames, "standard_error": float(f"{unsure:.2g}")}
         if gain:
             measured["shading"] |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
             measured["shading"] |= {"residual": gain.residual, "focal_length": gain.focal_length}
@@ -263,7 +265,8 @@ def _black_error(gamma: GammaFit) -> DoubleArray:
     offset, error = gamma.offset
     black = np.array(gamma.calibration.black_level)
     common = np.hypot(offset, error) / max(abs(1 - float(gamma.gamma.sum())), 0.2) * (gamma.calibration.white_level - black)
-    return np.hypot(common, _UNEVEN_BLACK * black)
+    found: DoubleArray = np.hypot(common, _UNEVEN_BLACK * black)
+    return found
 
 
 def _listed(values: Sequence[float]) -> str:

@@ -20,8 +20,9 @@ from .assumed import Assumed, unknowns
 from .chart.judge import FoundChart
 from .chart.place import PATCHES, ChartPlace
 from .chart_gamma import fit_chart_gamma
+from .dark_frames import DarkResult
 from .gamma import GammaFit, combined
-from .noise import DarkResult, FlatResult
+from .noise import FlatResult
 from .samples import PlaceSamples
 from .shot import ShotMeasurement
 
@@ -152,7 +153,8 @@ def _shot(given: Mapping[str, Any], calibration: SensorCalibration) -> ShotMeasu
     if "corners" not in given:
         return ShotMeasurement(_text(given["name"]), own, tuple(fits))
     planes = len(calibration.channels) + 1
-    beside = {name: _numbers(given[name], (PATCHES, width)) for name, width in zip(_BESIDE, (2, planes)) if name in given}
+    sizes = {"where": 2, "gain": planes}
+    beside = {name: _numbers(given[name], (PATCHES, width)) for name, width in sizes.items() if name in given}
     places = replace(_points(given, planes), clipped=np.array([_truth(each) for each in given["clipped"]]), **beside)
     if places.mean.shape[0] != PATCHES or places.clipped.shape != (PATCHES,):
         raise ValueError

@@ -4,8 +4,9 @@ Levels are parts of full scale: (code - black) / (white - black). Full scale is 
 gamma for levels as for scene units. That is why gamma can be measured without knowing full scale in scene units.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,9 @@ from shared.aberration import half_diagonal
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
+CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
+LEAST_SAMPLES = 40  # samples of the rarest plane in a tile, about
+_TILES = 12  # per side, at most: flat frames are never quite even, so means and variances are measured in tiles
 _OUTLIER = 5.0  # standard deviations: dust, glints, hot pixels; one Gaussian sample in two million is beyond
 
 
@@ -107,13 +111,14 @@ def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
     bare = replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
     clipped = levels_of(bare) >= CLIPPED  # what saturates is what the sensor reads
     rows = [_statistics(levels, clipped, planes, region, number) for region in regions]
-    middles = np.array([np.argwhere(region.mask).mean(axis=0) + (region.top, region.left) for region in regions]).reshape(-1, 2)
+    corners = np.array([(region.top, region.left) for region in regions], np.float64).reshape(-1, 2)
+    middles = corners + np.array([np.argwhere(region.mask).mean(axis=0) for region in regions]).reshape(-1, 2)
     gain = None
     if shading := mosaic.calibration.shading:
         spots = [(slice(round(row), round(row) + 1), slice(round(column), round(column) + 1)) for row, column in middles.tolist()]
         gain = np.array([[shading.of_plane(mosaic.shape, plane, *spot).item() for plane in range(number)] for spot in spots])
     places = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
-    return replace(places, where=from_middle(*middles.T, mosaic.shape), gain=gain)
+    return replace(places, where=from_middle(middles[:, 0], middles[:, 1], mosaic.shape), gain=gain)
 
 
 def _statistics(
@@ -148,3 +153,28 @@ def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, in
     mean = float(values.sum() / shading.sum())  # maximum likelihood for photons
     variance = float(((values - mean * shading) ** 2).sum() / max(values.size - 1, 1))
     return mean, variance, values.size
+
+
+def tiles(planes: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Yield tiles of the frame, as many as possible with enough samples of every plane in each."""
+    rarest = int(np.bincount(planes.ravel()).min())
+    number = int(np.clip(np.sqrt(rarest / LEAST_SAMPLES), 1, _TILES))
+    rows, columns = (pairwise(np.unique(np.linspace(0, length, number + 1).astype(int)).tolist()) for length in planes.shape)
+    for (top, bottom), (left, right) in product(rows, columns):
+        yield slice(top, bottom), slice(left, right)
+
+
+def clipped_moments(values: DoubleArray) -> tuple[float, float]:
+    """Return mean and standard deviation without outliers, which are clipped until nothing changes.
+
+    Do not use the median deviation: it is 0 or 1 for integer codes with little noise.
+    """
+    kept = values
+    centre, spread = float(np.median(kept)), float(kept.std())
+    for _ in range(50):
+        inside = values[np.abs(values - centre) <= CLIP * max(spread, 1e-12)]
+        if inside.size in (0, kept.size):
+            break
+        kept = inside
+        centre, spread = float(kept.mean()), float(kept.std())
+    return centre, spread

@@ -137,8 +137,8 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
     usable = brightest < CLIPPED
     if excluded is not None:
         usable &= ~excluded[np.ix_(rows, columns)]
-    down, across = (axis.ravel().astype(np.float64) for axis in np.meshgrid(rows, columns, indexing="ij"))
-    where = from_middle(down + middle[0], across + middle[1], mosaic.shape)
+    places = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2) + middle
+    where = from_middle(places[:, 0], places[:, 1], mosaic.shape)
     return level, colours / shading, texture, usable, where.reshape(*level.shape, 2)
 
 
@@ -156,7 +156,7 @@ def _tiles_together(pattern: CfaPattern) -> int:
 def _chosen(
     levels: DoubleArray, colours: DoubleArray, texture: DoubleArray, usable: BoolArray, where: DoubleArray
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray, DoubleArray]:
-    """Return level (N,), colours and instruments (N, C), class (N,) and place (N, 2) of the blocks that are smooth; see `_measured`."""
+    """Return level (N,), colours and instruments (N, C), class (N,) and place (N, 2) of smooth blocks; see `_measured`."""
     number = convolve(usable.astype(np.float64), _NEIGHBOURS, mode="constant")
 
     def around(values: DoubleArray) -> DoubleArray:

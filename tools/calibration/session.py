@@ -18,9 +18,10 @@ from tools.host.jobs import identity
 from .aberration import AberrationResult, measure_aberration
 from .assumed import Assumed
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
+from .dark_frames import DarkResult, measure_dark
 from .edges import Edges, find_edges
 from .measure import assumptions
-from .noise import DarkResult, FlatResult, measure_dark, measure_flats, noise_of_flats
+from .noise import FlatResult, measure_flats, noise_of_flats
 from .shading import ShadingResult, measure_shading
 from .shot import ShotMeasurement, measure_chart, measure_scene
 

@@ -59,7 +59,7 @@ class ShadingResult:
     falls: DoubleArray
 
     def error_of_black(self, black: DoubleArray) -> float:
-        """Return the standard error of the gain where it is largest, as a share, that one of the black level (C + 1,), codes, makes."""
+        """Return the standard error of the gain where it is largest, as a share, by one of the black level, (C + 1,) codes."""
         return float((black / self.light * np.abs(self.falls - 1)).max())
 
     @property

@@ -7,8 +7,9 @@ from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
 from shared.sensor import sample, simulate_sensor
 from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
+from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
-from tools.calibration.noise import measure_dark, measure_flats, noise_of_flats, noise_of_places
+from tools.calibration.noise import measure_flats, noise_of_flats, noise_of_places
 from tools.calibration.observations import Observations
 from tools.calibration.photon_transfer import fit_photon_transfer
 from tools.calibration.reference import color_checker_xyz

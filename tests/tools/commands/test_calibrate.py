@@ -276,6 +276,26 @@ def test_the_read_noise_of_dark_frames_reaches_the_noise_of_a_chart(folder: Path
     assert second["verdict"] == "use it with care"  # the chart's texture is still in the noise
 
 
+def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) -> None:
+    """The only chart is of another period, and is skipped: then there is no camera. Without a chart the verdict says so."""
+    other, output = save(tmp_path / "other.dng", frame(chart().rgb, 8)), tmp_path / "camera.json"
+    darks = ["--dark", str(folder / "dark0.dng"), str(folder / "dark1.dng")]
+    outcome = run("calibrate", other, *darks, "-o", output, "--json")
+    assert outcome.code == 1
+    assert "gamma is not known, for no chart could be used, and no camera file was written" in outcome.err
+    assert not outcome.records[-1]["ok"]
+    assert not output.exists()
+    outcome = run("calibrate", *darks, "-o", output, "--json")
+    assert outcome.code == 0
+    assert outcome.records[-1]["verdict"] == "use it with care"
+    assert any("gamma was not measured" in warning for warning in outcome.records[-1]["warnings"])
+    # A gamma that is known already stays, whatever becomes of further charts.
+    assert run("calibrate", folder / "chart.dng", "--corners", *CORNERS, "-o", output, "--update").code == 0
+    known = read_camera(output).calibration.gamma
+    assert run("calibrate", other, "--dark", folder / "dark0.dng", folder / "dark1.dng", "-o", output, "--update").code == 1
+    assert read_camera(output).calibration.gamma == pytest.approx(known, rel=1e-3)
+
+
 @pytest.mark.parametrize("kind", ["dark", "flat"])
 def test_a_frame_and_its_copy_measure_nothing(kind: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "dark0.dng" if kind == "dark" else "flat50.dng"

@@ -1,0 +1,147 @@
+"""Black level, read noise and hot pixels per filter colour, from dark frames; whether light fell in (EMVA Standard 1288)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shared import Mosaic
+from shared.arrays import DoubleArray
+from shared.errors import InputError
+
+from .samples import CLIP, LEAST_SAMPLES, clipped_moments, tiles
+
+ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
+HIDDEN = 0.5  # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288 asks for as much)
+DEFECT = 5.5  # standard deviations in the averaged dark frame: 4e-8 of good pixels are beyond
+_LEAST_DEFECT = 1.5  # codes: rounding alone moves good pixels by one
+_NOT_DARK = 0.1  # of full scale above black
+_UNLIKE = 4.0  # times the variance of another dark frame: one has another gain or exposure, or is no measurement at all
+_DRIFT = 3.0  # standard deviations (and codes) that black may move between dark frames, as with temperature
+_USUAL_DRIFT, _USUAL_DRIFT_FRAMES = 0.02, 2  # of the read noise; and what that counts, in frames, beside the drift that is seen
+_LEAK = 1 / 1024  # of the range of codes: black levels of the planes that differ by less are those of electronics
+_LEAST_LEAK = 3.0  # codes
+_IN_LINE = 0.9  # correlation of levels and variances of the planes, from which on both rise together
+
+
+@dataclass(frozen=True, eq=False)
+class DarkResult:
+    """Measurements of dark frames, per plane (the C channels, then panchromatic), in codes.
+
+    frames: their number.
+    black: (C + 1,), black level.
+    black_error: (C + 1,), its standard error.
+    read: (C + 1,), read noise as a standard deviation, without the effect of rounding to codes.
+    read_error: (C + 1,), its standard error.
+    defects: (row, column) of pixels that are not black.
+    """
+
+    frames: int
+    black: DoubleArray
+    black_error: DoubleArray
+    read: DoubleArray
+    read_error: DoubleArray
+    defects: tuple[tuple[int, int], ...]
+
+    @property
+    def shows_read(self) -> bool:
+        """Whether the codes are fine enough to show the read noise."""
+        return bool((self.read >= HIDDEN).all())
+
+
+def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:
+    """Measure black level and read noise per filter colour, and find the pixels that are not black.
+
+    frames: one or more, with the same exposure. Raises InputError if they are not dark, or clearly differ in noise or level.
+    """
+    first = frames[0]
+    planes = first.pattern.filter_map(first.shape)
+    number = len(first.pattern.planes)
+    full = first.calibration.white_level
+    stack = np.stack([frame.codes for frame in frames]).astype(np.float64)
+    mean = stack.mean(axis=0)
+    level = float(np.median(mean))
+    if level - min(first.calibration.black_level) > _NOT_DARK * full:
+        raise InputError(f"is not dark: its median is {level:.0f} of {full} codes; cover the lens")
+    _check_alike(stack[:, planes == number - 1])
+    black, error, read, read_error = (np.zeros(number) for _ in range(4))
+    defect = np.zeros(first.shape, bool)
+    for plane in range(number):
+        here = planes == plane
+        values = mean[here]
+        centre, spread = clipped_moments(values)
+        good = np.abs(values - centre) <= max(DEFECT * spread, _LEAST_DEFECT)
+        defect[here] = ~good
+        black[plane] = values[good].mean()
+        error[plane] = values[good].std() / np.sqrt(max(good.sum(), 1))
+        samples = stack[:, here][:, good]
+        levels = samples.mean(axis=1)
+        if len(frames) > 1:
+            samples -= samples.mean(axis=1, keepdims=True)  # what a whole frame drifts by is no read noise
+            variance = float(samples.var(axis=0, ddof=1).sum()) / max(good.sum() - 1, 1)
+        else:
+            variance = float(samples.var(ddof=1))
+        read[plane] = np.sqrt(max(variance - ROUNDING, 0.0))
+        # What whole frames drift by is an error of the black level that samples of one frame do not show, and few frames hardly.
+        usual = _USUAL_DRIFT_FRAMES * (_USUAL_DRIFT * np.sqrt(variance)) ** 2
+        drift = (((levels - levels.mean()) ** 2).sum() + usual) / (len(frames) - 1 + _USUAL_DRIFT_FRAMES)
+        error[plane] = np.hypot(error[plane], np.sqrt(drift / len(frames)))
+        if read[plane] < HIDDEN:  # then the mean of the codes is not that of the samples, however many there are
+            error[plane] = np.hypot(error[plane], np.sqrt(ROUNDING))
+        independent = good.sum() * max(len(frames) - 1, 1)
+        read_error[plane] = variance / (max(read[plane], HIDDEN) * np.sqrt(2 * max(independent, 1)))
+    _check_light(first, mean, black, np.hypot(read, ROUNDING**0.5), len(frames))
+    defects = tuple((row, column) for row, column in np.argwhere(defect).tolist())
+    return DarkResult(len(frames), black, error, read, read_error, defects)
+
+
+def _check_alike(samples: DoubleArray) -> None:
+    """Raise InputError if dark frames clearly differ; samples: of one plane, (frames, samples)."""
+    levels, spreads = np.array([clipped_moments(frame) for frame in samples]).T
+    noises = np.sqrt(spreads**2 + ROUNDING)  # of codes that happen not to change, rounding hides the noise
+    for what, values, limit in (
+        ("noise", noises, np.sqrt(_UNLIKE) * noises.min()),
+        ("level", levels, levels.min() + _DRIFT * max(float(noises.max()), 1.0)),
+    ):
+        low, high = int(values.argmin()), int(values.argmax())
+        if values[high] > limit:
+            raise InputError(
+                f"dark frames: the {what} of frame {low + 1} is {values[low]:.4g} codes, of frame {high + 1} {values[high]:.4g}: "
+                "they have another gain or exposure, or light fell in; take all in the same way"
+            )
+
+
+def _check_light(frame: Mosaic, mean: DoubleArray, black: DoubleArray, noise: DoubleArray, frames: int) -> None:
+    """Raise InputError if light has fallen on dark frames: in all of the sensor, or in a part of it.
+
+    frame: one of them; mean: (H, W), of all, codes; black, noise: (C + 1,), of each plane, codes.
+
+    Panchromatic samples collect the light of all channels, so light lifts them above the others, and light has shot noise: the
+    planes' variances rise along a line over their levels. Heat lifts all planes alike, and an electronic offset has no noise.
+    """
+    letters, planes = frame.pattern.planes, frame.pattern.filter_map(frame.shape)
+    limit = max(_LEAK * frame.calibration.white_level, _LEAST_LEAK)
+    lift = black - black[:-1].min()
+    variance = noise**2
+    slope = float(np.polyfit(lift, variance, 1)[0]) if np.ptp(lift) > 0 else 0.0
+    sure = variance.mean() * np.sqrt(2 / max(float(np.bincount(planes.ravel()).min()) * frames, 1.0))
+    agrees = slope * np.ptp(lift) > 4 * sure and float(np.corrcoef(lift, variance)[0, 1]) > _IN_LINE
+    if np.ptp(black) > limit and black[-1] - black[:-1].mean() > limit / 2 and agrees:
+        levels = ", ".join(f"{letter} {level:.1f}" for letter, level in zip(letters, black, strict=True))
+        noises = ", ".join(f"{letter} {each:.2f}" for letter, each in zip(letters, noise, strict=True))
+        raise InputError(
+            f"dark frames: light fell in: their levels are {levels} codes, with a noise of {noises}: both rise from filter to "
+            "filter as they do in light, most in W, which sees all colours; cover lens and viewfinder, and take them in the dark"
+        )
+    parts = []
+    for window in tiles(planes):
+        tile, here = mean[window], planes[window]
+        middle = [float(np.median(tile[here == plane])) for plane in range(len(letters))]
+        parts.append((middle[-1] - float(np.mean(middle[:-1])), window))
+    usual = float(np.median([part for part, _ in parts]))
+    most, (rows, columns) = max(parts, key=lambda part: part[0])
+    if most - usual > max(limit, CLIP * float(noise.max()) / np.sqrt(frames * LEAST_SAMPLES)):
+        raise InputError(
+            f"dark frames: light fell in around row {(rows.start + rows.stop) // 2}, column {(columns.start + columns.stop) // 2}: "
+            f"W is {most - usual:.1f} codes further above the other filters there than elsewhere; cover lens and viewfinder"
+        )
