@@ -2,8 +2,8 @@
 
 Black level and shading count as measured; `tests.benchmarks.coverage` is without. Synthetic truth: the built-in chart, gamma
 (0.9, 1.1, 0.8), sensor protocol, K = 4, 6, 8 and two scattered tiles: error and coverage of gamma over many seeds, gain and read
-noise from flat and dark frames, planted hot pixels. Photographs: those test photographs that show a chart; and gamma from twelve scenes
-without one, its error in units of its half width.
+noise from flat and dark frames, planted hot pixels. Photographs: those test photographs that show a chart; and gamma from twelve
+scenes without one, its error in units of its half width.
 """
 
 import argparse

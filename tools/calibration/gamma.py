@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2 as chi2_of
-from scipy.stats import norm as normal
 from scipy.stats import t as student
 
 from shared import SensorCalibration
@@ -182,7 +180,13 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         chi2 += float(((directions[:, known].T @ missed) ** 2 / values[known]).sum())
         freedom += int(known.sum())
     freedom = max(freedom, 1.0)
-    return replace(whole, apart=float(normal.isf(chi2_of(freedom).sf(chi2))), widened=max(1.0, chi2 / freedom))
+    return replace(whole, apart=_as_normal(chi2, freedom), widened=max(1.0, chi2 / freedom))
+
+
+def _as_normal(chi2: float, freedom: float) -> float:
+    """Return how many standard deviations of a normal number are as rare as this chi2 (E. B. Wilson, M. M. Hilferty, 1931)."""
+    share = 2 / (9 * freedom)
+    return float(((chi2 / freedom) ** (1 / 3) - 1 + share) / share**0.5)
 
 
 def check_determined(fit: GammaFit) -> None:

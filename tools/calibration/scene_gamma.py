@@ -34,6 +34,7 @@ _LEVELS, _TEXTURES = 10, 8  # numbers of classes of blocks that share a variance
 _HUBER = 4.0  # standard deviations; with less, the skew of texture would count as colour
 _ROUNDS = 12
 _FLOOR = 0.004  # of gamma: error that texture causes on photographs, however many blocks there are
+_FLOOR_OFFSET = 5e-4  # of full scale: the same for the offset
 LEAST_BLOCKS = 300
 LEAST_STRENGTH = 12.0  # strength of the instruments in the weakest direction, in standard deviations
 
@@ -89,11 +90,12 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
 
 
 def _less(information: DoubleArray, told: DoubleArray, gamma: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-    """Return what a scene tells if its texture puts an error of _FLOOR on each gamma: Woodbury's identity."""
-    of_gamma = information[:, : len(gamma)]
-    inner = np.diag((_FLOOR * np.abs(gamma)) ** -2.0) + of_gamma[: len(gamma)]
-    part = of_gamma @ np.linalg.inv(inner)
-    return information - part @ of_gamma.T, told - part @ told[: len(gamma)]
+    """Return what a scene tells if texture adds errors of _FLOOR to gamma and _FLOOR_OFFSET to the offset: Woodbury's identity."""
+    count = len(gamma) + 1
+    unsure = np.append(_FLOOR * np.abs(gamma), _FLOOR_OFFSET)
+    of_these = information[:, :count]
+    part = of_these @ np.linalg.inv(np.diag(unsure**-2.0) + of_these[:count])
+    return information - part @ of_these.T, told - part @ told[:count]
 
 
 def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, DoubleArray, DoubleArray, BoolArray, DoubleArray]:

@@ -75,7 +75,7 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
     assert outcome is not None
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
     assert "the shots contradict each other in gamma" in outcome.refusal
-    assert "chart0 0.9" in outcome.refusal
+    assert "standard deviations: chart0 0.89" in outcome.refusal
 
 
 def test_blue_light_is_called_blue() -> None:
