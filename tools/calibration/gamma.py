@@ -73,10 +73,6 @@ class GammaFit:
         return solved(self.information, self.told, self.assumed, self.calibration, offset=offset)
 
     @property
-    def _prior(self) -> DoubleArray:
-        return self.assumed.precision(self.gamma, self.calibration)
-
-    @property
     def gamma(self) -> DoubleArray:
         """The weights of Eq. 7, (C,)."""
         return self._solution[0][: self._channels]
@@ -170,16 +166,14 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
         used=np.concatenate([fit.used for fit in fits]),
         condition=min(fit.condition for fit in fits),
     )
-    # Fits that contradict each other beyond their intervals widen the common one (Birge's ratio).
-    found, _ = whole._solved(offset=True)
-    chi2, freedom = 0.0, -float(np.trace(np.linalg.lstsq(whole.information + whole._prior, whole.information, rcond=None)[0]))
+    # Fits that contradict each other in gamma beyond their intervals widen the common one (Birge's ratio). Each has its few degrees
+    # of freedom, and all that it assumes: what is off in common sets them apart less than this allows.
+    chi2 = 0.0
     for fit in fits:
-        missed = fit.told - fit.information @ found
-        values, directions = np.linalg.eigh(fit.information)
-        known = values > 1e-9 * values.max()
-        chi2 += float(((directions[:, known].T @ missed) ** 2 / values[known]).sum())
-        freedom += int(known.sum())
-    freedom = max(freedom, 1.0)
+        apart = fit.gamma - whole.gamma
+        likely = student.ppf((1 + CONFIDENCE) / 2, fit.freedom) / student.ppf((1 + CONFIDENCE) / 2, np.inf)
+        chi2 += float(apart @ np.linalg.solve(fit.covariance * likely**2, apart))
+    freedom = len(whole.gamma) * (len(fits) - 1)
     return replace(whole, apart=_as_normal(chi2, freedom), widened=max(1.0, chi2 / freedom))
 
 

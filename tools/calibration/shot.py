@@ -20,6 +20,11 @@ from .samples import PlaceSamples, patch_samples
 from .scene_gamma import fit_scene_gamma
 
 
+_VAGUE = (
+    0.2  # half width over gamma: what knows gamma less well has hardly any colour, and its interval is not to be trusted either
+)
+
+
 @dataclass(frozen=True, eq=False)
 class ShotMeasurement:
     """Measurements of one shot.
@@ -66,7 +71,9 @@ def measure_chart(
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     fits = [fit_chart_gamma(places, mosaic.calibration, assumed)]
     with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.
-        fits.append(fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape), assumed))
+        around = fit_scene_gamma(mosaic, chart.place.covered(mosaic.shape), assumed)
+        if around.gamma.min() > 0 and around.worst < _VAGUE:
+            fits.append(around)
     return ShotMeasurement(name, mosaic.calibration, tuple(fits), chart, places, overlay(mosaic, chart.place))
 
 
