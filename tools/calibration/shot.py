@@ -19,7 +19,6 @@ from .gamma import GammaFit
 from .samples import PlaceSamples, patch_samples
 from .scene_gamma import fit_scene_gamma
 
-
 _VAGUE = (
     0.2  # half width over gamma: what knows gamma less well has hardly any colour, and its interval is not to be trusted either
 )
