@@ -12,7 +12,6 @@ tolerance does.
 import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray
-from shared.errors import ConvergenceError
 from shared.pattern import BlockGrid, CfaPattern
 from shared.progress import SILENT, Progress
 
@@ -20,6 +19,7 @@ from .kernels.compile import threads
 from .kernels.fields import solve_regions
 from .kernels.lanes import WIDTH
 from .settings import AffinitySettings
+from .solvers import report
 from .tiling import HALO, Band, core_patches, domain_places
 
 _TRUNCATE = 4  # standard deviations at which the filters end
@@ -50,13 +50,7 @@ def solve_affinities(
     residuals, used = np.empty(regions), np.empty(regions, np.intp)
     patches, limits = (first, end, across), (settings.tolerance, settings.iterations)
     solve_regions(luminance, places, patches, period, core, HALO, pins, filters, limits, threads(), fields, residuals, used)
-    worst = float(residuals.max())
-    progress.solved("affinity", int(used.max()), worst)
-    if worst > settings.tolerance:
-        raise ConvergenceError(
-            f"affinity: conjugate gradients stopped at a relative residual of {worst:.1e} after {settings.iterations} "
-            f"iterations, short of {settings.tolerance:.1e}"
-        )
+    report(progress, "affinity", used, residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 
 

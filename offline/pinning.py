@@ -9,13 +9,15 @@ noise: elsewhere the chromaticity pooled over similar tiles stays. None of this 
 import numpy as np
 
 from shared.arrays import BoolArray, FloatArray
+from shared.progress import SILENT, Progress
 
 from .gaussian import smoothed
 from .kernels.highlights import interpolate
-from .kernels.pinning import HALO, pin_samples
-from .kernels.spreading import TILE
+from .kernels.pinning import HALO, TOLERANCE, pin_samples
+from .kernels.spreading import TILE, tiles_of
 from .settings import SiteSettings
 from .sites import SiteSamples, signal_power, site_reach
+from .solvers import report
 from .tiling import DARK, Part
 
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
@@ -47,10 +49,18 @@ class Pinning:
 
     blocks: chromaticity of every tile, (tile rows, tile columns, C).
     sites: the samples of all whole tiles. gamma: (C,), the weights of Eq. 7.
+    progress: hears what the solver did.
     """
 
-    def __init__(self, blocks: FloatArray, sites: SiteSamples, gamma: tuple[float, ...], settings: SiteSettings) -> None:
-        self._sites, self._gamma, self._settings = sites, np.array(gamma, np.float32), settings
+    def __init__(
+        self,
+        blocks: FloatArray,
+        sites: SiteSamples,
+        gamma: tuple[float, ...],
+        settings: SiteSettings,
+        progress: Progress = SILENT,
+    ) -> None:
+        self._sites, self._gamma, self._settings, self._progress = sites, np.array(gamma, np.float32), settings, progress
         self._around = np.ascontiguousarray(smoothed(np.moveaxis(blocks, 2, 0), _AROUND))
 
     @property
@@ -59,7 +69,10 @@ class Pinning:
         return _reach(self._sites.grid.period), TILE, 0
 
     def applied(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows of a part of the picture, which reaches `steps[0]` rows beyond them."""
+        """These rows of a part of the picture, which reaches `steps[0]` rows beyond them.
+
+        Raises ConvergenceError when conjugate gradients do not reach their tolerance.
+        """
         sites, gamma = self._sites, self._gamma
         tiles = sites.within(part)
         if tiles.start >= tiles.stop:
@@ -103,7 +116,10 @@ class Pinning:
         shown = part.rows(*rows)
         found = np.empty_like(shown.chromaticity)
         prior = _SMOOTHNESS, _FADING, _EDGE
-        pin_samples(part.luminance, base, channels, ratios, weights, part.first, rows, prior, found)
+        tiles = tiles_of(rows, part.luminance.shape[1])
+        residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
+        pin_samples(part.luminance, base, channels, ratios, weights, part.first, rows, prior, found, residuals, used)
+        report(self._progress, "pinning", used, residuals, TOLERANCE)
         total = (found @ self._gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
         return Part(shown.first, shown.luminance, np.where(whole, found / np.where(whole, total, 1), shown.chromaticity))

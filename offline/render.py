@@ -50,7 +50,8 @@ class Rendering:
     solvers: iterations and residual of each iterative solver, the worst of all parts of the frame:
         "luminance" (Eqs. 3-5), residual: largest change of a sample in the last iteration, scene units;
         "medians" (end of section 3.2), residual: share of the rows of blocks that the last iteration still changed, 0 to 1;
-        "affinity" (Eqs. 11-13), residual: norm of the residual relative to the right-hand side.
+        "affinity" (Eqs. 11-13), residual: norm of the residual relative to the right-hand side;
+        "pinning" (scattered colour sites) and "samples" (bursts), residual: the same, scaled by the diagonal.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -229,7 +230,7 @@ def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
         yield from parts
         return
     if mosaic.pattern.is_scattered and settings.sites.corrected:
-        pinning = Pinning(measured.blocks, sites, gamma, settings.sites)
+        pinning = Pinning(measured.blocks, sites, gamma, settings.sites, progress)
         for part, rows in windows(parts, mosaic.shape[0], *pinning.steps):
             progress.part("sites")
             yield pinning.applied(part, rows)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from shared.arrays import DoubleArray, IndexArray
+from shared.errors import ConvergenceError
 from shared.progress import SILENT, Progress
 
 
@@ -57,3 +59,19 @@ class SolverLog(Progress):
         before = self.solvers.get(solver, Solved(0, 0.0))
         self.solvers[solver] = Solved(max(iterations, before.iterations), max(residual, before.residual))
         self._progress.solved(solver, iterations, residual)
+
+
+def report(progress: Progress, solver: str, used: IndexArray, residuals: DoubleArray, tolerance: float) -> None:
+    """Report the worst of several systems that conjugate gradients solved.
+
+    solver: its name.
+    used, residuals: (systems,), iterations and relative residual of each, one or more.
+    tolerance: residual at which they were to stop. Raises ConvergenceError if one did not get there.
+    """
+    worst = float(residuals.max())
+    progress.solved(solver, int(used.max()), worst)
+    if not worst <= tolerance:
+        raise ConvergenceError(
+            f"{solver}: conjugate gradients stopped at a relative residual of {worst:.1e} after {used.max()} iterations, "
+            f"short of {tolerance:.1e}"
+        )

@@ -18,13 +18,14 @@ from ..sites import unclipped_blocks
 from ..trust import trust_in_blocks
 from .agreement import unclipped
 from .colour_doubts import block_colours
-from .frames import Frame, limit_of, prepared
+from .frames import Frame, limit_of, noise_models, prepared
 from .judging import Judged, judged, misfit
 from .motion import Motion
 
 _CANDIDATES = 3  # frames that are tried as the reference
-_ALIKE = 0.02  # of usable pixels: frames that differ by less are told apart by their sharpness
-_BLURRED = 0.7  # of the greatest sharpness: below it a frame is no reference if another one is
+_ALIKE = 0.02  # of all pixels: frames whose usable ones differ by less are told apart by their sharpness
+_BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
+_AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
 _TINY = 1e-12
 
 
@@ -60,7 +61,8 @@ def compared(
 
     motions: where the reference's points lie in each frame, if that is known.
     """
-    frames = [prepared(shot, settings, progress) for shot in shots]
+    models = noise_models(shots, settings.noise)
+    frames = [prepared(shot, noise, settings, progress) for shot, noise in zip(shots, models, strict=True)]
     found: list[Comparison] = []
     for candidate in _candidates(frames) if reference is None else [reference]:
         found.append(_with(candidate, shots, frames, settings, progress, motions))
@@ -70,12 +72,18 @@ def compared(
 
 
 def _candidates(frames: Sequence[Frame]) -> list[int]:
-    """The frames that may be the reference, the best first: neither clipped nor dark, and sharp."""
+    """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of frames that tie, the first."""
     sharpness = np.array([0.0 if frame.empty else frame.sharpness for frame in frames])
     usable = np.array([frame.usable for frame in frames])
     sharp = sharpness >= _BLURRED * np.median(sharpness)
-    order = np.lexsort((-sharpness, -np.rint(usable / _ALIKE), ~sharp))
-    return [int(number) for number in order[:_CANDIDATES]]
+    left, chosen = np.ones(len(frames), bool), []
+    while left.any() and len(chosen) < _CANDIDATES:
+        good = left & sharp if (left & sharp).any() else left
+        good = good & (usable >= usable[good].max() - _ALIKE)
+        good = good & (sharpness >= _AS_SHARP * sharpness[good].max())
+        chosen.append(int(np.argmax(good)))
+        left[chosen[-1]] = False
+    return chosen
 
 
 def _with(

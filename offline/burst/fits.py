@@ -123,8 +123,11 @@ def _times(matrices: DoubleArray, vectors: DoubleArray) -> DoubleArray:
 
 def _bent(field: DoubleArray, tie: float) -> DoubleArray:
     """By how much nodes differ from their neighbours, summed: the gradient of what ties them."""
-    wide = np.pad(field, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    bent: DoubleArray = tie * (4 * field - wide[:-2, 1:-1] - wide[2:, 1:-1] - wide[1:-1, :-2] - wide[1:-1, 2:])
+    bent, down, across = np.zeros_like(field), tie * np.diff(field, axis=0), tie * np.diff(field, axis=1)
+    bent[:-1] -= down
+    bent[1:] += down
+    bent[:, :-1] -= across
+    bent[:, 1:] += across
     return bent
 
 

@@ -1,5 +1,6 @@
 """One frame of a burst before it is merged."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,9 @@ from ..gaussian import gaussian
 from ..highlights import clipping_level
 from ..kernels.smoothing import smooth
 from ..luminance import recover_luminance
-from ..noise import noise_of
+from ..noise import estimate_noise
 from ..render import registered
-from ..settings import RenderSettings
+from ..settings import NoiseSettings, RenderSettings
 from ..sites import gathered
 
 _FINE, _COARSE = 0.8, 1.6  # pixels: Gaussians whose difference shows detail that a soft frame has lost
@@ -25,6 +26,8 @@ _KEPT = 0.0568  # of the variance of white noise, after that difference
 _TILE = 32  # pixels
 _CLIPPED = 0.98  # of the limit
 _GONE, _DARK = 0.9, 0.5  # share of clipped pixels; light in units of the noise
+_QUIETER = 16.0  # how much less variance than the frames' median a model may state: 16 times the ISO, four stops, explains as much
+_ROUNDING = 1 / 12  # variance of rounding, codes squared
 _TINY = 1e-12
 
 
@@ -67,10 +70,34 @@ class Frame:
         return float(beyond**0.5) / max(float(self.luminance.mean(dtype=np.float64)), _TINY)
 
 
-def prepared(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
-    """A frame as it is merged."""
+def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
+    """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is unknown in all of them.
+
+    A frame without a calibrated model has that of another frame. Where none is calibrated, frames of one sensitivity (ISO) share
+    one estimate. No model states so little noise that its frame would take all the weight, nor less than rounding to codes makes.
+    """
+    known = [mosaic.calibration.noise for mosaic in mosaics]
+    if settings.estimate and not any(known):
+        speeds = [mosaic.metadata.iso for mosaic in mosaics]
+        alike = {iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso] for iso in speeds}
+        estimates = {iso: estimate_noise(*group) for iso, group in alike.items()}
+        known = [estimates[iso] for iso in speeds]
+    other = next((model for model in known if model), None)
+    if other is None:
+        return known
+    models = [model or other for model in known]
+    figures = np.array([(model.shot, np.square(model.read)) for model in models])  # (F, 2, planes)
+    if not figures.any():  # they state that there is none
+        return list(models)
+    figures = np.maximum(figures, np.median(figures, axis=0) / _QUIETER)
+    rounding = [_ROUNDING * np.square(mosaic.calibration.scale()) for mosaic in mosaics]
+    figures[:, 1] = np.maximum(figures[:, 1], rounding)
+    return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
+
+
+def prepared(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
+    """A frame as it is merged. noise: see `noise_models`."""
     clipping, samples = limit_of(mosaic), registered(mosaic, settings, progress).in_scene_units()
-    noise = noise_of(samples, settings.noise)
     samples = mend_defects(samples, clipping, noise, settings.defects)
     colours = gathered(samples.signal, block_sites(mosaic.pattern, mosaic.pattern.grid(mosaic.shape)))
     return Frame(recover_luminance(samples, settings.luminance), colours, noise, clipping)

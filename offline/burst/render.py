@@ -22,14 +22,16 @@ from ..chromaticity import estimate_chromaticities
 from ..denoising import denoise_luminance
 from ..kernels.merging import displace, merge
 from ..kernels.mixing import colour
-from ..kernels.spreading import HALO, TILE, spread_samples
+from ..kernels.spreading import HALO, TILE, TOLERANCE, spread_samples, tiles_of
 from ..pooling import pool_blocks
 from ..render import Measured, finish
 from ..settings import BEST, RenderSettings
 from ..sites import gathered, settle_luminance, site_samples
+from ..solvers import report
 from ..tiling import Part, windows
 from ..trust import with_trusted_colour
 from .comparing import Comparison, compared, relit_sites
+from .copies import copies
 from .frames import Frame, scaled
 from .judging import Judged, as_arrays
 from .motion import Motion
@@ -70,12 +72,18 @@ def merge_burst(
     """Align and merge the frames of a burst.
 
     frames: of one camera; those that do not fit the reference are left out (`Judged.reason`).
-    reference: index of the frame that the picture shall show; None = the best of those that most others agree with.
-    motions: how each frame lies against the reference, where that is known; otherwise it is measured.
-    Raises InputError when there is no frame, or when frames and motions differ in number.
+    reference: index of the frame that the picture shall show, 0 or more; None = the best of those that most others agree with.
+    motions: how each frame lies against the reference, which has to be named, where that is known; otherwise it is measured.
+    Raises InputError when there is no frame, when frames and motions differ in number, and when the reference is no frame's index.
     """
     if not frames or (motions is not None and len(motions) != len(frames)):
         raise InputError(f"{len(frames)} frames and {len(motions or ())} motions, expected one motion for each frame")
+    if reference is None and motions is not None:
+        raise InputError("reference is None, expected the index of the frame that the motions start from")
+    if reference is not None and reference not in range(len(frames)):
+        raise InputError(f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}")
+    if copied := copies(frames, reference):
+        return _without(copied, frames, settings, progress, reference, motions)
     found = compared(frames, settings, progress, reference, motions)
     kept, mosaic, samples = found.kept, frames[found.reference], found.samples
     base, noise = kept[0][0], kept[0][0].noise
@@ -112,7 +120,10 @@ def merge_burst(
 
 
 def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
-    """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does."""
+    """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does.
+
+    Raises ConvergenceError when a solver does not reach its tolerance.
+    """
     gamma = np.array(merged.mosaic.calibration.gamma, np.float32)
     samples, precision = merged.samples.by_tile(merged.mosaic.shape, gamma)
     prior = _SMOOTHNESS, _FADING * precision, _EDGE
@@ -121,10 +132,38 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
     for part, rows in windows(parts, height, HALO, TILE, 0):
         shown: Part = part.rows(*rows)
         corrected = np.empty_like(shown.chromaticity)
-        spread_samples(part.luminance, part.chromaticity, part.first, rows, height, samples, gamma, basis, prior, corrected)
+        tiles = tiles_of(rows, part.luminance.shape[1])
+        residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
+        picture = part.luminance, part.chromaticity, part.first, rows, height
+        spread_samples(*picture, samples, gamma, basis, prior, corrected, residuals, used)
+        report(progress, "samples", used, residuals, TOLERANCE)
         band = np.empty_like(corrected)
         colour(corrected, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
         yield band
+
+
+def _without(
+    copied: dict[int, int],
+    frames: Sequence[Mosaic],
+    settings: RenderSettings,
+    progress: Progress,
+    reference: int | None,
+    motions: Sequence[Motion] | None,
+) -> MergedBurst:
+    """Merge the frames that are no copies, see `copies`."""
+    used = [number for number in range(len(frames)) if number not in copied]
+    merged = merge_burst(
+        [frames[number] for number in used],
+        settings,
+        progress,
+        reference=None if reference is None else used.index(reference),
+        motions=motions and [motions[number] for number in used],
+    )
+    judged = dict(zip(used, merged.frames, strict=True))
+    judged |= {
+        copy: Judged(False, f"is a copy of frames[{original}]: its samples are the same") for copy, original in copied.items()
+    }
+    return replace(merged, reference=used[merged.reference], frames=tuple(judged[number] for number in range(len(frames))))
 
 
 def _stacked(found: Comparison) -> tuple[FloatArray, ByteArray]:

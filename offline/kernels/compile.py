@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import numba
+import numpy as np
 from llvmlite import binding
 from numba.core import event, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
@@ -22,6 +23,10 @@ _SOURCES = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__f
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
 
 prange: type[range] = numba.prange
+
+LITTLE = 1 << 15
+"""A kernel none of whose arrays has more elements runs in the thread that calls it. To wake others and wait for them takes up to
+milliseconds where other programs are at work, as long as a burst of tiny frames takes in all."""
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -79,7 +84,14 @@ class ParallelKernel:
         """Call the function."""
         if not self.ready:
             self.compile()
-        return self._dispatcher(*arguments)
+        usual = threads()
+        if usual == 1 or any(isinstance(each, np.ndarray) and each.size > LITTLE for each in arguments):
+            return self._dispatcher(*arguments)
+        use_threads(1)
+        try:
+            return self._dispatcher(*arguments)
+        finally:
+            use_threads(usual)
 
     def compile(self) -> None:
         """Read it from the disk, or compile it and keep it there."""

@@ -24,6 +24,7 @@ _NOISE = np.float32(1.0)  # of the power of what samples miss: what noise accoun
 _NARROW = np.array([0.7866, 0.1067], np.float32)  # Gaussian of half a place of the grid, at distances 0, 1
 _WIDE = np.array([0.2005, 0.1769, 0.1216, 0.0651, 0.0271, 0.0088], np.float32)  # of 2 places
 _NONE, _ONE = np.float32(0), np.float32(1)
+_MOST = 1e6  # relative precision, so that its square is a float: frames 10 stops brighter have less, and one without noise too
 _ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
 
 
@@ -48,7 +49,8 @@ def merge(
 
     planes: (F, H, W), luminance of each frame, filled in at the colour sites, in units of the reference, which is the first.
     trust: (F, H, W), how far each frame agrees with the reference at each pixel of the reference, 0 to 255.
-    noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise.
+    noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise. A plane whose variance is 0 while the
+        reference's is not counts as much as a million references.
     panchromatic: (H, W), which pixels are.
     motions: where the reference's points lie in each frame.
     sites: (S, 2), frame row and column of each colour site of the first whole block. period: K.
@@ -128,7 +130,9 @@ def _start(
 def _precision(noise: DoubleArray, frame: int, light: Scalar) -> float:
     """Precision of a frame's samples relative to the reference's."""
     reference = noise[0, 0] * light + noise[0, 1]
-    return reference / (noise[frame, 0] * light + noise[frame, 1]) if reference > 0 else 1.0
+    if not reference > 0:
+        return 1.0
+    return min(max(reference / (noise[frame, 0] * light + noise[frame, 1]), 1 / _MOST), _MOST)
 
 
 @kernel

@@ -7,19 +7,23 @@ fades where no site is trusted.
 
 import numpy as np
 
-from shared.arrays import ByteArray, FloatArray
+from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import parallel_kernel, prange
 from .functions import zeros
-from .spreading import TILE, Prior, link, solve
+from .linked import Prior, link, solve
+from .spreading import TILE
 
 HALO = 16
 """Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond them have no influence."""
-_TOLERANCE = 3e-4
+TOLERANCE = 3e-4
+"""Relative residual at which conjugate gradients stop."""
 _NONE = np.float32(0)
 
 
-@parallel_kernel("f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1]")
+@parallel_kernel(
+    "f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1], f8[::1], i8[::1]"
+)
 def pin_samples(
     luminance: FloatArray,
     base: FloatArray,
@@ -30,6 +34,8 @@ def pin_samples(
     rows: tuple[int, int],
     prior: Prior,
     out: FloatArray,
+    residuals: DoubleArray,
+    used: IndexArray,
 ) -> None:
     """Find the chromaticity of some rows of the frame.
 
@@ -41,6 +47,7 @@ def pin_samples(
     rows: first and end row to find; the first is a multiple of `TILE`.
     prior: smoothness and fading relative to a site of weight 1, and the difference of luminance, scene units, that is an edge.
     out: (rows, W, C), written.
+    residuals, used: (tiles,), written: see `spreading.spread_samples`; the worst of all channels.
     """
     (height, width), count = luminance.shape, base.shape[2]
     along = (width + TILE - 1) // TILE
@@ -51,6 +58,7 @@ def pin_samples(
         size = below - above, after - before
         links, normal, right_side, field = zeros(4, *size), zeros(1, *size), zeros(1, *size), zeros(1, *size)
         link(luminance[above:below, before:after], prior, links)
+        residuals[number], used[number] = 0.0, 0
         for channel in range(count):
             for row in range(size[0]):
                 for column in range(size[1]):
@@ -59,7 +67,8 @@ def pin_samples(
                     normal[0, row, column] = weight
                     right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
                     field[0, row, column] = _NONE
-            solve(normal, right_side, links, np.float32(prior[1]), _TOLERANCE, field)
+            residual, iterations = solve(normal, right_side, links, np.float32(prior[1]), TOLERANCE, field)
+            residuals[number], used[number] = max(residual, residuals[number]), max(iterations, used[number])
             for y in range(top, bottom):
                 for x in range(left, right):
                     out[y - rows[0] + first, x, channel] = base[y, x, channel] + field[0, y - above, x - before]

@@ -1,9 +1,9 @@
 """Merge a series of one scene, hand-held or from a sensor that moves by known steps, into one picture.
 
 The frames are those of one `capture --burst` or `simulate --burst`, in a folder, or any shots of one camera that are named. The
-sharpest is the reference, whose view and capture data the picture has. Frames are aligned, and merged where they agree with the
-reference; what has moved is the reference's alone. A frame that does not fit is left out, and named. The picture is called STEM.EXT
-for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
+first of those that are as sharp as any is the reference, whose view and capture data the picture has. Frames are aligned, and
+merged where they agree with the reference; what has moved is the reference's alone. A frame that does not fit, or is a copy of
+another one, is left out, and named. The picture is called STEM.EXT for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
 """
 
 import argparse
@@ -15,10 +15,9 @@ from shared.errors import InputError
 from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED
+from tools.host.jobs import FAILED, identity
 from tools.host.memory import allowed_memory, reuse_memory
 from tools.rendering.burst import BurstOrder, Shift
-from tools.rendering.frames import same_file
 from tools.rendering.options import add_picture, add_run, order_fields
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.series import series, series_stem
@@ -33,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser._negative_number_matcher = re.compile(r"-\.?\d.*")
     parser.add_argument("shots", nargs="+", metavar="SHOT", help="the DNGs of one series, or a folder with them in it or below")
     options.add_output_folder(parser, "STEM.EXT")
-    parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the sharpest)")
+    parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the first of the sharpest)")
     parser.add_argument(
         "--shifts",
         type=_parsed_shift,
@@ -74,7 +73,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         )
     reference = None
     if arguments.reference is not None:
-        reference = next((index for index, name in enumerate(names) if same_file(name, arguments.reference)), None)
+        wanted = identity(arguments.reference) or arguments.reference
+        reference = next((index for index, name in enumerate(names) if (identity(name) or name) == wanted), None)
         if reference is None:
             raise InputError(f"--reference {arguments.reference}: is none of the {len(names)} shots of the burst")
     order = BurstOrder(preset="best", reference=reference, shifts=shifts, **fields)

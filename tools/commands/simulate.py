@@ -104,8 +104,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--truth",
         action="store_true",
-        help="also write what the (first) frame sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a "
-        "render; and the motion of a burst",
+        help="also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render; of a "
+        "burst what its first frame sees, the reference (panchroma burst --reference STEM-1.dng), and the motion of the others",
     )
     options.add_max_pixels(parser)
     options.add_overwrite(parser)
@@ -175,7 +175,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         rows, columns = mosaic.shape
         for shot in shots:
             console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
-        return {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
+        facts = {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
+        if not is_series:
+            return facts
+        if beside:
+            console.say(f"{beside[0]}: what {shots[0]} sees, the reference; panchroma burst --reference {shots[0]} shows the same")
+        return facts | {"reference": str(shots[0])}
 
     found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
     searched = found.report(console)

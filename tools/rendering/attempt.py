@@ -56,7 +56,8 @@ def _make(order: Order, share: Share, shot: Shot, note: Note, progress: StagePro
             if not _current(_existing(order, shot, _digest(shot))):
                 errors = order.open(shot, share.memory, note).errors
                 return Outcome("planned", f"{shot.source} -> {output}", {"output": str(output), "dry_run": True}, errors)
-            return Outcome("current", f"{output}: is up to date", {"output": str(output), "current": True, "dry_run": True})
+            facts = {"output": str(output), "current": True, "dry_run": True}
+            return Outcome("current", f"{output}: is up to date", facts, order.failures(shot))
         output.parent.mkdir(parents=True, exist_ok=True)
         with output_lock(output, wait=share.last) as free:
             return _make_locked(order, share, shot, note, progress) if free else Outcome("postponed")
@@ -116,7 +117,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
     before, source_digest = _states(shot), _digest(shot)
     existing = _existing(order, shot, source_digest)
     if state := _current(existing):
-        return Outcome(state, f"{output}: is up to date", {"output": str(output), "current": True})
+        return Outcome(state, f"{output}: is up to date", {"output": str(output), "current": True}, order.failures(shot))
     subject, settings = _read(order, share, shot, note, progress), order.settings
     mosaic = subject.mosaic
     with announced_compilation(note, progress):

@@ -11,7 +11,7 @@ from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
 from shared.progress import Progress
 
-from .frames import Frame, leave_odd_ones_out
+from .frames import Frame, leave_copies_out, leave_odd_ones_out
 from .order import Note, Order
 from .picture_file import check_memory
 from .report import Shown, page
@@ -29,7 +29,7 @@ Shift = tuple[float, float]
 class BurstOrder(Order):
     """Settings of a burst.
 
-    reference: index of the file that the picture shows; None = the sharpest, or with `shifts` the first.
+    reference: index of the file that the picture shows; None = the first of the sharpest, or with `shifts` the first.
     shifts: (right, down), where the sensor was at each file, in columns and rows of its pixels; () = hand-held: find the motion.
     """
 
@@ -45,6 +45,7 @@ class BurstOrder(Order):
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(shot.files))
             frames.append(frame)
         leave_odd_ones_out(frames, self.reference)
+        leave_copies_out(frames, self.reference)
         for frame in frames:
             if frame.reason and not frame.failed:
                 note(f"{frame.name}: is left out: {frame.reason}")
@@ -60,6 +61,11 @@ class BurstOrder(Order):
     def key(self, output: Path, source_digest: str, **more: Any) -> str:
         """Digest of everything that the picture depends on."""
         return super().key(output, source_digest, burst=[self.reference, self.shifts], **more)
+
+    def failures(self, shot: Shot) -> tuple[str, ...]:
+        """A line for each frame that cannot be read. Frames are read one by one, and not kept."""
+        frames = (self._frame(name, found=shot.found) for name in shot.files)
+        return tuple(frame.line for frame in frames if frame.failed)
 
     def _frame(self, name: str, *, found: bool) -> Frame:
         try:
@@ -118,7 +124,7 @@ class Burst(Subject):
         self.mosaic = self._mosaic(self._reference)
         if self._left == 1:
             self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
-        self.words = f"{self._left} of {len(self.frames)} frames, "
+        self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(self.frames[self._reference].name).name}, "
 
     def _merge(self, settings: "RenderSettings", progress: Progress, *, known: bool) -> None:
         """Merge the frames that are in use, and note what became of them. known: the reference is."""

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
@@ -66,6 +65,16 @@ def leave_odd_ones_out(frames: Sequence[Frame], reference: int | None) -> None:
             frame.refuse(_difference(frame.mosaic, wanted))
 
 
+def leave_copies_out(frames: Sequence[Frame], reference: int | None) -> None:
+    """Refuse the frames that are copies of others: of the reference, or of earlier ones (`offline.burst.copies`)."""
+    from offline.burst import copies
+
+    there = [(index, frame, frame.mosaic) for index, frame in enumerate(frames) if frame.mosaic is not None]
+    first = next((place for place, (index, *_) in enumerate(there) if index == reference), None)
+    for copy, original in copies([mosaic for *_, mosaic in there], first).items():
+        there[copy][1].refuse(f"it is a copy of {there[original][1].name}: its samples are the same, and tell nothing new")
+
+
 def _kind(mosaic: Mosaic) -> tuple[object, ...]:
     """What the frames of a burst have in common."""
     calibration = mosaic.calibration
@@ -79,11 +88,3 @@ def _difference(mosaic: Mosaic, wanted: Mosaic) -> str:
     if mosaic.pattern != wanted.pattern:
         return "its filters are arranged otherwise than those of the others"
     return "it was taken with another camera than the others, or with another calibration; --camera replaces it in all of them"
-
-
-def same_file(one: str, other: str) -> bool:
-    """Whether two names lead to one file."""
-    try:
-        return Path(one).samefile(other)
-    except (OSError, ValueError):
-        return one == other

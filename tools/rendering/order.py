@@ -71,6 +71,10 @@ class Order:
         needs_codes = self.settings.asks_for_codes or mosaic.calibration.aberration is not None
         return Subject(mosaic if needs_codes else mosaic.in_scene_units())
 
+    def failures(self, shot: Shot) -> tuple[str, ...]:
+        """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""
+        return ()
+
     def read(self, source: str) -> Mosaic:
         """The shot, calibrated. Raises InputError for one that cannot become such a picture."""
         return self.prepared(self.decode(source))

@@ -6,6 +6,7 @@ from pathlib import Path
 from shared.errors import InputError
 from shared.series import frame_number
 from tools.host.folders import Source
+from tools.host.jobs import identity
 
 _NAMED = 4  # series that an error names, before it counts the others
 
@@ -17,7 +18,7 @@ def series(sources: Sequence[Source]) -> list[str]:
         a folder have to be the frames of one burst, named as `capture --burst` and `simulate --burst` do, STEM-1.dng, STEM-2.dng
         ...; some may be missing.
     Raises InputError that names the odd ones, for shots in a folder that belong to several bursts or to none, and for a file that
-    is given twice.
+    is given twice, under whatever names.
 
     >>> series([Source("shots/rose-2.dng", Path("rose-2.dng")), Source("shots/rose-1.dng", Path("rose-1.dng"))])
     ['shots/rose-1.dng', 'shots/rose-2.dng']
@@ -36,8 +37,14 @@ def series(sources: Sequence[Source]) -> list[str]:
         listed = ", ".join(groups[:_NAMED]) + (f" and {len(groups) - _NAMED} others" if len(groups) > _NAMED else "")
         raise InputError(f"expected the frames of one burst, STEM-1.dng, STEM-2.dng ..., found {listed}; name the files of one")
     names = named + [name for frames in found for name in frames]
-    if twice := {name for name in names if names.count(name) > 1}:
-        raise InputError(f"{min(twice)}: is given twice")
+    known: dict[object, str] = {}
+    for name in names:
+        place = identity(name) or name  # other spellings of a name, and links, lead to the same file
+        if place in known:
+            raise InputError(
+                f"{name}: is given twice" + (f": it is the same file as {known[place]}" if known[place] != name else "")
+            )
+        known[place] = name
     return names
 
 
