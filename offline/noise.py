@@ -34,31 +34,36 @@ def noise_of(mosaic: Mosaic, settings: NoiseSettings) -> NoiseModel | None:
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:
     """Estimate one noise model for all planes, scene units, from the panchromatic samples; None if the frames are too small.
 
-    mosaics: one or more frames of one scene and sensor, whose exposures may differ. The median of all frames counts, so that one
-        whose smooth parts mislead (a letterbox, blacks that the sensor clips) does not mislead about the others.
+    mosaics: one or more frames of one scene and sensor, whose exposures may differ. The median of their variances counts, for dark
+        and for bright light: where smooth parts mislead in a few (what one clips, or what is black in one), it is not misled.
 
     Fine texture all over the frame counts as noise and makes the estimate too high. It is never too low by more than its scatter.
     """
-    tiles = [_all_tiles(mosaic) for mosaic in mosaics]
-    sizes = [mean.size for mean, _ in tiles]
-    if max(sizes) < _LEAST_TILES:
+    found = [line for mosaic in mosaics if (line := _fitted(mosaic))]
+    if not found:
         return None
-    least = max(_LEAST_TILES, max(sizes) // 2)  # a frame with less is clipped nearly everywhere
-    bins = min(_BINS, min(size for size in sizes if size >= least) // _LEAST_TILES)
-    quietest = [_quietest(*each, bins) for each, size in zip(tiles, sizes, strict=True) if size >= least]
-    slope, intercept = _line(*np.median(quietest, axis=0))
+    dark, bright, slope, intercept = np.array(found).T
+    if len(found) > 1 and (levels := np.array([np.median(dark), np.median(bright)]))[1] > levels[0]:
+        # Of lines that rise and start at 0 or above, these medians lie on one that does too.
+        variances = np.median(slope * levels[:, None] + intercept, axis=1)
+        slope = np.diff(variances) / np.diff(levels)
+        intercept = np.maximum(variances[0] - slope * levels[0], 0)
     planes = len(mosaics[0].pattern.planes)
-    return NoiseModel((slope,) * planes, (intercept**0.5,) * planes)
+    return NoiseModel((float(np.median(slope)),) * planes, (float(np.median(intercept)) ** 0.5,) * planes)
 
 
-def _all_tiles(mosaic: Mosaic) -> DoubleArray:
-    """Mean and variance of the tiles of a frame, in rows and in columns: float64 (2, tiles), see `_tiles`."""
+def _fitted(mosaic: Mosaic) -> tuple[float, float, float, float] | None:
+    """Light of the darkest and of the brightest tiles of a frame, and slope and intercept of the line through all variances."""
     period, (height, width) = mosaic.pattern.period, mosaic.shape
     rows, columns = (mosaic.pattern.panchromatic_mask(shape) for shape in ((height, period), (period, width)))
     limit = _CLIPPED * mosaic.calibration.full_scale
     signal = mosaic.signal
     tiles = [_tiles(plane, lines, limit) for plane, lines in (*_panchromatic(signal, rows), *_panchromatic(signal.T, columns.T))]
-    return np.concatenate(tiles, axis=1)
+    mean, variance = np.concatenate(tiles, axis=1)
+    if mean.size < _LEAST_TILES:
+        return None
+    levels, variances = _quietest(mean, variance)
+    return (float(levels[0]), float(levels[-1]), *_line(levels, variances))
 
 
 def _panchromatic(signal: FloatArray, clear: BoolArray) -> list[tuple[FloatArray, IndexArray]]:
@@ -94,16 +99,17 @@ def _tiles(signal: FloatArray, lines: IndexArray, limit: float) -> DoubleArray:
     return np.concatenate(found, axis=1).astype(np.float64)
 
 
-def _quietest(mean: DoubleArray, variance: DoubleArray, count: int) -> DoubleArray:
-    """For each of `count` bins of brightness, its mean brightness and the variance of its smooth tiles: float64 (2, bins)."""
+def _quietest(mean: DoubleArray, variance: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+    """For each bin of brightness, its mean brightness and the variance of its smooth tiles: float64 (bins,) each."""
     # The filter's outputs along a line are not independent: this is the number of independent ones.
     overlap = np.correlate(_FILTER, _FILTER, "full").astype(np.float64)
     freedom = _LINES * _LENGTH / np.square(overlap).sum()
     # Wilson and Hilferty's approximation (1931) of that quantile of a chi-square distribution over its mean.
     below = (1 - 2 / (9 * freedom) + _NORMAL_QUANTILE * (2 / (9 * freedom)) ** 0.5) ** 3
     order = np.argsort(mean, kind="stable")
-    bins = np.array_split(order, count)
-    return np.array([[mean[each].mean(), np.quantile(variance[each], _SHARE) / below] for each in bins]).T
+    bins = np.array_split(order, min(_BINS, mean.size // _LEAST_TILES))
+    levels = np.array([mean[each].mean() for each in bins])
+    return levels, np.array([np.quantile(variance[each], _SHARE) for each in bins]) / below
 
 
 def _line(levels: DoubleArray, variances: DoubleArray) -> tuple[float, float]:

@@ -3,7 +3,8 @@
 The frames are those of one `capture --burst` or `simulate --burst`, in a folder, or any shots of one camera that are named. The
 first of those that are as sharp as any is the reference, whose view and capture data the picture has. Frames are aligned, and
 merged where they agree with the reference; what has moved is the reference's alone. A frame that does not fit, or is a copy of
-another one, is left out, and named. The picture is called STEM.EXT for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first file.
+another one, is left out, and named. The picture is called STEM.EXT for frames STEM-1.dng, STEM-2.dng ..., otherwise as the first
+file.
 """
 
 import argparse
