@@ -16,7 +16,7 @@ from .spreading import TILE
 
 HALO = 16
 """Pixels around a tile that are solved with it: colour sites are near everywhere, so fields beyond them have no influence."""
-TOLERANCE = 3e-4
+TOLERANCE = 1e-4
 """Relative residual at which conjugate gradients stop."""
 _NONE = np.float32(0)
 

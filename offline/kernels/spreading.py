@@ -21,7 +21,7 @@ TILE = 128
 """Rows and columns of a tile, which is solved at a time."""
 HALO = 24
 """Pixels around a tile that are solved with it."""
-TOLERANCE = 3e-3
+TOLERANCE = 1e-3
 """Relative residual at which conjugate gradients stop."""
 _NONE, _ONE = np.float32(0), np.float32(1)
 _DARK = np.float32(1e-6)

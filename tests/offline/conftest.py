@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from offline import available_threads, kernels_to_compile, threads, use_threads
+from offline.kernels import compile as compiling
 from tools.host.compilation import compile_all
 from tools.host.processors import processors
 
@@ -17,8 +18,9 @@ def compiled() -> None:
 
 
 @pytest.fixture
-def each_thread_count() -> Iterator[Iterator[int]]:
-    """Iterates over all numbers of threads, each in use until the next."""
+def each_thread_count(monkeypatch: pytest.MonkeyPatch) -> Iterator[Iterator[int]]:
+    """Iterates over all numbers of threads, each in use until the next, for little work too."""
+    monkeypatch.setattr(compiling, "LITTLE", 0)
     before = threads()
 
     def counts() -> Iterator[int]:

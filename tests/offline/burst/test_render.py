@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render
+from offline import BEST, PAPER, SolverLog, render
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
-from shared import CfaPattern, Mosaic, SensorCalibration
+from offline.kernels.spreading import TOLERANCE
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
-from shared.errors import InputError
+from shared.errors import ConvergenceError, InputError
 from shared.sensor import simulate_additive
 from tools.scenes.lens import lens_shading
 
@@ -122,6 +123,40 @@ def test_what_makes_no_burst_is_refused() -> None:
         merge_burst([])
     with pytest.raises(InputError, match="2 frames and 1 motions"):
         merge_burst(frames, motions=MOTIONS[:1])
+    with pytest.raises(InputError, match="reference is None, expected the index of the frame that the motions start from"):
+        merge_burst(frames, motions=MOTIONS[:2])
+    for index in (-1, 2, 0.5):
+        with pytest.raises(InputError, match=f"reference is {index}, expected the index of a frame, 0 to 1"):
+            merge_burst(frames, reference=index)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("noise", [(1e-4, 0.0), (0.0, 0.0), (0.0, 0.02), None])
+def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(noise: tuple[float, float] | None) -> None:
+    """Its variance would be 0 in black, and beyond."""
+    motions, model = MOTIONS[:3], noise and NoiseModel((noise[0],) * 4, (noise[1],) * 4)
+    dark = [replace(shot, samples=shot.samples - np.float32(0.8)) for shot in shots(0.02, motions)]
+    dark[1] = replace(dark[1], calibration=replace(dark[1].calibration, noise=model))
+    merged = merge_burst(dark, reference=0, motions=motions)
+    assert all(frame.used for frame in merged.frames)
+    assert np.isfinite(picture(merged)).all()
+    assert np.median(merged.shares) > 0.02
+
+
+def test_the_solver_of_colours_is_heard() -> None:
+    log = SolverLog()
+    merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
+    for _ in render_burst_bands(merged, progress=log):
+        pass
+    solved = log.solvers["samples"]
+    assert 0 < solved.residual <= TOLERANCE
+    assert solved.iterations > 10
+
+
+def test_a_solver_that_does_not_converge_says_so() -> None:
+    merged = merge_burst(shots(0.05, MOTIONS[:3]), reference=0)
+    spoilt = replace(merged, samples=replace(merged.samples, values=np.full_like(merged.samples.values, np.nan)))
+    with pytest.raises(ConvergenceError, match="samples: conjugate gradients stopped"):
+        picture(spoilt)
 
 
 def test_memory_grows_with_the_frames() -> None:

@@ -136,3 +136,14 @@ def test_a_kernel_takes_what_it_is_declared_for() -> None:
     assert (raised == 2).all()
     with pytest.raises(TypeError, match="No matching definition"):
         interpolate(values, (0.0, 0.0), 2, plane)  # nothing is written to it, but that was not declared
+
+
+def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    made, seen = product.ParallelKernel(more, "i8[::1]"), []
+    made(np.arange(3))
+    monkeypatch.setattr(made, "_dispatcher", lambda numbers: seen.append((numbers.size, product.threads())))
+    before = product.threads()
+    for size in (product.LITTLE, product.LITTLE + 1):
+        made(np.arange(size))
+    assert seen == [(product.LITTLE, 1), (product.LITTLE + 1, before)]
+    assert product.threads() == before

@@ -103,3 +103,14 @@ def test_displaces_a_frame() -> None:
     assert shown[13, 17] == pytest.approx(
         0.5 * reference.keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5
     )
+
+
+@pytest.mark.parametrize(
+    "noise", [[[1e-3, 4e-4], [1e-3, 0], [0, 0]], [[0, 4e-4], [0, 0], [1e-3, 0]], [[1e-3, 0], [0, 0], [0, 1e6]]]
+)
+@pytest.mark.parametrize("light", [0.0, -1.5, 1.0])
+def test_no_noise_model_takes_all_the_weight(noise: list[list[float]], light: float) -> None:
+    planes = burst(0.03) * np.float32(0.1) + np.float32(light)
+    out, variance, *_ = merged(planes, np.full(planes.shape, 255, np.uint8), np.array(noise, np.float64))
+    assert np.isfinite(out).all()
+    assert (variance > 0).all()

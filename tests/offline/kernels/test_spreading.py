@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from offline.kernels.spreading import HALO, TILE, spread_samples
+from offline.kernels.spreading import HALO, TILE, spread_samples, tiles_of
+from offline.kernels.spreading import TOLERANCE as LIMIT
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 from tests.reference import burst as reference
 
 TOLERANCE = 1e-2  # of the largest correction: conjugate gradients stop before
 PRIOR = 0.15, 0.01, 0.03
+MOST = 100  # iterations that uncertain samples take, which spread far
 
 
 def basis(channels: int) -> DoubleArray:
@@ -40,10 +42,14 @@ def by_tile(figures: DoubleArray, channels: IndexArray, shape: tuple[int, int]) 
     return figures[order].astype(np.float32), channels[order].astype(np.uint8), starts
 
 
-def spread(shape: tuple[int, int], channels: int, count: int, cut: int = 0) -> tuple[FloatArray, DoubleArray]:
+def spread(
+    shape: tuple[int, int], channels: int, count: int, cut: int = 0, precision: float = 1.0
+) -> tuple[FloatArray, DoubleArray]:
     """The corrected chromaticity, computed in one part or in two that meet at row `cut`; and the one before."""
+    prior = PRIOR[0], PRIOR[1] * precision, PRIOR[2]
     luminance, chromaticity, gamma = picture(shape, channels)
-    sorted_samples = by_tile(*samples(shape, channels, count), shape)
+    figures, of = samples(shape, channels, count)
+    sorted_samples = by_tile(figures * [1, 1, 1, 1, precision], of, shape)
     planes = luminance.astype(np.float32), chromaticity.astype(np.float32)
     found = np.full(chromaticity.shape, np.nan, np.float32)
     for rows in ((0, cut), (cut, shape[0])) if cut else ((0, shape[0]),):
@@ -51,7 +57,10 @@ def spread(shape: tuple[int, int], channels: int, count: int, cut: int = 0) -> t
         light, colour = (np.ascontiguousarray(plane[first:last]) for plane in planes)
         out = np.empty((rows[1] - rows[0], shape[1], channels), np.float32)
         weights = gamma.astype(np.float32), np.ascontiguousarray(basis(channels), np.float32)
-        spread_samples(light, colour, first, rows, shape[0], sorted_samples, *weights, PRIOR, out)
+        residuals, used = np.full(tiles_of(rows, shape[1]), np.nan), np.zeros(tiles_of(rows, shape[1]), np.intp)
+        spread_samples(light, colour, first, rows, shape[0], sorted_samples, *weights, prior, out, residuals, used)
+        assert (residuals <= LIMIT).all()
+        assert (used <= MOST).all()
         found[slice(*rows)] = out
     return found, chromaticity
 
@@ -75,3 +84,19 @@ def test_parts_and_threads_leave_no_trace(each_thread_count: object) -> None:
 def test_nothing_changes_without_samples() -> None:
     found, before = spread((20, 30), 3, 0)
     assert np.array_equal(found, before.astype(np.float32))
+
+
+@pytest.mark.parametrize("precision", [1e-2, 1e-4])
+def test_samples_in_noise_are_solved_too(precision: float) -> None:
+    """What they say spreads far: without a coarse level the solver stopped on its way there."""
+    shape, channels, count, prior = (40, 44), 3, 300, (PRIOR[0], PRIOR[1] * precision, PRIOR[2])
+    found, before = spread(shape, channels, count, precision=precision)
+    luminance, _, gamma = picture(shape, channels)
+    figures, of = samples(shape, channels, count)
+    uncertain = figures * [1, 1, 1, 1, precision]
+    expected = reference.spread(luminance, before, (uncertain, of), gamma, basis(channels), prior)
+    assert np.abs(found - expected).max() < TOLERANCE * np.abs(expected - before).max()
+
+
+def test_a_large_picture_in_noise_takes_no_more_iterations() -> None:
+    spread((2 * TILE, 2 * TILE), 3, 4000, precision=1e-4)

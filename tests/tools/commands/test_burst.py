@@ -69,7 +69,14 @@ def test_the_command_gives_what_the_library_gives(taken: Path, out: Path) -> Non
     made = tifffile.imread(out / f"{STEM}.tif")
     assert np.array_equal(made, np.concatenate(list(render_burst_bands(burst, UNLEARNED))))
     rows, columns = made.shape[:2]
-    assert outcome.out.startswith(f"{out / STEM}.tif: {columns} x {rows}, 32 bits, camera, 3 of 3 frames, ")
+    frames = f"3 of 3 frames, reference {STEM}-2.dng, "
+    assert outcome.out.startswith(f"{out / STEM}.tif: {columns} x {rows}, 32 bits, camera, {frames}")
+
+
+def test_the_first_frame_is_the_reference_where_all_are_as_sharp(taken: Path, out: Path) -> None:
+    outcome = merged(taken, out, "--json")
+    assert outcome.records[0]["reference"] == str(frame(taken, 1))
+    assert f"3 of 3 frames, reference {STEM}-1.dng, " in outcome.err
 
 
 @pytest.mark.parametrize("name", POSSIBLE)
@@ -227,6 +234,32 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert_refused(outcome, "name another --reference", name=str(frame(frames, 3)))
 
 
+def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
+    copies = [frames / f"{STEM}-{number}.dng" for number in (4, 5)]
+    shutil.copy(frame(frames, 2), copies[0])
+    again = read_dng(frame(frames, 2))
+    write_dng(copies[1], replace(again, metadata=CaptureMetadata(iso=50)), np.ones((8, 8, 3), np.uint8))
+    outcome = merged(frames, out)
+    for path in copies:
+        assert f"{path}: is left out: it is a copy of {frame(frames, 2)}: its samples are the same" in outcome.err
+    assert f"3 of 5 frames, reference {STEM}-1.dng" in outcome.out
+    outcome = merged(frames, out, "--overwrite", "--reference", str(copies[0]))
+    assert f"{frame(frames, 2)}: is left out: it is a copy of {copies[0]}: " in outcome.err
+    assert f"3 of 5 frames, reference {copies[0].name}" in outcome.out
+    outcome = run("burst", frame(frames, 2), *copies, "-o", out, "--overwrite", "--no-learned")
+    assert outcome.code == 0
+    assert f"{frame(frames, 2)}: is the only frame that is left; the picture is that of one shot" in outcome.err
+    outcome = run("burst", frames, "-o", out, "--overwrite", "--dry-run")
+    assert outcome.err.count("is a copy of") == 2
+
+
+def test_one_file_is_given_twice(frames: Path, out: Path) -> None:
+    (frames / "link.dng").symlink_to(frame(frames, 1).name)
+    for other in (f"{frames}/./{STEM}-1.dng", str(frames / "link.dng")):
+        outcome = run("burst", frame(frames, 1), other, "-o", out)
+        assert_refused(outcome, f"is given twice: it is the same file as {frame(frames, 1)}", name=other, code=2)
+
+
 def test_a_dng_of_another_program_in_the_folder_is_left_out(frames: Path, out: Path) -> None:
     tifffile.imwrite(frames / f"{STEM}-9.dng", np.zeros((20, 20), np.uint16))
     outcome = merged(frames, out)
@@ -291,6 +324,16 @@ def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
     merged(frames, out, "--resume", "--report")
     assert (out / f"{page.name}.bak").read_text() == "edited"
     assert "3 of 4 frames" in page.read_text()
+
+
+def test_a_finished_burst_still_names_its_damaged_frame(frames: Path, out: Path) -> None:
+    frame(frames, 3).write_bytes(frame(frames, 3).read_bytes()[:5000])
+    first = run("burst", frames, "-o", out, "--no-learned", "--resume")
+    for more in ((), (), ("--dry-run",)):
+        outcome = run("burst", frames, "-o", out, "--no-learned", "--resume", *more)
+        assert_refused(outcome, name=str(frame(frames, 3)))
+        assert "is up to date" in outcome.out
+        assert outcome.errors == first.errors
 
 
 @pytest.mark.parametrize("stage", ["reading", "aligning", "merging", "colour"])

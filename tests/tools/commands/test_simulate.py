@@ -244,6 +244,8 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert np.array_equal(tifffile.imread(out / "builtin-150x120.truth.tif"), frames[0].rgb)
     (record,) = outcome.records
     assert len(record["outputs"]) == 5
+    assert record["reference"] == str(out / FRAMES[0])
+    assert f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; " in outcome.err
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
 
 

@@ -45,6 +45,18 @@ def test_a_file_that_is_given_twice() -> None:
         series([Source("a.dng"), Source("b.dng"), Source("a.dng")])
 
 
+@pytest.mark.parametrize("spelling", ["{0}/./a.dng", "{0}/more/../a.dng", "{0}/symbolic.dng", "{0}/hard.dng", "{0}/b-2.dng"])
+def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: str) -> None:
+    (tmp_path / "more").mkdir()
+    (tmp_path / "a.dng").write_text("a")
+    for name in ("symbolic.dng", "b-2.dng"):
+        (tmp_path / name).symlink_to("a.dng")
+    (tmp_path / "hard.dng").hardlink_to(tmp_path / "a.dng")
+    first, second = f"{tmp_path}/a.dng", spelling.format(tmp_path)
+    with pytest.raises(InputError, match=f"^{second}: is given twice: it is the same file as {first}$"):
+        series([Source(first), Source("missing.dng"), Source(second)])
+
+
 @pytest.mark.parametrize(
     ("names", "stem"),
     [
