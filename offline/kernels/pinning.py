@@ -68,7 +68,9 @@ def pin_samples(
                     right_side[0, row, column] = weight * (ratios[y, x] - base[y, x, channel])
                     field[0, row, column] = _NONE
             residual, iterations = solve(normal, right_side, links, np.float32(prior[1]), TOLERANCE, field)
-            residuals[number], used[number] = max(residual, residuals[number]), max(iterations, used[number])
+            used[number] = max(iterations, used[number])
+            if residual > residuals[number] or np.isnan(residual):
+                residuals[number] = residual
             for y in range(top, bottom):
                 for x in range(left, right):
                     out[y - rows[0] + first, x, channel] = base[y, x, channel] + field[0, y - above, x - before]

@@ -257,7 +257,8 @@ def test_one_file_is_given_twice(frames: Path, out: Path) -> None:
     (frames / "link.dng").symlink_to(frame(frames, 1).name)
     for other in (f"{frames}/./{STEM}-1.dng", str(frames / "link.dng")):
         outcome = run("burst", frame(frames, 1), other, "-o", out)
-        assert_refused(outcome, f"is given twice: it is the same file as {frame(frames, 1)}", name=other, code=2)
+        said = f"panchroma: {other}: is given twice: it is the same file as {frame(frames, 1)}"
+        assert (outcome.code, outcome.errors, names(out)) == (2, [said], set())
 
 
 def test_a_dng_of_another_program_in_the_folder_is_left_out(frames: Path, out: Path) -> None:
