@@ -76,7 +76,7 @@ def _candidates(frames: Sequence[Frame]) -> list[int]:
     sharpness = np.array([0.0 if frame.empty else frame.sharpness for frame in frames])
     usable = np.array([frame.usable for frame in frames])
     sharp = sharpness >= _BLURRED * np.median(sharpness)
-    left, chosen = np.ones(len(frames), bool), []
+    left, chosen = np.ones(len(frames), bool), list[int]()
     while left.any() and len(chosen) < _CANDIDATES:
         good = left & sharp if (left & sharp).any() else left
         good = good & (usable >= usable[good].max() - _ALIKE)

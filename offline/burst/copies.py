@@ -65,10 +65,10 @@ def _share(one: Mosaic, other: Mosaic, parts: Iterable[slice | IndexArray]) -> f
 
 def _levels(mosaic: Mosaic, rows: slice | IndexArray) -> FloatArray:
     """The samples of some rows: panchromatic black is 0, white 1."""
-    samples, black = mosaic.samples[rows], mosaic.calibration.black_level[-1]
-    if samples.dtype == np.uint16:
-        return (samples.astype(np.float32) - np.float32(black)) / np.float32(_range(mosaic))
-    return samples / np.float32(mosaic.calibration.full_scale)
+    levels = mosaic.samples[rows].astype(np.float32)
+    if mosaic.samples.dtype == np.float32:
+        return levels / np.float32(mosaic.calibration.full_scale)
+    return (levels - np.float32(mosaic.calibration.black_level[-1])) / np.float32(_range(mosaic))
 
 
 def _range(mosaic: Mosaic) -> float:

@@ -132,7 +132,8 @@ def _precision(noise: DoubleArray, frame: int, light: Scalar) -> float:
     reference = noise[0, 0] * light + noise[0, 1]
     if not reference > 0:
         return 1.0
-    return min(max(reference / (noise[frame, 0] * light + noise[frame, 1]), 1 / _MOST), _MOST)
+    precision: float = min(max(reference / (noise[frame, 0] * light + noise[frame, 1]), 1 / _MOST), _MOST)
+    return precision
 
 
 @kernel

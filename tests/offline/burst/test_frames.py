@@ -9,7 +9,6 @@ from offline import BEST, PAPER
 from offline.burst.comparing import _candidates
 from offline.burst.frames import Frame, noise_models
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import FloatArray
 
 SHAPE, PATTERN, CAMERA = (300, 420), CfaPattern.bayer(6), SensorCalibration.of_bits(12)
 
@@ -20,7 +19,7 @@ def model(shot: float, read: float) -> NoiseModel:
 
 def frame(seed: int, sigma: float, noise: NoiseModel | None = None, iso: int | None = None) -> Mosaic:
     """A gradient from black to white, and noise."""
-    light: FloatArray = np.broadcast_to(np.linspace(0, 2.5, SHAPE[1]), SHAPE) + np.random.default_rng(seed).normal(0, sigma, SHAPE)
+    light = np.broadcast_to(np.linspace(0, 2.5, SHAPE[1]), SHAPE) + np.random.default_rng(seed).normal(0, sigma, SHAPE)
     calibration = replace(CAMERA, noise=noise)
     return Mosaic(Mosaic(light.astype(np.float32), PATTERN, CAMERA).codes, PATTERN, calibration, CaptureMetadata(iso=iso))
 
