@@ -97,7 +97,7 @@ def methods() -> dict[str, Method]:
     preview_code = "tools/evaluation/camera_preview.py", "device"
     ours = [
         Method("paper", "Sparse colour, paper", paper, render_code, ours=True, sparse=True, seconds=0.3),
-        Method("best", "Sparse colour, best", best, render_code, ours=True, sparse=True, seconds=2),
+        Method("best", "Sparse colour, best", best, render_code, ours=True, sparse=True, packages=("onnxruntime",), seconds=2),
         Method("unlearned", "Sparse colour, best, unlearned", unlearned, render_code, ours=True, sparse=True, seconds=2),
         Method(
             "preview",

@@ -1,7 +1,7 @@
 """The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is made."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -103,18 +103,15 @@ class Study:
 
     def cell(self, scene: SceneInfo, level: float, method: Method, tile: Tile | None) -> Cell:
         """One result, with its name in the cache. tile: None for a Bayer camera's method."""
-        other = {"pattern": tile.letters, "channels": tile.pattern.channels} if tile and not tile.period else {}
-        light = {"light": scene.channels} if scene.channels != RGB else {}
+        noisy = level or self.protocol.kind == "sensor"
         name = key(
             scene=scene.digest,
+            channels=scene.channels,
             neutral=scene.neutral if method.balanced else None,
-            protocol=self.protocol.kind,
-            seed=self.protocol.seed if level or self.protocol.kind == "sensor" else 0,
+            protocol=asdict(self.protocol if noisy else replace(self.protocol, seed=0)),  # without noise any seed is the same
             level=level,
-            period=tile.pattern.period if tile else 0,
+            pattern=asdict(tile.pattern) if tile else None,
             method=method.identity(),
-            **other,
-            **light,
         )
         return Cell(scene, level, method.name, tile, name)
 

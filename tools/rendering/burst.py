@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
@@ -33,6 +32,8 @@ class BurstOrder(Order):
     shifts: (right, down), where the sensor was at each file, in columns and rows of its pixels; () = hand-held: find the motion.
     """
 
+    no_matter = Order.no_matter - {"max_pixels"}  # a larger frame is left out, and the others make another picture
+
     reference: int | None = None
     shifts: tuple[Shift, ...] = ()
 
@@ -57,10 +58,6 @@ class BurstOrder(Order):
                     note(frame.line)
             raise InputError(f"none of the {len(frames)} frames can be used")
         return Burst(self, frames, note, reported=shot.page is not None)
-
-    def key(self, output: Path, source_digest: str, **more: Any) -> str:
-        """Digest of everything that the picture depends on."""
-        return super().key(output, source_digest, burst=[self.reference, self.shifts], **more)
 
     def failures(self, shot: Shot) -> tuple[str, ...]:
         """A line for each frame that cannot be read. Frames are read one by one, and not kept."""

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from shared import Camera, Mosaic, read_dng
 from shared.reading import MAX_PIXELS
@@ -36,7 +37,10 @@ class Order:
     resume: keep pictures that are up to date, replace those of an earlier render that are not.
     overwrite: replace any existing file.
     dry_run: write nothing, only report what would be done.
+    no_matter: the fields that change no picture, but only whether, where and when it is made.
     """
+
+    no_matter: ClassVar[frozenset[str]] = frozenset({"folder", "run", "max_pixels", "resume", "overwrite", "dry_run"})
 
     folder: Path
     kind: PictureKind
@@ -98,25 +102,20 @@ class Order:
         """The picture's path below the folder, as it stands in the journal."""
         return output.relative_to(self.folder).as_posix()
 
-    def key(self, output: Path, source_digest: str, **more: Any) -> str:
-        """Digest of everything that the picture depends on. more: JSON values, what other orders add."""
+    def key(self, output: Path, source_digest: str) -> str:
+        """Digest of everything that a picture depends on. Orders with equal keys make equal pictures."""
+        return key(input=source_digest, output=self.name(output), order=self._asked)
+
+    @cached_property
+    def _asked(self) -> str:
+        """Digest of all fields that change pictures, of the settings of the preset, and of the algorithm.
+
+        Every field counts that is not named in `no_matter`: one that is added later cannot be forgotten.
+        """
         from offline.version import ALGORITHM
 
-        return key(
-            input=source_digest,
-            settings=asdict(self.settings),
-            # What is not asked for is left out: the keys of pictures made before there was a choice stay the same.
-            picture=[
-                *(self.kind.format, self.kind.bits, self.kind.space, self.exposure),
-                *([] if self.kind.quality is None else [{"quality": self.kind.quality}]),
-                *([{"white": asdict(self.white)}] if self.white.changes else []),
-            ],
-            calibration=self.camera.calibration.id if self.camera else None,  # the shot's own is part of the shot
-            defects=self.defects,
-            algorithm=ALGORITHM,
-            output=self.name(output),
-            **more,
-        )
+        asked = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
+        return key(algorithm=ALGORITHM, settings=asdict(self.settings), **asked)
 
 
 State = Literal["made", "planned", "current", "foreign", "postponed", "failed"]

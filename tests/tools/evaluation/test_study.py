@@ -9,6 +9,7 @@ from shared import SensorCalibration
 from shared.pattern import CfaPattern
 from shared.sensor import simulate_additive
 from tests.tools.evaluation.examples import measured, small_scene, study_of
+from tests.walking import CHANGED, one_field_changed
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
@@ -72,6 +73,23 @@ def test_a_new_method_a_new_level_a_new_period_add_only_themselves(tmp_path: Pat
     assert added(protocol=Protocol("paper", 1)) == [("bilinear", 0.03, ""), ("dlmmse", 0.03, ""), ("paper", 0.03, "K=6")]
     assert len(added(protocol=Protocol("sensor"), levels=(1.0,))) == 3
     assert added(scenes=study.scenes[::-1]) == []
+
+
+def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path) -> None:
+    study = study_of(tmp_path, methods=("paper",), count=1)
+    scene, method, tile = study.scenes[0], registry.methods()["menon-wb"], study.tile
+    whole = study.cell(scene, 0.03, method, tile).name
+    other: dict[str, str] = {}
+    for name, protocol in one_field_changed(study.protocol):
+        other[name] = replace(study, protocol=protocol).cell(scene, 0.03, method, tile).name
+    for name, pattern in one_field_changed(tile.pattern):
+        other[f"pattern.{name}"] = study.cell(scene, 0.03, method, replace(tile, pattern=pattern)).name
+    for name in ("digest", "neutral", "channels"):
+        other[name] = study.cell(replace(scene, **{name: CHANGED}), 0.03, method, tile).name
+    for name, change in {"function": demosaic_bilinear, "code": ("shared",), "balanced": False, "packages": ("numpy",)}.items():
+        other[name] = study.cell(scene, 0.03, replace(method, **{name: change}), tile).name  # type: ignore[arg-type]
+    assert {"kind", "seed", "pattern.tile", "pattern.origin", "pattern.channels", "channels"} <= other.keys()
+    assert len({whole, *other.values()}) == len(other) + 1
 
 
 def test_another_picture_under_the_same_name_is_measured_again(tmp_path: Path) -> None:

@@ -2,20 +2,16 @@
 
 import json
 import os
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from offline.version import ALGORITHM
 from shared import Camera, SensorCalibration, read_dng
 from shared.calibration import NoiseModel
 from tests.tools.command import Outcome, assert_refused, contents, results, run
 from tests.tools.rendering.examples import save_shot
-from tools.pictures.writer import PictureKind
-from tools.rendering.journal import NAME, key
-from tools.rendering.order import Order
+from tools.rendering.journal import NAME
 
 
 @pytest.fixture
@@ -49,16 +45,6 @@ def test_a_folder_is_rendered_and_then_current(shots: Path, out: Path) -> None:
     assert contents(shots) == before
     assert render(shots, out).code == 1  # without --resume nothing that exists is accepted
     assert contents(out) == made
-
-
-def test_another_quality_makes_the_picture_again_and_the_usual_one_keeps_its_key(shots: Path, out: Path) -> None:
-    kind = PictureKind.of("jpg")
-    order = Order(out, kind, "best", 0.0, None, "")
-    keys = {replace(order, kind=replace(kind, quality=quality)).key(out / "a.jpg", "") for quality in (None, 30, 95)}
-    assert len(keys) == 3
-    parts = {"input": "", "settings": asdict(order.settings), "calibration": None, "defects": ()}
-    was = key(**parts, picture=["jpg", 8, "srgb", 0.0], algorithm=ALGORITHM, output="a.jpg")  # before there was a choice
-    assert was in keys
 
 
 def test_a_moved_folder_is_still_current(shots: Path, out: Path, tmp_path: Path) -> None:

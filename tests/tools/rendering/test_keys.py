@@ -1,0 +1,133 @@
+"""What a journal's key depends on: everything that changes a picture, field by field, and nothing else."""
+
+import json
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import offline
+from shared import Aberration, Camera, CfaPattern, Mosaic, SensorCalibration, Shading, write_dng
+from shared.calibration import NoiseModel
+from tests.tools.command import contents, results, run
+from tests.tools.rendering.examples import save_shot
+from tests.walking import one_field_changed
+from tools.pictures.writer import PictureKind
+from tools.rendering.burst import BurstOrder
+from tools.rendering.journal import NAME
+from tools.rendering.order import Order
+from tools.rendering.white_balance import WhiteBalance
+
+EVEN = Shading([[[1.0] * 4] * 4] * 4, (13, 17), 35, 0.01)
+CALIBRATION = SensorCalibration.of_bits(
+    12,
+    gamma=(0.9, 1.1, 0.8),
+    noise=NoiseModel.gaussian(0.01, 4),
+    camera_to_xyz=((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    neutral=(0.5, 1, 0.6),
+    neutral_estimated=True,
+    defects=((1, 2),),
+    sensor="bench",
+    shading=EVEN,
+    aberration=Aberration([[0.001, 0], [0, 0], [0, 0.001]], (13, 17), 35),
+)
+WHOLE: dict[str, Any] = {
+    "folder": Path("out"),
+    "kind": PictureKind("jpg", 8, "srgb", 90),
+    "preset": "best",
+    "exposure": 0.5,
+    "camera": Camera(CALIBRATION, CfaPattern.bayer(), {"shading": {"frames": 4}}),
+    "run": "1",
+    "white": WhiteBalance("", (1.0, 2.0, 1.0)),
+    "defects": ((3, 4),),
+}
+ORDERS = [Order(**WHOLE), BurstOrder(**WHOLE, reference=1, shifts=((0.0, 0.0), (1.0, 0.0)))]
+LIMITS = {"folder", "run", "resume", "overwrite", "dry_run"}  # in which nothing of a picture shows
+NO_MATTER = {Order: LIMITS | {"max_pixels"}, BurstOrder: LIMITS}
+
+
+def key(order: Order) -> str:
+    return order.key(Path(order.folder) / "a.jpg", "")
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_every_field_that_changes_a_picture_changes_its_key(order: Order) -> None:
+    changed = dict(one_field_changed(order))
+    assert {"camera.calibration.shading.focal_length", "camera.measured", "kind.quality", "white.kind"} <= changed.keys()
+    whole = key(order)
+    same = {name for name, other in changed.items() if _key_in(order.folder, other) == whole}
+    assert same == NO_MATTER[type(order)]
+    assert NO_MATTER[type(order)] == order.no_matter
+    keys = [_key_in(order.folder, other) for other in changed.values()]
+    assert len(set(keys) - {whole}) == len(changed) - len(same)  # no two of them are the same either
+
+
+def _key_in(folder: Path, order: Order) -> str:
+    """The key of an order, wherever its folder is."""
+    object.__setattr__(order, "folder", folder)
+    return key(order)
+
+
+def test_every_setting_of_the_render_changes_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    keys = {key(Order(**WHOLE))}
+    settings = dict(one_field_changed(offline.BEST))
+    assert {each.name for each in fields(offline.BEST)} == {name.partition(".")[0] for name in settings}
+    for other in settings.values():
+        monkeypatch.setattr(offline, "BEST", other)
+        keys.add(key(Order(**WHOLE)))
+    assert len(keys) == len(settings) + 1
+
+
+def test_the_walk_leaves_no_part_unchanged() -> None:
+    """The example has everything that an order can have: what is None or empty in it would be changed as a whole only."""
+
+    def parts(whole: Any) -> list[Any]:
+        values = [getattr(whole, each.name) for each in fields(whole)]
+        return [whole, *(part for value in values if is_dataclass(value) for part in parts(value))]
+
+    for part in parts(ORDERS[1]):
+        assert None not in [getattr(part, each.name) for each in fields(part)]
+
+
+def test_a_lens_that_is_now_known_to_have_no_shading_makes_pictures_again(tmp_path: Path, out: Path) -> None:
+    """camera.json says "measured, and there is none": the shot's own shading no longer counts, and only `measured` has changed."""
+    darker = np.ones((4, 5, 5))
+    darker[:, [0, -1]] = 1.5
+    calibration = replace(CALIBRATION, shading=Shading(darker.tolist(), EVEN.size))
+    samples = np.random.default_rng(0).integers(256, calibration.white_level, (13, 17), np.uint16)
+    shots = tmp_path / "shots"
+    shots.mkdir()
+    for name in ("a-1", "a-2"):
+        write_dng(shots / f"{name}.dng", Mosaic(samples, CfaPattern.bayer(), calibration), np.zeros((8, 8, 3), np.uint8))
+        samples = samples.copy()
+        samples[0] += 1
+    bare = replace(CALIBRATION, shading=None, aberration=None)
+    cameras = [tmp_path / "camera.json", tmp_path / "none.json"]
+    for path, measured in zip(cameras, ({}, {"shading": {"result": "none"}}), strict=True):
+        path.write_text(json.dumps(Camera(bare, measured=measured).to_json()))
+    for verb, name in (("render", "a-1.tif"), ("burst", "a.tif")):
+        made = []
+        for camera in cameras:
+            assert run(verb, shots, "-o", out, "--camera", camera, "--resume").code == 0
+            made.append((out / name).read_bytes())
+        assert made[0] != made[1], verb
+        assert "up to date" in run(verb, shots, "-o", out, "--camera", cameras[1], "--resume").out
+
+
+def test_pictures_of_earlier_versions_are_made_again_and_what_was_edited_is_kept(tmp_path: Path, out: Path) -> None:
+    """Earlier versions wrote other keys for the same picture."""
+    for seed, name in enumerate("ab"):
+        save_shot(tmp_path / "shots" / f"{name}.dng", seed)
+    assert run("render", tmp_path / "shots", "-o", out).code == 0
+    made = contents(out)
+    lines = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
+    (out / NAME).write_text("".join(json.dumps(line | {"key": 64 * "0"}) + "\n" for line in lines))
+    (out / "b.tif").write_bytes(b"retouched")
+    outcome = run("render", tmp_path / "shots", "-o", out, "--resume", "--json")
+    assert outcome.code == 0
+    assert [record for record in outcome.records if record.get("current")] == []
+    assert results(out) == {"a.tif", "b.tif", "b.tif.bak"}
+    assert (out / "b.tif.bak").read_bytes() == b"retouched"
+    assert (out / "b.tif").read_bytes() == made["b.tif"]
