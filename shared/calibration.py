@@ -197,6 +197,10 @@ class SensorCalibration:
         """What is known of the lens: shading, aberration."""
         return tuple(each for each in (self.shading, self.aberration) if each is not None)
 
+    def zoomed(self, focal_length: float | None) -> tuple[str, ...]:
+        """Remarks on a shot at this focal length, millimetres: one for each part of `lens` that was measured at another one."""
+        return tuple(remark for each in self.lens if (remark := each.zoomed(focal_length)))
+
     @property
     def full_scale(self) -> float:
         """Scene units at the white level of every pixel: sum_i gamma_i."""

@@ -1,6 +1,8 @@
 """Numba's decorators with the options that all kernels share, typed; the kernels' cache on disk; the number of threads."""
 
 import hashlib
+import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,6 +16,8 @@ from numba.core import event, types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic as _intrinsic
+
+from shared.errors import PanchromaError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -72,6 +76,8 @@ class ParallelKernel:
     float64 never for float32. Otherwise a call raises TypeError.
     """
 
+    _threads_lost = False
+
     def __init__(self, function: Callable[..., Any], signature: str) -> None:
         self._signature = signature
         self._dispatcher = numba.njit(parallel=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
@@ -81,7 +87,12 @@ class ParallelKernel:
         self.ready = False
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function."""
+        """Call the function. Raises PanchromaError in a forked child of a process that has called one."""
+        if self._threads_lost:
+            raise PanchromaError(
+                "this process was made by fork from one that has rendered, and the threads that render are not copied: start "
+                'processes with multiprocessing.get_context("spawn") (or "forkserver"), or render nothing before they are made'
+            )
         if not self.ready:
             self.compile()
         usual = threads()
@@ -109,6 +120,16 @@ class ParallelKernel:
     def _types(self) -> tuple[Any, ...]:
         names = {**vars(types), "const": lambda array: array.copy(readonly=True)}
         return tuple(map(_as_type, eval(f"{self._signature},", names)))
+
+
+def _after_fork() -> None:
+    """In a child: note that its parent's threads are lost. GNU's OpenMP ends such a process, or returns with nothing computed."""
+    with suppress(ValueError):  # the parent had no threads yet
+        ParallelKernel._threads_lost |= numba.threading_layer() == "omp" and sys.platform == "linux"
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def _general(kind: Any) -> Any:

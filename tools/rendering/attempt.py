@@ -133,9 +133,8 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         calibration = mosaic.calibration
         if calibration.neutral is None and calibration.camera_to_xyz is None and order.kind.has_white_balance:
             note(f"{source}: the white balance is unknown and taken as even; --wb auto estimates it, --wb R,G,B sets it")
-        for lens in calibration.lens:
-            if zoomed := lens.zoomed(mosaic.metadata.focal_length):
-                note(f"{source}: {zoomed}")
+        for zoomed in calibration.zoomed(mosaic.metadata.focal_length):
+            note(f"{source}: {zoomed}")
         subject.prepare(settings, progress)
         mosaic = subject.mosaic
         for each, path in zip(existing, shot.outputs, strict=True):

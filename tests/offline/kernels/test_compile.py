@@ -1,6 +1,7 @@
 """Compiling once per machine, and telling who waits."""
 
 import errno
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -147,3 +148,42 @@ def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.
         made(np.arange(size))
     assert seen == [(product.LITTLE, 1), (product.LITTLE + 1, before)]
     assert product.threads() == before
+
+
+FORKED = """
+import os, sys, warnings
+import numpy as np
+from offline.kernels.highlights import interpolate
+from shared.errors import PanchromaError
+
+warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: fork in a process with threads
+
+def used():
+    interpolate(np.ones((4, 4), np.float32), (1.0, 1.0), 6, np.zeros((40, 40), np.float32))
+    return "computed"
+
+def in_child():
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        try:
+            print(used())
+        except PanchromaError as error:
+            print(error)
+        sys.stdout.flush()
+        os._exit(0)
+    print("exit code", os.waitpid(child, 0)[1])
+
+in_child()
+used()
+in_child()
+print(used())
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_child_is_told_what_to_do_and_not_killed() -> None:
+    """GNU's OpenMP sends SIGTERM to a child of a process that has used it; where that is ignored, nothing would be computed."""
+    first, code, second, second_code, last = run_python(FORKED).splitlines()
+    assert (first, code, second_code, last) == ("computed", "exit code 0", "exit code 0", "computed")
+    assert second == "computed" or 'multiprocessing.get_context("spawn")' in second

@@ -17,7 +17,7 @@ import offline
 import panchroma
 from panchroma import wording
 from panchroma.wording import for_notebooks
-from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, Shading, read_dng
+from shared import Aberration, Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.pictures.writer import POSSIBLE, PictureKind
@@ -207,13 +207,28 @@ def test_notes_are_told(shot: panchroma.Shot, tmp_path: Path, capsys: pytest.Cap
     made = panchroma.simulate((65535 * GREY).astype(np.uint16))
     assert "taken as linear light" in made.notes[0]
     assert f"array: {made.notes[0]}" in capsys.readouterr().err
+
+
+def test_a_shot_at_another_focal_length_is_told_as_the_command_tells_it(
+    shot: panchroma.Shot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     shading = Shading((((1.0,) * 4,) * 4,) * 4, shot.shape, focal_length=35)
-    mosaic = replace(
-        shot.mosaic, calibration=replace(shot.calibration, shading=shading), metadata=CaptureMetadata(focal_length=50.0)
-    )
-    panchroma.Shot(mosaic).save(tmp_path / "zoomed.dng")
-    assert "measured at 35 mm" in panchroma.open(tmp_path / "zoomed.dng").notes[0]
-    assert "zoomed: taken at 50 mm" in capsys.readouterr().err
+    aberration = Aberration([[0.001, 0], [0, 0], [0, 0]], shot.shape, focal_length=24)
+    path = tmp_path / "zoomed.dng"
+    for known in ({"shading": shading}, {"aberration": aberration}, {"shading": shading, "aberration": aberration}):
+        calibration = replace(shot.calibration, **known)  # type: ignore[arg-type]
+        mosaic = replace(shot.mosaic, calibration=calibration, metadata=CaptureMetadata(focal_length=50.0))
+        panchroma.Shot(mosaic).save(path, overwrite=True)
+        notes = panchroma.open(path).notes
+        assert [each.partition(" was")[0] for each in notes] == [
+            f"taken at 50 mm, but its {name}" for name in ("shading", "chromatic aberration") if name.split()[-1] in known
+        ]
+        lines = [f"zoomed: {each}" for each in notes]
+        assert capsys.readouterr().err.splitlines() == lines
+        panchroma.render(path, preset="paper")
+        assert set(lines) <= set(capsys.readouterr().err.splitlines())
+        told = run("render", path, "-o", tmp_path, "--preset", "paper", "--overwrite").err
+        assert [line for line in told.splitlines() if "taken at" in line] == [f"{path}: {each}" for each in notes]
 
 
 def test_what_is_shown_is_upright(shot: panchroma.Shot) -> None:

@@ -98,9 +98,7 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    shading = mosaic.calibration.shading
-    zoomed = shading.zoomed(mosaic.metadata.focal_length) if shading else ""
-    return told(Shot(mosaic, name=Path(path).stem, notes=(zoomed,) if zoomed else ()))
+    return told(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.zoomed(mosaic.metadata.focal_length)))
 
 
 @for_notebooks
