@@ -18,8 +18,8 @@ from shared.errors import InputError
 from .block_order import greens_are_on_their_diagonal
 from .colour_places import likely_place
 from .frames import RawFrame
-from .layout_search import BIG_ENDIAN, BYTES, CLEARER, Reading, best_reading, refined
-from .level_check import Levels
+from .layout_search import BIG_ENDIAN, BYTES, CLEARER, PLAIN, RAW14, Reading, best_reading, refined
+from .level_check import Levels, columns_of_light
 from .pattern_search import Found, find_pattern
 from .stride_search import likely_strides
 
@@ -61,11 +61,16 @@ class FrameCheck:
             return []
         if self._confirmed >= _TWICE and (not rarely or (self._order and self._bits)):
             return []
-        codes = self._sensor.layout.unpack(frame.data)
-        levels = self._levels(codes)
+        layout, calibration = self._sensor.layout, self._sensor.calibration
+        codes = layout.unpack(frame.data)
+        width = columns_of_light(codes, min(calibration.black_level), calibration.white_level)
+        levels = self._levels(codes[:, :width])
         found = self._found(frame, codes, levels, rarely=rarely)
         if not found:
             return [_UNPROVEN]
+        if width < layout.width:
+            rows = f"--width {width} --stride {layout.stride}"
+            raise _misfit(f"its rows have {layout.width - width} samples at the end that are the same in all of them", rows)
         self._confirmed += 1
         self._order |= self._shows_order(codes, found)
         unsettled = levels.unsettled()
@@ -93,19 +98,17 @@ class FrameCheck:
     def _found(self, frame: RawFrame, codes: CodeArray, levels: Levels, *, rarely: bool) -> Found | None:
         """The pattern, if the frame shows it where it is said to be; None if it does not show it. InputError if it is wrong."""
         pattern, layout = self._sensor.pattern, self._sensor.layout
-        proven = levels.wrong()
-        wrong_levels = _misfit(*proven) if proven else None
         found = find_pattern(codes, pattern)
         confirmed = self._is_declared(found)
         if found and not (confirmed or found.sure):
             found = None
+        proven = levels.wrong(in_right_format=found is not None)
+        wrong_levels = _misfit(*proven) if proven else None
         if not found and levels.are_dark():
             return None
         # The stride is searched for where it may matter; a frame that shows nothing is searched rarely.
-        if self._confirmed or not (found or wrong_levels or rarely):
-            strides = [layout.stride]
-        else:
-            strides = likely_strides(frame.data, layout.stride)
+        searched = not self._confirmed and (found or wrong_levels or rarely)
+        strides = likely_strides(frame.data, layout.stride) if searched else [layout.stride]
         # What repeats after a row also repeats after several.
         aligned = bool(strides) and strides[0] % layout.stride == 0
         # A part of the rows has the same period as all, if the two have no divisor in common.
@@ -113,6 +116,12 @@ class FrameCheck:
         others = [stride for stride in others if stride != layout.stride][:_TRIED]
         if others and not (confirmed and aligned):
             self._check_stride(frame, found, others, aligned=aligned)
+        # Packing before levels and place: in a wrong format both are wrong too, and their remedies lead astray.
+        plain = confirmed and found and found.explained >= PLAIN
+        reading = None if plain or not (searched or aligned) else best_reading(frame.data, layout, pattern, [layout.stride])
+        clearer = reading and (not found or reading.found.explained > CLEARER * found.explained)
+        if searched and clearer and reading and reading.format != layout.format:
+            raise self._misread(frame, reading)
         if confirmed and found and layout.format == "u16":  # the low byte alone may show the pattern, faintly
             swapped = find_pattern(codes.byteswap(), pattern)
             if swapped and swapped.explained > CLEARER * found.explained:
@@ -127,7 +136,9 @@ class FrameCheck:
         if self._is_declared(find_pattern(codes[: len(codes) // 2], pattern)):
             self._check_below(codes)
         if aligned:
-            if reading := best_reading(frame.data, layout, pattern, [layout.stride]):
+            if reading and self._confirmed and (reading.format, reading.skipped) == (layout.format, 0):
+                raise self._too_tall()
+            if reading:
                 raise self._misread(frame, reading)
             if wrong_levels:
                 raise wrong_levels
@@ -201,6 +212,8 @@ class FrameCheck:
                 f"{seen} are single bytes",
                 "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U",
             )
+        if reading.format == RAW14:
+            return _misfit(f"{seen} are packed as {RAW14}", "a mode of the camera with 10, 12 or 16 bits")
         options = []
         if reading.format != layout.format:
             seen += f" are packed as {reading.format}, not as {layout.format}"

@@ -20,6 +20,24 @@ _HIGH = 2.0  # times the black level: the darkest samples of a frame are rarely 
 _UNUSED = 2  # bits
 
 
+def columns_of_light(codes: CodeArray, black: float, white: int) -> int:
+    """Number of columns before those at the end of all rows that hold padding: a value that is the same in every row.
+
+    Padding is darker than black, or, where no other column is even, neither black nor clipped light.
+
+    codes: a frame, (H, W).
+    """
+    even = codes.max(axis=0) == codes.min(axis=0)
+    if even.all() or not even[-1]:
+        return codes.shape[1]
+    kept = int(np.flatnonzero(~even)[-1]) + 1
+    ends = codes[0, kept:]
+    dark = ends < black * _DEEP
+    other = (ends < white) & (abs(ends - black) > 1) & (not even[:kept].any())
+    padding = dark | other | (ends > white)
+    return kept + int(np.flatnonzero(~padding)[-1]) + 1 if not padding.all() else kept
+
+
 class Levels:
     """The levels of the samples of a frame, compared with those of its sensor.
 
@@ -39,13 +57,18 @@ class Levels:
         shift = (used & -used).bit_length() - 1 if used else 0
         self._shift = shift if self._highest - int(codes.min()) >= 16 << shift else 0
 
-    def wrong(self) -> tuple[str, str] | None:
-        """What they prove wrong, and the remedy; None if nothing."""
+    def wrong(self, *, in_right_format: bool) -> tuple[str, str] | None:
+        """What they prove wrong, and the remedy; None if nothing.
+
+        in_right_format: the frame shows a pattern, so that its format is right; otherwise that may be what is wrong.
+        """
         declared = self._calibration.bits
         bits = max(self._highest.bit_length(), _LEAST)
         bits += bits % 2
         seen = self._impossible(declared, bits)
-        return (seen, self._likely(bits)) if seen else None
+        if not seen:
+            return None
+        return seen, self._likely(bits) if in_right_format else "another --format, --stride, --bits, or --camera with its levels"
 
     def lit(self) -> tuple[str, str] | None:
         """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""

@@ -119,10 +119,48 @@ def test_a_wrong_format(right: str, wrong: str) -> None:
     assert f"--format {right} --stride 544." in message
 
 
+@pytest.mark.parametrize("place", [(0, 0), (2, 1), (5, 4)])
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("raw10", "raw12"), ("raw12", "raw10"), ("raw10", "u16"), ("raw12", "u16"), ("u16", "raw12"), ("u16", "raw10")],
+)
+def test_the_format_is_judged_before_place_and_levels(right: str, wrong: str, place: tuple[int, int]) -> None:
+    """In a wrong format colour sites seem to be elsewhere, and levels to be higher: that is no advice to follow."""
+    frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
+    described = sensor(
+        FrameLayout(SIZE[1], SIZE[0], wrong, 544), CfaPattern.bayer(6, origin=place), bits=10 if wrong == "raw10" else 12
+    )
+    assert f"likely --format {right}" in refusal(frame * 3, described)
+    assert f"--format {right}" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], wrong), CfaPattern.bayer(4)))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("padding", [0, 0xA5])
+def test_padding_is_no_part_of_the_picture(name: str, padding: int) -> None:
+    """A width that takes some of what fills each line to the stride."""
+    right = FrameLayout(SIZE[1], SIZE[0], name, 576)
+    frame = pack(codes(bits=min(right.bits, 12)), name, 576, padding)
+    assert f"likely --width {SIZE[1]} --stride 576." in refusal(frame * 3, sensor(FrameLayout(SIZE[1] + 20, SIZE[0], name, 576)))
+    assert look(frame * 3, sensor(right)) == []
+
+
+def test_a_clipped_or_black_edge_is_no_padding() -> None:
+    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
+    for level in (256, 4095):
+        edge = codes().copy()
+        edge[:, -40:] = level
+        look(pack(edge, "u16") * 3, sensor(layout))  # is not refused
+
+
 def test_formats_that_are_not_supported_are_named() -> None:
     described = sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), bits=16)
     assert "swap the bytes" in refusal(codes().astype(">u2").tobytes() * 3, described)
     assert "8 bits or a lossy compression" in refusal((codes() >> 4).astype(np.uint8).tobytes() * 5, described)
+    for name in FORMATS:
+        other = sensor(FrameLayout(SIZE[1], SIZE[0], name), CfaPattern.bayer(6))  # and at another place
+        assert "a mode of the camera with 10, 12 or 16 bits" in refusal(pack(codes(bits=14), "raw14") * 3, other)
+        assert "8 bits or a lossy compression" in refusal(pack(codes(), "8 bits") * 5, other)
+        assert "swap the bytes" in refusal(pack(codes(), "big-endian u16") * 3, other)
 
 
 @pytest.mark.parametrize(("bits", "light"), [(14, 1.0), (16, 1.0), (14, 0.2), (16, 5.0)])

@@ -1,11 +1,15 @@
 """Streams whose description is wrong: each is refused, or passes with a remark on what it leaves open, and none passes silently.
 
+The advice in a refusal is followed, again and again: it has to lead to what the camera has seen, or to a refusal without any.
+
 python -m tests.fuzz.descriptions --count 2000 --seed 1
 """
 
 import argparse
+import re
 import sys
 from collections import Counter
+from dataclasses import dataclass, replace
 from random import Random
 
 import numpy as np
@@ -14,79 +18,154 @@ from device.capture import Sensor
 from device.frame_check import checked
 from device.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
+from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tests.device.packer import pack
 from tools.scenes.drawn.builtin import builtin_scene
 
-RIGHT, REFUSED, REMARK, SILENT = "right", "refused", "remark", "SILENT"
-WRONG = ("stride", "width", "format", "period", "origin", "diagonal", "bits", "height")
-_BITS = {"raw10": 10, "raw12": 12, "u16": 12}
-_ORDERS = {"RGGB": ("GRBG", "GBRG"), "GRBG": ("RGGB", "BGGR")}
+RIGHT, REFUSED, REMARK, SILENT, MENDED, ASTRAY = "right", "refused", "remark", "SILENT", "mended", "LED ASTRAY"
+WRONG = ("stride", "width", "padding", "format", "period", "origin", "diagonal", "bits", "height", "packing", "everything")
+# What cameras send, with the bits of a sample; we read the first three.
+_SENT = {"raw10": 10, "raw12": 12, "u16": 12, "raw14": 14, "big-endian u16": 12, "8 bits": 12}
+_GROUPS = {"raw14": (4, 7), "big-endian u16": (1, 2), "8 bits": (1, 1)}  # pixels, and their bytes, of what FORMATS has not
+_ORDERS = {"RGGB": ("GRBG", "GBRG"), "GRBG": ("RGGB", "BGGR"), "GBRG": ("RGGB", "BGGR"), "BGGR": ("GRBG", "GBRG")}
+_MOST_STEPS = 6
+
+
+@dataclass(frozen=True)
+class Described:
+    """The options with which a user describes a stream; those of `panchroma capture`. stride: 0 = no padding."""
+
+    width: int
+    height: int
+    format: str
+    stride: int
+    period: int
+    order: str
+    origin: tuple[int, int]
+    bits: int
+
+    @property
+    def pattern(self) -> CfaPattern:
+        return CfaPattern.bayer(self.period, self.order, self.origin)
+
+    @property
+    def sensor(self) -> Sensor:
+        """Raises InputError as the command does."""
+        layout = FrameLayout(self.width, self.height, self.format, self.stride)
+        bits = self.bits if layout.format == "u16" else layout.bits
+        return Sensor(layout, self.pattern, SensorCalibration.of_bits(bits, headroom=False))
+
+    def advised(self, message: str, random: Random) -> "Described | None":
+        """The description after a user has followed a refusal; None if that names nothing to try."""
+        advice = message.partition("; likely ")[2].partition(". If the description is right")[0]
+        changes: dict[str, object] = {}
+        for name, value in re.findall(r"--(format|order) (\w+(?: or [A-Z]{4})?)", advice):
+            changes[name] = random.choice(value.split(" or "))
+        for name, value in re.findall(r"--(width|stride|period|bits) (\d+)", advice):
+            changes[name] = int(value)
+        if found := re.search(r"--origin (\d+) (\d+)", advice):
+            changes["origin"] = (int(found[1]), int(found[2]))
+        return replace(self, **changes) if changes else None  # type: ignore[arg-type]
 
 
 def case(seed: int, number: int) -> tuple[str, str]:
-    """(What is wrong, the outcome) of a stream and its description; every ninth is described rightly."""
+    """(What is wrong, the outcome) of a stream and its description; one in twelve is described rightly."""
     random = Random(f"{seed} {number}")
     wrong = (*WRONG, RIGHT)[number % (len(WRONG) + 1)]
-    name, period, order = random.choice(list(FORMATS)), random.choice((3, 4, 5, 6, 8)), random.choice(list(_ORDERS))
+    sent = random.choice(list(_SENT if wrong in ("packing", "everything") else FORMATS))
+    period, order, bits = random.choice((3, 4, 5, 6, 8)), random.choice(list(_ORDERS)), _SENT[sent]
     width, height = random.randrange(160, 300, 2), random.randrange(128, 200)
-    pattern = CfaPattern.bayer(period, order, (random.randrange(period), random.randrange(period)))
-    bits = _BITS[name]
+    pixels, length = _GROUPS.get(sent) or (FORMATS[sent].pixels, FORMATS[sent].length)
+    stride = -(-width // pixels) * length + (64 if wrong == "padding" else random.choice((0, 2, 28, 64)))
+    other = [name for name in FORMATS if name != sent]
+    origin = random.randrange(period), random.randrange(period)
+    true = Described(width, height, sent, stride, period, order, origin, bits)
     scene = np.minimum(builtin_scene(width, height).rgb * random.choice((0.3, 1.0, 3.0)), 1.0).astype(np.float32)
     calibration = SensorCalibration.of_bits(bits, headroom=False)
-    codes = simulate_additive(scene, pattern, calibration, random.choice((0.0, 0.01)), np.random.default_rng(number)).codes
-    stride = FrameLayout(width, height, name).stride + random.choice((0, 2, 28, 64))
-    data = pack(codes, name, stride) * 4
-    described = {"width": width, "height": height, "format": name, "stride": stride}
+    noise = random.choice((0.0, 0.01)), np.random.default_rng(number)
+    codes = simulate_additive(scene, true.pattern, calibration, *noise).codes
+    described, padding = true, random.choice((0, 0xA5))
     match wrong:
         case "stride":
-            described["stride"] = stride + 2 * random.randrange(1, 60)
+            described = replace(true, stride=stride + 2 * random.randrange(1, 60))
         case "width":  # and with it the stride, as without --stride
-            described |= {"width": width + 2 * random.randrange(1, 30), "stride": 0}
-            described["stride"] = FrameLayout(**described).stride + (2 if FrameLayout(**described).stride == stride else 0)  # type: ignore[arg-type]
+            wide = replace(true, width=width + 2 * random.randrange(1, 30), stride=0)
+            tight = wide.sensor.layout.stride
+            described = replace(wide, stride=tight + 2 * (tight == stride))
+        case "padding":
+            described = replace(true, width=width + pixels * random.randrange(1, 64 // length + 1))
         case "height":
-            described["height"] = height + random.choice((-1, 1)) * random.choice([n for n in range(1, 20) if n % period])
+            described = replace(
+                true, height=height + random.choice((-1, 1)) * random.choice([n for n in range(1, 20) if n % period])
+            )
         case "format":
-            described |= {"format": random.choice([other for other in FORMATS if other != name]), "stride": 0}
+            described = replace(true, format=random.choice(other), stride=0)
         case "period":
-            pattern = CfaPattern.bayer(random.choice([other for other in range(3, 13) if other != period]), order)
+            described = replace(true, period=random.choice([other for other in range(3, 13) if other != period]), origin=(0, 0))
         case "origin":
-            moved = (pattern.origin[0] + random.randrange(1, period)) % period
-            pattern = CfaPattern.bayer(period, order, (moved, pattern.origin[1]))
+            described = replace(true, origin=((origin[0] + random.randrange(1, period)) % period, origin[1]))
         case "diagonal":
-            pattern = CfaPattern.bayer(period, random.choice(_ORDERS[order]), pattern.origin)
+            described = replace(true, order=random.choice(_ORDERS[order]))
         case "bits":
-            data = codes.astype("<u2").tobytes() * 4
-            described |= {"format": "u16", "stride": 0}
-            bits = random.choice([other for other in (10, 12, 14, 16) if other != bits])
-    layout = FrameLayout(**described)  # type: ignore[arg-type]
-    return wrong, _outcome(data, Sensor(layout, pattern, _calibration(layout, bits)))
+            stride = 2 * width
+            true = replace(true, format="u16", stride=stride)
+            described = replace(true, bits=random.choice([other for other in (10, 12, 14, 16) if other != bits]))
+        case "packing" | "everything":
+            described = replace(true, format=random.choice(other), stride=random.choice((0, stride)), bits=12)
+            if described.stride and FrameLayout(width, height, described.format).stride > stride:
+                described = replace(described, stride=0)
+            if wrong == "everything":
+                place = random.randrange(12), random.randrange(12)
+                described = replace(described, period=random.choice((4, 6, 8)), order=random.choice(list(_ORDERS)), origin=place)
+    data = pack(codes, true.format, true.stride, padding) * 4
+    return wrong, _outcome(data, codes, true, described, random)
 
 
-def _calibration(layout: FrameLayout, bits: int) -> SensorCalibration:
-    return SensorCalibration.of_bits(bits if layout.format == "u16" else layout.bits, headroom=False)
+def _outcome(data: bytes, codes: CodeArray, true: Described, described: Described, random: Random) -> str:
+    """What becomes of a stream when a user follows all advice."""
+    followed = False
+    for _ in range(_MOST_STEPS):
+        remarks: list[str] = []
+        try:
+            sensor = described.sensor
+            size = sensor.layout.frame_bytes
+            frames = (RawFrame.now(data[first : first + size]) for first in range(0, len(data) - size + 1, size))
+            list(checked(frames, sensor, remarks.append))
+        except InputError as error:
+            advised = described.advised(str(error), random)
+            if advised is None or advised == described:
+                return REFUSED
+            described, followed = advised, True
+            continue
+        if not followed:
+            return REMARK if remarks else SILENT
+        seen = _as_seen(sensor.layout.unpack(data[:size]), codes, sensor, true, greens=not remarks)
+        return MENDED if seen else ASTRAY
+    return ASTRAY
 
 
-def _outcome(data: bytes, sensor: Sensor) -> str:
-    size = sensor.layout.frame_bytes
-    frames = (RawFrame.now(data[first : first + size]) for first in range(0, len(data) - size + 1, size))
-    remarks: list[str] = []
-    try:
-        list(checked(frames, sensor, remarks.append))
-    except InputError:
-        return REFUSED
-    return REMARK if remarks else SILENT
+def _as_seen(read: CodeArray, codes: CodeArray, sensor: Sensor, true: Described, *, greens: bool) -> bool:
+    """Whether what is saved is what the camera has seen, if not all of its width. Only a chart tells red from blue.
+
+    greens: whether they have to be at their places; a remark may say that the frame does not show that.
+    """
+    width = read.shape[1]
+    filters = [pattern.filter_map(codes.shape) for pattern in (sensor.pattern, true.pattern)]
+    alike = all(np.array_equal(filters[0] == plane, filters[1] == plane) for plane in ((1, 3) if greens else (3,)))
+    bits = sensor.calibration.bits == true.bits
+    return bits and alike and width <= codes.shape[1] and np.array_equal(read, codes[:, :width])
 
 
 def is_fault(wrong: str, outcome: str) -> bool:
-    """Whether a wrong description passed silently, or a right one was refused."""
-    return outcome == (REFUSED if wrong == RIGHT else SILENT)
+    """Whether a wrong description passed silently, advice led astray, or a right description was refused."""
+    return outcome in ((REFUSED, MENDED, ASTRAY) if wrong == RIGHT else (SILENT, ASTRAY))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=200, metavar="N")
+    parser.add_argument("--count", type=int, default=240, metavar="N")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     counts: Counter[tuple[str, str]] = Counter()
@@ -98,7 +177,7 @@ def main() -> int:
             faults += 1
             print(f"seed {arguments.seed} number {number}: {': '.join(found)}", file=sys.stderr)
     for (wrong, outcome), count in sorted(counts.items()):
-        print(f"{wrong:10}{outcome:10}{count:6}")
+        print(f"{wrong:12}{outcome:12}{count:6}")
     return 1 if faults else 0
 
 

@@ -78,7 +78,7 @@ def test_bombs_are_refused_with_little_memory(tmp_path: Path) -> None:
 
 
 def test_no_wrong_description_of_a_stream_passes_silently() -> None:
-    found = [descriptions.case(2014, number) for number in range(30)]
+    found = [descriptions.case(2014, number) for number in range(len(descriptions.WRONG) + 1)]
     assert {wrong for wrong, _ in found} == {*descriptions.WRONG, descriptions.RIGHT}
     assert [(number, *each) for number, each in enumerate(found) if descriptions.is_fault(*each)] == []
 
@@ -86,6 +86,22 @@ def test_no_wrong_description_of_a_stream_passes_silently() -> None:
 def test_a_description_that_passes_silently_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(descriptions, "checked", lambda frames, sensor, note: frames)
     assert all(descriptions.is_fault(*descriptions.case(0, number)) for number in range(len(descriptions.WRONG)))
+
+
+def test_advice_that_leads_astray_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An advisor who names the format that is described already, or another place, until nothing is refused."""
+    asked: list[object] = []
+
+    def advises(frames: object, sensor: object, note: object) -> object:
+        asked.append(sensor)
+        if len(asked) % 2:
+            raise InputError("the frame is not as described: so it is; likely --origin 0 1. If the description is right, add")
+        return frames
+
+    monkeypatch.setattr(descriptions, "checked", advises)
+    found = [descriptions.case(0, number) for number in range(len(descriptions.WRONG) + 1)]
+    assert [wrong for wrong, outcome in found if not descriptions.is_fault(wrong, outcome)] == []
+    assert descriptions.ASTRAY in {outcome for _, outcome in found}
 
 
 def test_another_whole_file_is_no_damage() -> None:
