@@ -19,7 +19,9 @@ CLEARER = 1.3
 PLAIN = 0.06
 """Part of the variance that a pattern explains in the right format alone. Of eight photographs and the built-in scene, at K = 4, 6
 and 8, with noise up to 0.03, at most 0.03 is explained in a wrong format, and 0.12 or more in the right one."""
+_OBVIOUS = 4 * PLAIN  # in few tiles too; rows that are shifted by two pixels explain up to 0.1
 _NEAR = 12  # periods by which a row may be longer or shorter
+_LEAST_GROUPS = 8  # of samples in a row
 _PARTS = (2, 3)  # rows that may be taken for one
 # Not supported, but recognised, so that the right remedy can be named: bytes of a group, and the type of those that are read.
 _FOREIGN = {BIG_ENDIAN: (2, ">u2"), BYTES: (1, "u1"), RAW14: (7, "4u1")}  # of raw14 the upper bytes of four samples
@@ -75,18 +77,21 @@ def refined(data: bytes | bytearray | memoryview, layout: FrameLayout, pattern: 
     packing = FORMATS.get(reading.format)
     if packing is None or reading.skipped or reading.found.period != pattern.period:
         return reading
-    step = pattern.period * packing.length // gcd(pattern.period * packing.length, packing.pixels)
-    near = [reading.stride + step * count for count in range(-_NEAR, _NEAR + 1) if count]
-    multiples = [reading.stride * factor for factor in _PARTS]
-    parts = [reading.stride // factor for factor in _PARTS if reading.stride % factor == 0]
-    best = reading
-    for stride in (*near, *multiples, *parts):
-        if stride <= 0 or (stride, reading.format) == (layout.stride, layout.format):
+    stride, step = reading.stride, pattern.period * packing.length // gcd(pattern.period * packing.length, packing.pixels)
+    # Where every other pixel has a colour, rows that are shifted by a pixel or two show the pattern too.
+    shifts = range(-2 * packing.length, 2 * packing.length + 1)
+    # Stride -> how much less clearly the pattern may show there. Of several rows in one, the part that shows it as well is right.
+    others = {stride + step * count: 1 / CLEARER for count in range(-_NEAR, _NEAR + 1)}
+    others |= {stride * factor: 1 / CLEARER for factor in _PARTS}
+    others |= {(stride + shift) // factor: 1.0 for factor in (1, *_PARTS) for shift in shifts if (stride + shift) % factor == 0}
+    others |= {stride // factor: CLEARER for factor in _PARTS if stride % factor == 0}
+    best, clearest = reading, reading.found.explained
+    for other, weight in others.items():
+        if other < packing.length * _LEAST_GROUPS or (other, reading.format) == (layout.stride, layout.format):
             continue
-        other = _reading(data, layout, pattern, reading.format, stride, 0)
-        # Of several rows in one the part is right that shows the pattern as well.
-        if other and other.found.explained > best.found.explained * (1 / CLEARER if stride in parts else CLEARER):
-            best = other
+        found = _reading(data, layout, pattern, reading.format, other, 0)
+        if found and weight * found.found.explained > clearest:
+            best, clearest = found, weight * found.found.explained
     return best
 
 
@@ -100,7 +105,7 @@ def _reading(
     for part in parts:
         if min(part.shape, default=0) > pattern.period:
             found = find_pattern(part, pattern)
-            if found and found.sure:
+            if found and (found.sure or found.explained >= _OBVIOUS):
                 known = found.period == pattern.period or (name != layout.format and found.period in PERIODS)
                 width = layout.width if codes.shape[1] == layout.width else _unlike(codes)
                 return Reading(name, stride, skipped, width, found) if known else None
@@ -117,6 +122,11 @@ def _candidates(layout: FrameLayout, strides: list[int]) -> Iterator[tuple[str, 
         yield layout.format, stride, 0
     for stride in strides:
         yield from ((name, stride, 0) for name in (*FORMATS, *_FOREIGN) if name != layout.format)
+    for name in FORMATS:  # without padding
+        tight = FrameLayout(layout.width, 1, name).stride
+        if name != layout.format and tight not in strides:
+            yield name, tight, 0
+    for stride in strides:
         yield from ((layout.format, stride, skipped) for skipped in range(1, FORMATS[layout.format].length))
 
 
