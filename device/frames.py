@@ -19,6 +19,7 @@ from shared.arrays import ByteArray, CodeArray
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
+from shared.spelling import meant
 
 _MOST_BYTES = 4  # per pixel of the largest frame, with all padding
 _ALIGNMENTS = (1, 16, 32, 64, 128, 256)  # bytes, to a multiple of which drivers pad lines
@@ -46,7 +47,7 @@ FORMATS = {
 _OTHER_NAMES = {
     r"S(RGGB|BGGR|GRBG|GBRG)(?P<bits>10)(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA": "raw10",
     r"S(RGGB|BGGR|GRBG|GBRG)(?P<bits>12)(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC": "raw12",
-    r"(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y)(?P<bits>10|12|14|16)|BYR2": "u16",
+    r"(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y)(?P<bits>10|12|14|16)|BYR2|raw16|uint16": "u16",
 }
 
 
@@ -57,14 +58,16 @@ def format_named(name: str) -> tuple[str, int]:
     """
     if name in FORMATS:
         return name, FORMATS[name].bits
-    for pattern, meant in _OTHER_NAMES.items():
+    for pattern, ours in _OTHER_NAMES.items():
         if found := re.fullmatch(pattern, name):
-            return meant, int(found["bits"] or FORMATS[meant].bits)
+            return ours, int(found["bits"] or FORMATS[ours].bits)
     if "PISP_COMP" in name:
         raise InputError(
             f"the format {name} is a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
         )
-    raise InputError(f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2 or libcamera")
+    raise InputError(
+        f"the format {name!r} is unknown; one of {', '.join(FORMATS)}, or its name in V4L2 or libcamera{meant(name, FORMATS)}"
+    )
 
 
 @dataclass(frozen=True)

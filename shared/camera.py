@@ -14,7 +14,7 @@ from .errors import InputError
 from .figures import parsed_json, shown
 from .mosaic import Mosaic
 from .pattern import CfaPattern
-from .reading import MAX_DOCUMENT, read_whole
+from .reading import MAX_DOCUMENT, read_text
 
 MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading", "aberration")
 """The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral."""
@@ -123,7 +123,7 @@ def read_camera(path: Path | str) -> Camera:
     (0.9, 1.1, 0.8)
     """
     try:
-        text = read_whole(path, MAX_DOCUMENT, "a camera file")
+        text = read_text(path, MAX_DOCUMENT, "a camera file")
         return Camera.from_json(parsed_json(text))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None

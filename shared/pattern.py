@@ -5,6 +5,7 @@ sites among panchromatic ones (Kodak, Sony, Honda): there the whole tile is the 
 may be any number.
 """
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from math import lcm
@@ -13,10 +14,13 @@ import numpy as np
 
 from .arrays import BoolArray, ByteArray, FloatArray, IndexArray
 from .errors import InputError
+from .spelling import meant
+from .tiles import EXPECTED, TILES, letters_of, name_of
 
 PANCHROMATIC = "W"
 PERIODS = range(3, 17)
 BAYER_ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
+_LETTERS = re.compile("[A-Z]+")
 _FARTHEST = 2  # pixels, each way, from a colour site to the nearest panchromatic pixel at most
 
 
@@ -87,13 +91,21 @@ class CfaPattern:
 
     @classmethod
     def of_letters(cls, letters: str, origin: tuple[int, int] = (0, 0), channels: str = "") -> "CfaPattern":
-        """The pattern of a tile written row by row, rows separated by "/". A tile that is not square, or too small, is repeated.
+        """The pattern of a tile written row by row, or that of a name in `shared.tiles`.
+
+        letters: rows separated by "/", blanks or lines. A tile that is not square, or too small, is repeated.
+        Raises InputError that lists the names for a text that is neither.
 
         >>> from shared import CfaPattern
         >>> CfaPattern.of_letters("RG/BW").tile
         ('RGBW', ...)
+        >>> CfaPattern.of_letters("kodak").tile
+        ('WBWG', 'BWGW', 'WGWR', 'GWRW')
         """
-        rows = letters.split("/")
+        rows = "/".join((letters_of(letters) or letters).split()).split("/")
+        suggestion = "" if PANCHROMATIC in "".join(rows) else meant(letters, TILES)
+        if suggestion or not _LETTERS.fullmatch("".join(rows)):
+            raise InputError(f"pattern: {letters!r} is not {EXPECTED}{suggestion}")
         width = len(rows[0])
         if any(len(row) != width for row in rows) or not width:
             raise InputError(
@@ -106,6 +118,11 @@ class CfaPattern:
                 f"pattern: a tile of {len(rows)} x {width} letters repeats in squares of {side}; at most {PERIODS[-1]} is possible"
             )
         return cls(tuple((rows * (side // len(rows)))[row] * (side // width) for row in range(side)), origin, channels)
+
+    @property
+    def name(self) -> str:
+        """What people call the tile, wherever it begins: a name in `shared.tiles`; "" if it has none."""
+        return name_of(self.tile)
 
     @property
     def period(self) -> int:

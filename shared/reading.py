@@ -1,5 +1,6 @@
 """Opening untrusted files: kind and size are checked before anything is read. Also the size limits."""
 
+import codecs
 import errno
 import os
 from collections.abc import Iterator
@@ -61,6 +62,23 @@ def read_whole(path: Path | str, largest: int, kind: str) -> bytes:
     """All bytes of a file, checked as by `opened_file`; never more than `largest`, even if the file grows meanwhile."""
     with opened_file(path, largest, kind) as file:
         return file.read(largest)
+
+
+def read_text(path: Path | str, largest: int, kind: str, otherwise: str = "") -> str:
+    """The text of a file in UTF-8, without the byte-order mark that some editors put before it; checked as by `opened_file`.
+
+    otherwise: name of the encoding of a file that is not in UTF-8; "" = there must be none.
+    Raises InputError, which does not name the file, for any other file.
+    """
+    data = read_whole(path, largest, kind)
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in data:
+        raise InputError(f"is not a text in UTF-8 (it may be UTF-16); save {kind} as UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        if otherwise:
+            return data.decode(otherwise)
+        raise InputError(f"is not a text in UTF-8; save {kind} as UTF-8") from None
 
 
 def data_bytes(path: Path | str) -> int:

@@ -6,10 +6,12 @@ import gc
 import importlib
 import io
 import os
+import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from itertools import takewhile
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
@@ -38,10 +40,52 @@ VERBS = {
 
 
 class _Parser(argparse.ArgumentParser):
-    """Shows wrong arguments, whatever they contain, on one line, and texts to readers who may leave."""
+    """Shows wrong arguments, whatever they contain, on one line after one of usage, and texts to readers who may leave."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self._negative_number_matcher = re.compile(r"-\.?\d.*")  # argparse takes -2,0 for an option otherwise
 
     def error(self, message: str) -> NoReturn:
         super().error(one_line(message))
+
+    def format_usage(self) -> str:
+        """One line: what has to be there, and that there are options."""
+        named = [action for action in self._actions if action.required or not action.option_strings]
+        words = [
+            f"{action.option_strings[0]} {action.metavar}"
+            if action.option_strings
+            else f"{action.metavar}{' ...' * bool(action.nargs)}"
+            for action in sorted(named, key=lambda action: bool(action.option_strings))
+            if action.help != argparse.SUPPRESS
+        ]
+        return f"usage: {self.prog} {' '.join([*words, '[options]'])}\n"
+
+    def format_help(self) -> str:
+        """The help, with that line."""
+        self.usage = one_line(self.format_usage().removeprefix("usage: ").strip()).replace("%", "%%")
+        return super().format_help()
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse, but a verb itself refuses what it does not know, before it misses anything, with its own usage."""
+        known = self._option_string_actions
+        if self._subparsers is None:
+            options = (each.partition("=")[0] for each in takewhile("--".__ne__, args) if each.startswith("--"))
+            for option in options:
+                if not any(each.startswith(option) for each in known):  # argparse takes abbreviations
+                    self.error(_unknown_option(option, known))
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            word = unknown[0]
+            self.error(_unknown_option(word, known) if word.startswith("-") else f"{word} is one argument too many")
+        return found, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            from shared.spelling import meant
+
+            names = [str(choice) for choice in action.choices]
+            raise argparse.ArgumentError(action, f"{value!r} is none of {', '.join(names)}{meant(str(value), names)}")
 
     def _print_message(self, message: str, file: Any = None) -> None:  # argparse's own lets errors out or drops them
         if file is sys.stdout:
@@ -51,14 +95,24 @@ class _Parser(argparse.ArgumentParser):
                 sys.stderr.write(message)
 
 
-class _Help(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows defaults, except None, False and empty ones, which say nothing."""
+class _Help(argparse.HelpFormatter):
+    """Shows defaults, except those that say nothing: None, False, empty ones, and those that the help names."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        return action.help if action.default in (None, False, []) else super()._get_help_string(action)
+        default, said = action.default, action.help or ""
+        if (
+            default in (None, (), [], argparse.SUPPRESS)
+            or isinstance(default, bool)
+            or "(default" in said
+            or not action.option_strings
+        ):
+            return action.help
+        values = default if isinstance(default, list) else [default]
+        return f"{said} (default: {' '.join(f'{each:g}' if isinstance(each, float) else str(each) for each in values)})"
 
 
 FAILED, USAGE = 1, 2
+_ALONE = ("--help", "--version")  # options without a verb
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
@@ -76,7 +130,8 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
             code = FAILED
             try:
-                parsed = _parser(arguments).parse_args(arguments)
+                _check_verb(arguments)
+                parsed = _parser(next(iter(arguments), None))[0].parse_args(arguments)
                 console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet)
                 _set_threads(parsed)
                 code = _module(parsed.verb).run(parsed, console)
@@ -117,8 +172,8 @@ def _without_stdout(error: StandardOutputError, console: Console) -> int:
     return FAILED
 
 
-def _parser(arguments: list[str]) -> argparse.ArgumentParser:
-    """The parser with all verbs, but only with the options of the verb in `arguments`."""
+def _parser(asked: str | None) -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+    """The parser of all, and that of each verb; only the verb that is asked for has its options."""
     parser = _Parser(
         prog="panchroma",
         description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
@@ -126,7 +181,6 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"panchroma {program_version()}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    asked = next((word for word in arguments if word in VERBS), None)
     for verb, summary in VERBS.items():
         child = verbs.add_parser(verb, help=summary, formatter_class=_Help)
         if verb == asked:
@@ -134,7 +188,32 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
             child.description = module.__doc__
             module.add_arguments(child)
             child.add_argument("--quiet", action="store_true", help="show neither progress nor notes; errors and results remain")
-    return parser
+    return parser, verbs.choices
+
+
+def _check_verb(arguments: list[str]) -> None:
+    """End with usage and what is wrong, unless the first argument is a verb, or asks for help or the version."""
+    from shared.spelling import closest
+
+    word = arguments[0] if arguments else ""
+    if word in VERBS or (word.startswith("-") and any(each.startswith(word) for each in ("-h", *_ALONE))):
+        return
+    later = next((each for each in arguments if each in VERBS), None)
+    likely = closest(word, VERBS) or later
+    parser, verbs = _parser(likely)
+    if later and likely == later:
+        verbs[later].error(f"the verb comes first: panchroma {later} ...")
+    if likely:
+        verbs[likely].error(f"there is no verb {word}; did you mean {likely}?")
+    if word.startswith("-"):
+        parser.error(_unknown_option(word, _ALONE))
+    parser.error(f"{f'there is no verb {word}' if word else 'a verb is missing'}; panchroma --help lists them")
+
+
+def _unknown_option(option: str, known: Iterable[str]) -> str:
+    from shared.spelling import meant  # not at the top: it imports NumPy
+
+    return f"there is no option {option}{meant(option, known)}"
 
 
 def _set_threads(parsed: argparse.Namespace) -> None:

@@ -53,10 +53,11 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
     outcome = run(verb, "--help")
     assert outcome.code == 0
     assert f"usage: panchroma {verb}" in outcome.out
-    parser: Any = cli._parser([verb])
-    child = parser._subparsers._group_actions[0].choices[verb]
+    child = cli._parser(verb)[1][verb]
     assert all(action.help for action in child._actions), "an option without a word of help"
     assert child.description
+    # Not the values of Python that say nothing to a user.
+    assert not re.search(r"default: *(\(\)|\[|None|False|True|==)", " ".join(outcome.out.split()))
 
 
 @pytest.mark.parametrize(
@@ -403,7 +404,51 @@ def test_results_and_records_cannot_forge_lines(capsys: pytest.CaptureFixture[st
 def test_wrong_arguments_are_shown_on_one_line() -> None:
     outcome = run("inspect", "shot", "--\x1b[2J\nall_is_well")
     assert outcome.code == 2
-    assert outcome.err.splitlines()[-1] == r"panchroma: error: unrecognized arguments: --\x1b[2J all_is_well"
+    assert outcome.err.splitlines()[-1] == r"panchroma inspect: error: there is no option --\x1b[2J all_is_well"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "verb", "said"),
+    [
+        ("rendr shots -o out", "render", "there is no verb rendr; did you mean render?"),
+        ("eval photographs -o out", "evaluate", "there is no verb eval; did you mean evaluate?"),
+        ("export_preview -o a.onnx", "export-preview", "there is no verb export_preview; did you mean export-preview?"),
+        ("shots render -o out", "render", "the verb comes first: panchroma render ..."),
+        ("--json render shots -o out", "render", "the verb comes first: panchroma render ..."),
+        ("render shots --outpt out", "render", "there is no option --outpt; did you mean --output?"),
+        ("render shots -o out --presett=best", "render", "there is no option --presett; did you mean --preset?"),
+        ("capture --widht 3", "capture", "there is no option --widht; did you mean --width?"),
+        ("render shots -o out -q", "render", "there is no option -q"),
+        ("render shots -o out --preset bset", "render", "argument --preset: 'bset' is none of best, paper; did you mean best?"),
+        ("render shots -o out --space sgrb", "render", "argument --space: 'sgrb' is none of .*; did you mean srgb?"),
+        ("render shots -o out -f pgn", "render", "argument -f/--format: 'pgn' is none of .*; did you mean png?"),
+        ("capture - more -o out", "capture", "more is one argument too many"),
+        ("render shots", "render", "the following arguments are required: -o/--output"),
+        ("render shots -o", "render", "argument -o/--output: expected one argument"),
+        ("develop", "VERB", "there is no verb develop; panchroma --help lists them"),
+        ("--hlep", "VERB", "there is no option --hlep; did you mean --help?"),
+        ("", "VERB", "a verb is missing; panchroma --help lists them"),
+    ],
+)
+def test_what_is_misspelt_gets_the_likely_word_and_one_line_of_usage(arguments: str, verb: str, said: str) -> None:
+    outcome = run(*arguments.split())
+    assert (outcome.code, outcome.out) == (2, "")
+    usage, error = outcome.err.splitlines()
+    assert usage.startswith(f"usage: panchroma {verb} ")
+    assert usage.endswith(" [options]")
+    prefix = "panchroma: error: " if verb == "VERB" else f"panchroma {verb}: error: "
+    assert re.fullmatch(prefix + said.replace("?", r"\?").replace("...", re.escape("...")), error), error
+
+
+def test_a_list_that_begins_with_a_negative_number_is_no_option(tmp_path: Path) -> None:
+    for option in (("--burst", "3", "--exposures", "-2,0,2"), ("--aberration", "-1,1"), ("--aberration", "-.5,1")):
+        assert run("simulate", "builtin:60x60", "-o", tmp_path / option[-1], *option).code == 0
+
+
+def test_a_format_is_known_however_it_is_written(tmp_path: Path) -> None:
+    run("simulate", "builtin:60x60", "-o", tmp_path)
+    for name in ("PNG", ".png", "TIFF"):
+        assert run("render", tmp_path / "builtin-60x60.dng", "-o", tmp_path / name, "-f", name, "--preset", "paper").code == 0
 
 
 def test_no_command_leaves_anything_in_the_home_or_sends_anything(tmp_path: Path, shots: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from shared.arrays import DoubleArray
 from shared.colorimetry import lab_to_xyz
 from shared.errors import InputError
-from shared.reading import MAX_DOCUMENT, read_whole
+from shared.reading import MAX_DOCUMENT, read_text
 from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
 
 from .chart.place import COLUMNS, PATCHES
@@ -33,7 +33,7 @@ def read_reference(path: Path) -> DoubleArray:
     order; without names they are in reading order. Raises InputError that names the file and what is wrong with it.
     """
     try:
-        text = read_whole(path, MAX_DOCUMENT, "a CGATS file").decode("latin-1")
+        text = read_text(path, MAX_DOCUMENT, "a CGATS file", otherwise="latin-1")
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     fields, rows = _table(text, path)

@@ -9,7 +9,6 @@ file.
 
 import argparse
 import math
-import re
 
 from shared import read_dng
 from shared.errors import InputError
@@ -29,8 +28,6 @@ _MOST = 1000.0  # pixels that a sensor moves
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma burst`."""
-    # argparse takes -2,0 for an option otherwise.
-    parser._negative_number_matcher = re.compile(r"-\.?\d.*")
     parser.add_argument("shots", nargs="+", metavar="SHOT", help="the DNGs of one series, or a folder with them in it or below")
     options.add_output_folder(parser, "STEM.EXT")
     parser.add_argument("--reference", metavar="SHOT", help="the frame that the picture shows (default: the first of the sharpest)")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from shared.errors import InputError
 from shared.pattern import PERIODS
+from shared.tiles import TILES
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
@@ -72,8 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pattern",
         nargs="+",
         metavar="LETTERS",
-        help="other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, or a file; "
-        "C, M and Y are made of red, green and blue",
+        help="other patterns, compared under the same light: each the letters of a tile, as WBWG/BWGW/WGWR/GWRW, its name "
+        f"({', '.join(map(str.casefold, TILES))}), or a file; C, M and Y are made of red, green and blue",
     )
     what.add_argument(
         "--methods", nargs="+", metavar="NAME", help="methods to compare (default: all installed; an unknown name lists them)"

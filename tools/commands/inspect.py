@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shared import Aberration, Mosaic, Shading, read_camera, read_dng
+from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_digest_kind, read_preview
 from shared.dng.exif_reading import place, shown_fields
 from tools.host import options
@@ -63,7 +63,7 @@ def _camera(source: str, console: Console) -> dict[str, Any]:
     document = calibration.to_json()
     rows = {
         "sensor": f"{calibration.sensor or 'unnamed'}, calibration {calibration.id}",
-        "pattern": f"{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}" if pattern else "unknown",
+        "pattern": _pattern(pattern) if pattern else "unknown",
         **_calibration(document),
         "defects": f"{len(calibration.defects)} pixels",
     }
@@ -72,6 +72,11 @@ def _camera(source: str, console: Console) -> dict[str, Any]:
         rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items() if name != "kept")
     console.say(source, *(f"  {name:<13}{value}" for name, value in rows.items()))
     return {"camera": camera.to_json(), "calibration_id": calibration.id}
+
+
+def _pattern(pattern: CfaPattern) -> str:
+    name = f"{pattern.name}, " if pattern.name else ""
+    return f"{name}{pattern.channels} period {pattern.period}: {' '.join(pattern.letters_from())}"
 
 
 def _text(value: Any) -> str:
@@ -88,6 +93,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
         "width": mosaic.shape[1],
         "height": mosaic.shape[0],
         "pattern": {
+            "name": mosaic.pattern.name or None,
             "period": mosaic.pattern.period,
             "channels": mosaic.pattern.channels,
             "letters": mosaic.pattern.letters_from(),
@@ -121,13 +127,14 @@ def _light(mosaic: Mosaic) -> float:
 def _table(facts: dict[str, Any]) -> list[str]:
     """The facts as the lines of a table for people."""
     pattern, calibration = facts["pattern"], facts["calibration"]
+    name = f"{pattern['name']}, " if pattern["name"] else ""
     rows = [
         (
             "size",
             f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"
             + ("" if facts["digest"] == "shot" else ", which is an earlier version's and does not cover the size"),
         ),
-        ("pattern", f"period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
+        ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
         *(("", " ".join(row)) for row in pattern["letters"]),
         ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),
         ("luminance", f"mean {facts['mean_luminance']:.3f} scene units, {100 * facts['saturated']:.2f} % saturated"),

@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--aberration",
         metavar="PIXELS,PIXELS",
         help="a lens with lateral chromatic aberration: how much further out the first and the last channel look in the corners; "
-        "negative is further in (--aberration=-1,1)",
+        "negative is further in",
     )
     light.add_argument(
         "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"
@@ -95,7 +95,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=parsed_stops,
         default=(),
         metavar="EV,EV,...",
-        help="a bracket: exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time",
+        help="a bracket: exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time (default: none, all "
+        "frames are exposed alike)",
     )
     parser.add_argument(
         "--reduce", type=int, default=1, metavar="N", help="make one pixel from N x N of the scene; a burst is displaced before"

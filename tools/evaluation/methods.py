@@ -6,6 +6,7 @@ from functools import cache, partial
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from shared.spelling import meant
 from tools.host.code_digest import digest
 from tools.host.versions import package_version
 
@@ -205,7 +206,7 @@ def choose(names: list[str]) -> list[Method]:
     chosen = []
     for name in dict.fromkeys(names):
         if name not in methods():
-            raise InputError(f"unknown method {name!r}; there are {', '.join(methods())}")
+            raise InputError(f"unknown method {name!r}; there are {', '.join(methods())}{meant(name, methods())}")
         if missing := methods()[name].missing:
             raise InputError(f"{name} needs the package {missing}: {remedy(missing)}, or leave it out of --methods")
         chosen.append(methods()[name])

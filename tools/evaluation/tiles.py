@@ -16,12 +16,6 @@ from tools.scenes.scene import Scene
 
 from .protocol import ORDER
 
-_KNOWN = {  # tiles of sensors that scatter their colour sites, by the names that people know them under
-    "WBWG/BWGW/WGWR/GWRW": "Kodak",
-    "WRWG/BWGW/WGWR/GWBW": "Sony",
-    "BWRW/WGWG/RWBW/WGWG": "Honda",
-    "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG": "Kaizu",
-}
 _SHORT = 24  # characters: longer tiles are named by their first row and their size
 
 
@@ -53,7 +47,7 @@ class Tile:
             return cls(Path(source).stem, pattern)
         letters = "/".join(pattern.tile)
         size = f"{pattern.tile[0]}/... ({pattern.period} x {pattern.period})"
-        return cls(_KNOWN.get(letters, letters if len(letters) <= _SHORT else size), pattern)
+        return cls(pattern.name or (letters if len(letters) <= _SHORT else size), pattern)
 
     @property
     def period(self) -> int | None:

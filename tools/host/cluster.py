@@ -23,7 +23,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, NoReturn, TypeVar
 
 from shared.errors import InputError, PanchromaError
-from shared.reading import read_whole
+from shared.reading import read_text
 
 from .code_digest import digest
 from .console import one_line
@@ -117,7 +117,7 @@ def _written_address(file: str) -> str:
     if not Path(file).exists():
         raise InputError(f"{file}: there is no such file; `dask scheduler --scheduler-file {file}` writes it")
     try:
-        address = json.loads(read_whole(file, _LARGEST_FILE, "the file of a dask scheduler"))["address"]
+        address = json.loads(read_text(file, _LARGEST_FILE, "the file of a dask scheduler"))["address"]
         if not (isinstance(address, str) and address):
             raise TypeError(address)
     except InputError as error:

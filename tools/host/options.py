@@ -9,7 +9,9 @@ from typing import Any
 from shared import Camera, CfaPattern, read_camera
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS, PERIODS
-from shared.reading import MAX_PIXELS, read_whole
+from shared.reading import MAX_PIXELS, read_text
+from shared.spelling import meant
+from shared.tiles import EXPECTED, TILES, letters_of
 
 _PERIOD, _ORDER, _ORIGIN = 6, "RGGB", (0, 0)
 _LETTERS = re.compile("[A-Z/]+")
@@ -35,7 +37,8 @@ def add_pattern(group: argparse._ActionsContainer) -> None:
     group.add_argument(
         "--pattern",
         metavar="LETTERS",
-        help="the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or a file with them, one row on each line",
+        help="the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "
+        f"{', '.join(map(str.casefold, TILES))}; or a file with them, one row on each line",
     )
     group.add_argument("--period", type=int, metavar="K", help=f"pixels from block to block, {periods} (default: {_PERIOD})")
     group.add_argument("--order", choices=BAYER_ORDERS, help=f"colour filters of a block, row by row (default: {_ORDER})")
@@ -67,27 +70,26 @@ def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -
 def parsed_pattern(text: str) -> CfaPattern:
     """The pattern that a user writes as letters ("RGWW/GBWW/WWWW/WWWW"), or the name of a file with them.
 
-    text: the name of a file, if there is one, otherwise the letters. In a file a row ends with its line or a "/"; white space,
-        empty lines, and what follows a # are left out.
+    text: the name of a tile, see `shared.tiles`; or else that of a file, if there is one; or else the letters. In a file a row ends
+        with its line or a "/"; white space, empty lines, and what follows a # are left out.
     Raises InputError that names the file, or --pattern, and says what is wrong with the letters.
     """
-    is_file = os.path.exists(text)  # noqa: PTH110 (Path.exists raises for a name that is too long)
+    is_file = letters_of(text) is None and os.path.exists(text)  # noqa: PTH110 (Path.exists raises for a name that is too long)
     try:
         letters = _letters_in(text) if is_file else text
-        if not _LETTERS.fullmatch(letters):
-            instead = "" if is_file else ", and no file has this name"
-            raise InputError(f"is not the capital letters of a tile's filters, row by row, such as RGWW/GBWW/WWWW/WWWW{instead}")
+        if not is_file and letters_of(text) is None and not _LETTERS.fullmatch(text):
+            raise InputError(f"is not {EXPECTED}, and no file has this name{meant(text, TILES)}")
         if len(letters) > _MOST_LETTERS:
             raise InputError(f"{len(letters)} letters are more than the largest tile has, {PERIODS[-1]} x {PERIODS[-1]}")
         return CfaPattern.of_letters(letters)
     except InputError as error:
-        name = text if is_file else f"--pattern {text[:_MOST_LETTERS]!r}"
-        raise InputError(f"{name}: {str(error).removeprefix('pattern: ')}") from None
+        said = str(error).removeprefix("pattern: ")
+        raise InputError(f"{text}: {said}" if is_file else f"--pattern {text[:_MOST_LETTERS]!r}: {said}") from None
 
 
 def _letters_in(name: str) -> str:
     """The rows in a file with a pattern, parted by "/"."""
-    lines = read_whole(name, _LARGEST_PATTERN, "a pattern").decode("utf-8", "replace").splitlines()
+    lines = read_text(name, _LARGEST_PATTERN, "a pattern", otherwise="latin-1").splitlines()
     rows = ["".join(row.split()) for line in lines for row in line.partition("#")[0].split("/")]
     return "/".join(row for row in rows if row)
 

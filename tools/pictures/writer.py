@@ -22,6 +22,7 @@ from shared.dng import PART, EncodedPart, encode_part, join_parts
 from shared.dng.exif_reading import altitude, place
 from shared.dng.tags import LONGEST_SIDE
 from shared.errors import InputError
+from shared.spelling import meant
 from shared.tiff import Directory, encode_tiff
 from shared.writing import OnComplete, write_durably
 from tools.host.ahead import ahead
@@ -293,7 +294,7 @@ def _exr_attributes(metadata: CaptureMetadata, space: str) -> dict[str, Any]:
 
 def _spaces(name: str) -> dict[str, tuple[int, ...]]:
     if name not in POSSIBLE:
-        raise InputError(f"unknown picture format {name!r}; there are {', '.join(POSSIBLE)}")
+        raise InputError(f"unknown picture format {name!r}; there are {', '.join(POSSIBLE)}{meant(name, POSSIBLE)}")
     return POSSIBLE[name]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from shared import Mosaic
 from shared.errors import InputError
 from shared.figures import parsed_json
-from shared.reading import MAX_DOCUMENT, read_whole
+from shared.reading import MAX_DOCUMENT, read_text
 
 Places = tuple[tuple[int, int], ...]
 _BEYOND = 10**9  # rows or columns of any sensor
@@ -20,11 +20,9 @@ def read_defects(path: Path | str) -> Places:
     Raises InputError that names the file, and the line that is wrong.
     """
     try:
-        text = read_whole(path, MAX_DOCUMENT, "a list of defects").decode("utf-8-sig")
+        text = read_text(path, MAX_DOCUMENT, "a list of defects")
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not a text; expected {_EXPECTED}") from None
+        raise InputError(f"{path}: {error}; expected {_EXPECTED}") from None
     return _from_json(path, text) if text.lstrip().startswith(("[", "{")) else _from_lines(path, text)
 
 

@@ -18,7 +18,7 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-f",
         "--format",
-        type=lambda name: OTHER_NAMES.get(name, name),
+        type=_format,
         choices=tuple(POSSIBLE),
         default="tif",
         help="tiff and jpeg are other names of tif and jpg; jxl: JPEG XL; uhdr: Ultra HDR, a JPEG with a map of gains for HDR "
@@ -46,6 +46,12 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
     parser.add_argument("--no-learned", action="store_true", help="do without the network that corrects colour (preset best)")
     options.add_max_pixels(parser)
+
+
+def _format(name: str) -> str:
+    """The key of a format, however a user writes it: PNG, .png, tiff."""
+    known = name.casefold().removeprefix(".")
+    return OTHER_NAMES.get(known, known)
 
 
 def add_run(group: argparse._ActionsContainer) -> None:

@@ -122,7 +122,7 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
         (("--methods", "magic"), "unknown method 'magic'; there are paper"),
         (("--period", "2"), "--period is 2, expected 3 to"),
         (("--pattern", "RGW/GB"), "--pattern 'RGW/GB'"),
-        (("--pattern", "kodak"), "no file has this name"),
+        (("--pattern", "kodac"), "no file has this name; did you mean Kodak?"),
         (("--sigma", "-1"), "sigma is -1"),
         (("--light", "0.5"), "--light the amount of light of --protocol sensor"),
         (("--protocol", "sensor", "--exposure", "0.5"), "--exposure is called --light here, a factor"),

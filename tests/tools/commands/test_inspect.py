@@ -73,7 +73,7 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
     assert outcome.out.splitlines()[0] == str(path)
     shown = rows(outcome.out)
     assert shown["size"] == "53 x 37 pixels, 12 bits; samples match their digest"
-    assert shown["pattern"] == "period 6, 2.78 times the light of a Bayer sensor"
+    assert shown["pattern"] == "paper, period 6, 2.78 times the light of a Bayer sensor"
     assert shown["network"] == "rggb-k6"
     assert "R G W W W W" in outcome.out
     assert shown["levels"] == "black 256 257 258 259, white 3839"

@@ -13,7 +13,11 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
 
 
 @pytest.mark.parametrize(
-    "text", [KODAK, KODAK.replace("/", "\n"), "# Kodak\nWBWG\n\n BW GW # second row\r\n\tWGWR/GWRW\n", f"{KODAK}/\n"]
+    "text",
+    [
+        *(KODAK, KODAK.replace("/", "\n"), "# Kodak\nWBWG\n\n BW GW # second row\r\n\tWGWR/GWRW\n", f"{KODAK}/\n"),
+        *(f"\ufeff{KODAK}", "\ufeff# as Notepad saves it\r\nWBWG/BWGW/WGWR/GWRW\r\n", "kodak\n"),
+    ],
 )
 def test_a_file_is_read_as_letters_are(tmp_path: Path, text: str) -> None:
     path = tmp_path / "KODAK"  # a name that could be letters
@@ -49,7 +53,9 @@ def test_what_is_no_pattern_is_refused(text: str, words: str) -> None:
     [
         (b"", "the file is empty"),
         (b"# nothing but this\n\n", "is not the capital letters"),
-        (b"\xff\xfeR\0G\0", "is not the capital letters"),
+        (b"\xff\xfeR\0G\0", "is not a text in UTF-8 (it may be UTF-16); save a pattern as UTF-8"),
+        ("RGWW/GBWW".encode("utf-16-be"), "is not a text in UTF-8 (it may be UTF-16)"),
+        ("RGWW/GBWW".encode("utf-32"), "is not a text in UTF-8 (it may be UTF-16)"),
         (b"RGW\nGBWW\n", "differ in length"),
         (b"W" * (1 << 17), "is larger than the 65536 bytes"),
     ],

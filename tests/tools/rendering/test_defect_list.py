@@ -50,7 +50,7 @@ def test_an_empty_list_is_a_list(tmp_path: Path) -> None:
         ("[[true, 2]]", "no"),
         ("[3, 4]", "3 is no"),
         ('{"bad": []}', "expected lines"),
-        (b"\xff\xfe\x00", "is not a text"),
+        (b"\xff\xfe\x00", "is not a text in UTF-8"),
     ],
 )
 def test_a_wrong_list_is_refused_by_name(tmp_path: Path, text: str | bytes, said: str) -> None:

@@ -25,7 +25,7 @@ Jupyter shows all of them; NumPy and matplotlib take pictures and images as arra
 Any filter pattern works, with any channels. A tile is written row by row, and W is panchromatic:
 
     panchroma.simulate("house.jpg", pattern=4)                         # the paper's Bayer block, in 4 x 4 pixels instead of 6 x 6
-    panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")     # Kodak's
+    panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")     # Kodak's, or pattern="kodak"
     panchroma.simulate("house.jpg", pattern="CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")    # cyan, magenta and yellow
 
 A render uses all processors. To use several processes all the same, start them with multiprocessing.get_context("spawn"): a child

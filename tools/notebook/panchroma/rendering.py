@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shared.errors import InputError
+from shared.spelling import meant
 from tools.host.console import to_stderr
 from tools.pictures.writer import PictureKind
 from tools.rendering.white_balance import WhiteBalance
@@ -47,7 +48,7 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
 
     settings = {"best": BEST if learned else replace(BEST, learned=PAPER.learned), "paper": PAPER}.get(preset)
     if settings is None:
-        raise InputError(f"preset is {preset!r}, expected 'best' or 'paper'")
+        raise InputError(f"preset is {preset!r}, expected 'best' or 'paper'{meant(preset, ('best', 'paper'))}")
     if not isinstance(wb, Iterable):
         raise InputError(f'wb is {wb!r}, expected "camera", "auto" or one multiplier for each channel')
     white = WhiteBalance.parse(wb if isinstance(wb, str) else ",".join(map(str, wb)))

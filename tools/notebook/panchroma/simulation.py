@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from shared import CfaPattern, read_camera
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
+from shared.tiles import EXPECTED
 from tools.scenes.decoders import Decoded, decode_array
 from tools.scenes.filters import filters_for
 from tools.scenes.lens import SimulatedLens
@@ -53,8 +54,9 @@ def simulate(
             white is their largest value,
         a `Picture`, such as the truth of another shot.
     pattern: the filters of one tile of the sensor, row by row, W is panchromatic, such as "WBWG/BWGW/WGWR/GWRW"; rows may also be
-        parted by blanks or lines. A number is the period of the paper's pattern, one 2 x 2 Bayer block in K x K pixels; that with
-        6 is the default. Letters other than R, G and B are channels that the scene has, or C, M and Y made from its colours.
+        parted by blanks or lines. "kodak", "sony", "honda" and "kaizu" are names of tiles. A number is the period of the paper's
+        pattern, one 2 x 2 Bayer block in K x K pixels; that with 6 is the default. Letters other than R, G and B are channels that
+        the scene has, or C, M and Y made from its colours.
     sigma: noise as in the paper: additive, Gaussian, of this standard deviation in scene units. By default there is none.
     light: noise as in a sensor, at this amount of light (1 = a full exposure, 1/4 = two stops less): shot and read noise, clipping,
         quantisation. Give sigma or light, not both.
@@ -109,12 +111,12 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
         case CfaPattern():
             return pattern
         case str():
-            return CfaPattern.of_letters("/".join(pattern.split()))
+            return CfaPattern.of_letters(pattern)
         case None:
             return CfaPattern.bayer(_PERIOD)
         case Integral():
             return CfaPattern.bayer(int(pattern))
-    raise InputError(f"pattern is {pattern!r}, expected letters such as WBWG/BWGW/WGWR/GWRW, or a period, 3 to 16")
+    raise InputError(f"pattern is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
 
 
 def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Scene:

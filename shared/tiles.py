@@ -1,0 +1,49 @@
+"""The tiles of filters that have names: wherever the letters of a tile may stand, its name may too."""
+
+import re
+
+TILES = {
+    "paper": "RGWWWW/GBWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW",  # Chakrabarti, Freeman and Zickler 2014, with K = 6
+    "Kodak": "WBWG/BWGW/WGWR/GWRW",  # Compton and Hamilton, US patent 8330839
+    "Sony": "WRWG/BWGW/WGWR/GWBW",
+    "Honda": "BWRW/WGWG/RWBW/WGWG",
+    "Kaizu": "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG",
+}
+"""Name -> letters, row by row. Case does not count; "K=4" is the paper's block, RGGB, in every 4 x 4 pixels."""
+EXPECTED = (
+    "the capital letters of a tile's filters, row by row, such as RGWW/GBWW/WWWW/WWWW, or a name: "
+    f"{', '.join(name.casefold() for name in TILES)}, or K=4 for the paper's block in 4 x 4 pixels"
+)
+"""What may stand for a tile, for messages."""
+_PERIOD = re.compile(r"k=([0-9]{1,2})")
+
+
+def letters_of(text: str) -> str | None:
+    """The letters of the tile with this name; None if no tile has it.
+
+    >>> from shared.tiles import letters_of
+    >>> letters_of("kodak"), letters_of("K = 3"), letters_of("RG/BW")
+    ('WBWG/BWGW/WGWR/GWRW', 'RGW/GBW/WWW', None)
+    """
+    name = "".join(text.split()).casefold()
+    if found := _PERIOD.fullmatch(name):
+        period = int(found[1])
+        return "/".join(row + "W" * (period - 2) for row in ("RG", "GB", *["WW"] * (period - 2)))
+    return next((letters for known, letters in TILES.items() if known.casefold() == name), None)
+
+
+def name_of(tile: tuple[str, ...]) -> str:
+    """The name of a tile, wherever in it the rows and columns begin; "" if it has none.
+
+    >>> from shared.tiles import name_of
+    >>> name_of(("GWRW", "WBWG", "BWGW", "WGWR")), name_of(("RGWW", "GBWW", "WWWW", "WWWW")), name_of(("RGW", "GWW", "WWB"))
+    ('Kodak', 'K=4', '')
+    """
+    period = len(tile)
+    known = TILES | {f"K={period}": letters_of(f"K={period}") or ""}
+    begun = [
+        "/".join(row[right:] + row[:right] for row in (*tile[down:], *tile[:down]))
+        for down in range(period)
+        for right in range(period)
+    ]
+    return next((name for name, letters in known.items() if letters in begun), "")

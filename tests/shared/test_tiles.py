@@ -1,0 +1,57 @@
+"""Names of tiles, wherever letters go."""
+
+from pathlib import Path
+
+import pytest
+
+from shared import CfaPattern
+from shared.errors import InputError
+from shared.tiles import TILES, name_of
+from tests.data import ROOT
+from tools.evaluation.tiles import Tile
+from tools.host.options import parsed_pattern
+
+
+@pytest.mark.parametrize("name", TILES)
+def test_a_name_is_as_good_as_letters(name: str) -> None:
+    pattern = CfaPattern.of_letters(TILES[name])
+    for written in (name, name.upper(), name.casefold(), f" {name} "):
+        assert CfaPattern.of_letters(written) == parsed_pattern(written) == pattern
+    assert pattern.name == name
+    assert CfaPattern(pattern.tile, (1, 2)).name == name
+    assert name_of(pattern.letters_from((1, 1))) == name  # as a file written elsewhere may have it
+
+
+def test_the_papers_blocks_are_named_by_their_period() -> None:
+    for period in (3, 4, 8, 16):
+        assert CfaPattern.of_letters(f"K={period}") == CfaPattern.of_letters(f"k = {period}") == CfaPattern.bayer(period)
+        assert CfaPattern.bayer(period).name == f"K={period}"
+    assert CfaPattern.of_letters("K=6").name == "paper"
+    assert (CfaPattern.bayer(6, "GRBG").name, CfaPattern.of_letters("CMW/YWW/WWW").name) == ("", "")
+    for none in ("K=2", "K=17", "K=0", "K="):
+        with pytest.raises(InputError):
+            CfaPattern.of_letters(none)
+
+
+def test_names_that_tables_show_can_be_copied() -> None:
+    for name, letters in TILES.items():
+        shown = Tile.named(CfaPattern.of_letters(letters), letters).name
+        assert CfaPattern.of_letters(shown) == CfaPattern.of_letters(letters)
+        assert name == "paper" or f"| {name} |" in (ROOT / "offline/README.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize(("word", "likely"), [("kodac", "Kodak"), ("sonny", "Sony"), ("KAIZO", "Kaizu"), ("papr", "paper")])
+def test_a_misspelt_name_is_recognised(word: str, likely: str) -> None:
+    for parse in (CfaPattern.of_letters, parsed_pattern):
+        with pytest.raises(InputError, match=f"kodak, sony, honda, kaizu, or K=4 .*; did you mean {likely}\\?"):
+            parse(word)
+
+
+def test_a_name_goes_before_a_file_or_folder_that_has_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as the folder of results that is named after the tile."""
+    monkeypatch.chdir(tmp_path)
+    Path("kodak").mkdir()
+    Path("sony").write_text("RG/BW")
+    assert parsed_pattern("kodak").name == "Kodak"
+    assert parsed_pattern("sony").name == "Sony"
+    assert parsed_pattern("./sony") == CfaPattern.of_letters("RG/BW")
