@@ -27,15 +27,17 @@ def columns_of_light(codes: CodeArray, black: float, white: int) -> int:
 
     codes: a frame, (H, W).
     """
+    width: int = codes.shape[1]
     even = codes.max(axis=0) == codes.min(axis=0)
     if even.all() or not even[-1]:
-        return codes.shape[1]
+        return width
     kept = int(np.flatnonzero(~even)[-1]) + 1
     ends = codes[0, kept:]
     dark = ends < black * _DEEP
     other = (ends < white) & (abs(ends - black) > 1) & (not even[:kept].any())
     padding = dark | other | (ends > white)
-    return kept + int(np.flatnonzero(~padding)[-1]) + 1 if not padding.all() else kept
+    last = np.flatnonzero(~padding)
+    return kept + int(last[-1]) + 1 if last.size else kept
 
 
 class Levels:

@@ -3,6 +3,7 @@
 import codecs
 import errno
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import SEEK_END
@@ -18,6 +19,7 @@ MAX_DOCUMENT = 4 << 20
 """Largest text file that is read (JSON, CGATS), bytes; a camera file with a hundred thousand defects has half as many."""
 
 _MOST_PIECES = 4096
+_WILD = re.compile(r"[*?]")  # a shell leaves them where they match nothing
 
 
 @contextmanager
@@ -38,7 +40,8 @@ def opened_file(path: Path | str, largest: int, kind: str) -> Iterator[BinaryIO]
             raise InputError("is a pipe or a device, not a file; save it to a file first")
         stream = path.open("rb")
     except FileNotFoundError:
-        raise InputError("there is no such file; check the name") from None
+        what = "no file matches this name with wildcards" if _WILD.search(str(path)) else "there is no such file"
+        raise InputError(f"{what}; check the name") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise _unreadable(error) from error
     with stream:

@@ -70,15 +70,28 @@ class _Parser(argparse.ArgumentParser):
         """As argparse, but a verb itself refuses what it does not know, before it misses anything, with its own usage."""
         known = self._option_string_actions
         if self._subparsers is None:
-            options = (each.partition("=")[0] for each in takewhile("--".__ne__, args) if each.startswith("--"))
-            for option in options:
-                if not any(each.startswith(option) for each in known):  # argparse takes abbreviations
-                    self.error(_unknown_option(option, known))
+            for option in takewhile("--".__ne__, args):
+                if self._is_unknown(option.partition("=")[0]):
+                    self.error(_unknown_option(option.partition("=")[0], known))
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             word = unknown[0]
             self.error(_unknown_option(word, known) if word.startswith("-") else f"{word} is one argument too many")
         return found, unknown
+
+    def _is_unknown(self, word: str) -> bool:
+        """Whether a word looks like an option and is none, nor the beginning of one, nor a short one with its value."""
+        if len(word) < 2 or not word.startswith("-") or " " in word or self._negative_number_matcher.match(word):
+            return False
+        known = self._option_string_actions
+        return not (any(each.startswith(word) for each in known) or (word[1] != "-" and word[:2] in known))
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        try:
+            return super()._get_value(action, arg_string)
+        except argparse.ArgumentError as error:
+            expected = {int: "a whole number", float: "a number"}.get(action.type)  # type: ignore[call-overload]
+            raise argparse.ArgumentError(action, f"{arg_string!r} is not {expected}" if expected else error.message) from None
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -172,7 +185,7 @@ def _without_stdout(error: StandardOutputError, console: Console) -> int:
     return FAILED
 
 
-def _parser(asked: str | None) -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+def _parser(asked: str | None) -> tuple[_Parser, dict[str, _Parser]]:
     """The parser of all, and that of each verb; only the verb that is asked for has its options."""
     parser = _Parser(
         prog="panchroma",

@@ -422,6 +422,10 @@ def test_wrong_arguments_are_shown_on_one_line() -> None:
         ("render shots -o out --preset bset", "render", "argument --preset: 'bset' is none of best, paper; did you mean best?"),
         ("render shots -o out --space sgrb", "render", "argument --space: 'sgrb' is none of .*; did you mean srgb?"),
         ("render shots -o out -f pgn", "render", "argument -f/--format: 'pgn' is none of .*; did you mean png?"),
+        ("render shots -O out", "render", "there is no option -O; did you mean -o?"),
+        ("render shots -o out --exposure bright", "render", "argument --exposure: 'bright' is not a number"),
+        ("render shots -o out -j2 --workers 1.5", "render", "argument --workers: '1.5' is not a whole number"),
+        ("render shots -o out --max-pixels -5", "render", "argument --max-pixels: '-5' is not a whole number from 1 on"),
         ("capture - more -o out", "capture", "more is one argument too many"),
         ("render shots", "render", "the following arguments are required: -o/--output"),
         ("render shots -o", "render", "argument -o/--output: expected one argument"),
@@ -438,6 +442,29 @@ def test_what_is_misspelt_gets_the_likely_word_and_one_line_of_usage(arguments: 
     assert usage.endswith(" [options]")
     prefix = "panchroma: error: " if verb == "VERB" else f"panchroma {verb}: error: "
     assert re.fullmatch(prefix + said.replace("?", r"\?").replace("...", re.escape("...")), error), error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("render", "*.dng", "-o", "out"), "*.dng: no file matches this name with wildcards; check the name"),
+        (("render", "", "-o", "out"), "a name: is empty; check the command"),
+        (("simulate", "bultin:60x60", "-o", "out"), "did you mean builtin:60x60?"),
+        (("simulate", "Chart:60x60", "-o", "out"), "did you mean chart:60x60?"),
+        (("simulate", "60x60", "-o", "out"), "did you mean builtin:60x60?"),
+        (("capture", "nothing", "-o", "out"), "nothing: is not a folder"),
+        (("capture", "-", "-o", "out", "--width", "9", "--height", "0", "--format", "raw10"), "the height is 0 pixels"),
+        (("capture", "-", "-o", "out", "--width", "9", "--height", "9", "--format", "raw11"), "; did you mean raw12?"),
+    ],
+)
+def test_what_a_clumsy_user_gives_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = run(*arguments)
+    assert outcome.code in (1, 2)
+    assert said in outcome.errors[0]
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_list_that_begins_with_a_negative_number_is_no_option(tmp_path: Path) -> None:

@@ -76,7 +76,9 @@ def search(
     """
     found = Search()
     for source in given:
-        if is_file(source) or not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
+        if not source:
+            found.failures.append(("a name", "is empty; check the command, such as a variable that is not set"))
+        elif is_file(source) or not os.path.isdir(source):  # noqa: PTH112  Path takes no impossible names: reading them says what is wrong
             found.sources.append(Source(source))
         else:
             _search(source, endings, identity(output) if output else None, found)

@@ -138,7 +138,15 @@ def add_quality(parser: argparse.ArgumentParser, more: str = "") -> None:
 
 def add_max_pixels(parser: argparse.ArgumentParser) -> None:
     """Add --max-pixels, for commands that read untrusted files."""
-    parser.add_argument("--max-pixels", type=int, default=MAX_PIXELS, metavar="N", help="refuse a file with more pixels than this")
+    parser.add_argument(
+        "--max-pixels", type=_at_least_one, default=MAX_PIXELS, metavar="N", help="refuse a file with more pixels than this"
+    )
+
+
+def _at_least_one(argument: str) -> int:
+    if not argument.isdecimal() or int(argument) < 1:
+        raise argparse.ArgumentTypeError(f"{argument!r} is not a whole number from 1 on")
+    return int(argument)
 
 
 def add_overwrite(group: argparse._ActionsContainer) -> None:

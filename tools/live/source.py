@@ -98,6 +98,8 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
             _refuse(arguments, True, option, "the built-in sensor has its own")
         return _builtin(source, arguments)
     _refuse(arguments, arguments.unchecked, "--dark", "with --unchecked no frame is looked at; leave one of the two out")
+    if not is_stream and not Path(source).is_dir():
+        raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
     sensor, notes = _described(arguments)
     layout = sensor.layout
     if is_stream:
@@ -115,8 +117,6 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
             return read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout)
     else:
         folder, waits = Path(source), True
-        if not folder.is_dir():
-            raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
 
         def opened(stopped: Callable[[], bool], refused: Callable[[InputError], None]) -> Iterator[RawFrame]:
             return watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped)
@@ -144,7 +144,7 @@ def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str
 
 def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
     """Return the sensor that the options describe, and notes."""
-    missing = [option for option in ("width", "height", "format") if not getattr(arguments, option)]
+    missing = [option for option in ("width", "height", "format") if getattr(arguments, option) is None]
     if missing:
         raise InputError(
             f"{arguments.source}: frames have no header; describe them with --{', --'.join(missing)} (and --stride). "

@@ -1,6 +1,7 @@
 """Load a scene: a camera RAW, a picture, or a built-in scene."""
 
 import codecs
+import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ from typing import Any
 from shared.dng.tags import MAKER, Tag
 from shared.errors import ForeignFileError, InputError
 from shared.reading import MAX_PIXELS
+from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 
 from .camera_raw import camera_raw_scene
@@ -82,6 +84,8 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     if is_drawn(source):
         return _draw(source, max_pixels, channels)
     path = Path(source)
+    if meant := _misspelt(source):
+        raise InputError(f"there is no such file, nor such a drawn scene; did you mean {meant}?")
     if not _has_text_name(source):
         with _text_name(path) as link:
             return replace(load_scene(str(link), linear=linear, max_pixels=max_pixels, channels=channels), name=path.stem)
@@ -122,6 +126,16 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
 def is_drawn(source: str) -> bool:
     """Return whether a SCENE is a built-in scene, not a file."""
     return source.startswith(tuple(_DRAWN))
+
+
+def _misspelt(source: str) -> str:
+    """The drawn scene that a user may have meant by what is none, and no file: "bultin:600x400", "600x400"; "" if none."""
+    kind, _, size = source.rpartition(":")
+    if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
+        return ""
+    kinds = [name.removesuffix(":") for name in _DRAWN]
+    close = closest(kind, kinds) if kind else kinds[0]
+    return f"{close}:{size}" if close else ""
 
 
 def _draw(source: str, max_pixels: int, channels: str) -> Scene:

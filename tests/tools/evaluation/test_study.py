@@ -85,7 +85,7 @@ def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path) -> No
     for name, pattern in one_field_changed(tile.pattern):
         other[f"pattern.{name}"] = study.cell(scene, 0.03, method, replace(tile, pattern=pattern)).name
     for name in ("digest", "neutral", "channels"):
-        other[name] = study.cell(replace(scene, **{name: CHANGED}), 0.03, method, tile).name
+        other[name] = study.cell(replace(scene, **{name: CHANGED}), 0.03, method, tile).name  # type: ignore[arg-type]
     for name, change in {"function": demosaic_bilinear, "code": ("shared",), "balanced": False, "packages": ("numpy",)}.items():
         other[name] = study.cell(scene, 0.03, replace(method, **{name: change}), tile).name  # type: ignore[arg-type]
     assert {"kind", "seed", "pattern.tile", "pattern.origin", "pattern.channels", "channels"} <= other.keys()

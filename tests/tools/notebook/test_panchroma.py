@@ -213,10 +213,10 @@ def test_a_shot_at_another_focal_length_is_told_as_the_command_tells_it(
     shot: panchroma.Shot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shading = Shading((((1.0,) * 4,) * 4,) * 4, shot.shape, focal_length=35)
-    aberration = Aberration([[0.001, 0], [0, 0], [0, 0]], shot.shape, focal_length=24)
+    aberration = Aberration(((0.001, 0), (0, 0), (0, 0)), shot.shape, focal_length=24)
     path = tmp_path / "zoomed.dng"
     for known in ({"shading": shading}, {"aberration": aberration}, {"shading": shading, "aberration": aberration}):
-        calibration = replace(shot.calibration, **known)  # type: ignore[arg-type]
+        calibration = replace(shot.calibration, **known)
         mosaic = replace(shot.mosaic, calibration=calibration, metadata=CaptureMetadata(focal_length=50.0))
         panchroma.Shot(mosaic).save(path, overwrite=True)
         notes = panchroma.open(path).notes

@@ -20,7 +20,7 @@ from tools.rendering.journal import NAME
 from tools.rendering.order import Order
 from tools.rendering.white_balance import WhiteBalance
 
-EVEN = Shading([[[1.0] * 4] * 4] * 4, (13, 17), 35, 0.01)
+EVEN = Shading((((1.0,) * 4,) * 4,) * 4, (13, 17), 35, 0.01)
 CALIBRATION = SensorCalibration.of_bits(
     12,
     gamma=(0.9, 1.1, 0.8),
@@ -31,7 +31,7 @@ CALIBRATION = SensorCalibration.of_bits(
     defects=((1, 2),),
     sensor="bench",
     shading=EVEN,
-    aberration=Aberration([[0.001, 0], [0, 0], [0, 0.001]], (13, 17), 35),
+    aberration=Aberration(((0.001, 0), (0, 0), (0, 0.001)), (13, 17), 35),
 )
 WHOLE: dict[str, Any] = {
     "folder": Path("out"),
@@ -95,7 +95,7 @@ def test_a_lens_that_is_now_known_to_have_no_shading_makes_pictures_again(tmp_pa
     """camera.json says "measured, and there is none": the shot's own shading no longer counts, and only `measured` has changed."""
     darker = np.ones((4, 5, 5))
     darker[:, [0, -1]] = 1.5
-    calibration = replace(CALIBRATION, shading=Shading(darker.tolist(), EVEN.size))
+    calibration = replace(CALIBRATION, shading=Shading(darker.tolist(), EVEN.size))  # type: ignore[arg-type]
     samples = np.random.default_rng(0).integers(256, calibration.white_level, (13, 17), np.uint16)
     shots = tmp_path / "shots"
     shots.mkdir()
