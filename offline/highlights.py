@@ -4,14 +4,19 @@ A panchromatic pixel reads all channels together and so reaches full scale about
 block measures every channel: by Eq. 7 they add up to the luminance that the clipped samples around it would have read. A channel
 that is clipped too is taken to read what a white surface would; where all are clipped, the block is white, as
 bright as the channel that clips last allows.
+
+A highlight that is smaller than the distance of two blocks, or the rim of one beside the dark, lies between them: no block says how
+bright it is, or of which colour. Such places are lost, and the render tells which they are.
 """
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter, uniform_filter
 
-from shared.arrays import BoolArray, DoubleArray, strips
+from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, strips
 from shared.mosaic import Mosaic
+from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 from shared.white_balance import clipped_share, raised_to_white
 
@@ -24,6 +29,10 @@ _REACH = 3  # standard deviations
 _BRIGHT = 0.6  # fraction of the limit: blocks with darker samples around them belong to another surface
 _TOLERANCE = 0.4  # fraction of the limit: samples that differ more than this from the blocks' prediction do not count
 _RINGS = 3  # blocks from a bright one to the farthest that is taken for the same surface; interpolation needs two
+# Fractions of the limit: a block inside a highlight has no darker sample around it than the second, one outside has one below the
+# first. On six shots of three photographs, 0.1 more turns noise near the limit white, 0.1 less leaves twice as many spots grey.
+_MEASURES = 0.65, 0.85
+_TINY = 1e-3
 _FAINT = 0.05  # weight of the blocks' own prediction, relative to an unclipped neighbour
 
 
@@ -38,6 +47,7 @@ def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSetti
     """Replace samples that reach `clipping` (scene units) by estimates above it; without such samples, return the mosaic itself.
 
     mosaic: free of defects: a single hot colour sample would pass for light.
+    progress: is told where light is lost (`Progress.lost`).
     """
     signal = mosaic.signal
     if not settings.restored or not signal.max() >= clipping:
@@ -51,22 +61,28 @@ def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSetti
     result = signal.copy()
     # In proportion, so that two sites of one channel keep their difference.
     result[blocks.places] = blocks.samples * (whole / np.where(means > 0, means, 1))[..., blocks.channels]
-    light = replace_dark(whole @ gamma, blocks.lowest >= _BRIGHT * clipping)
+    light = replace_dark(whole @ gamma, blocks.lowest >= _BRIGHT * clipping).astype(np.float32)
+    gone = clipped_share(means, clipping, settings.shoulder).prod(axis=2)
+    unknown = unmeasured(blocks.lowest / clipping, gone).astype(np.float32)
+    lost = np.zeros(signal.shape, np.uint8)
     middle = [float(origins[0]) + (size - 1) / 2 for origins, size in zip(blocks.origins, pattern.block_shape, strict=True)]
     width = _WIDTH * pattern.period
     fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
     height = len(signal)
     for inner in strips(height):
-        if not signal[inner].max() >= clipping:
-            continue
         top = max(inner.start - len(fall), 0)
         seen = signal[top : inner.stop + len(fall)]
-        plane, raised = np.empty_like(seen), seen.copy()
-        interpolate(light.astype(np.float32), (middle[0] - top, middle[1]), pattern.period, plane)
+        if not seen.max() >= clipping:
+            continue
+        plane, raised, kept = np.empty_like(seen), seen.copy(), slice(inner.start - top, inner.stop - top)
+        interpolate(unknown, (middle[0] - top, middle[1]), pattern.period, plane)
+        clear = pattern.panchromatic_mask(seen.shape, (top, 0))
+        lost[inner] = _spread(np.where(clear & (seen >= clipping), plane, 0), clear, pattern)[kept]
+        interpolate(light, (middle[0] - top, middle[1]), pattern.period, plane)
         panchromatic = np.roll(blocks.panchromatic, -top, axis=0)
         raise_clipped(seen, panchromatic, clipping, _TOLERANCE * clipping, plane, fall, _FAINT, raised)
-        clear = pattern.panchromatic_mask((inner.stop - inner.start, signal.shape[1]), (inner.start, 0))
-        np.copyto(result[inner], raised[inner.start - top : inner.stop - top], where=clear)
+        np.copyto(result[inner], raised[kept], where=clear[kept])
+    progress.lost(lost)
     progress.advance()
     result.flags.writeable = False
     return replace(mosaic, samples=result)
@@ -84,6 +100,33 @@ def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
         values = np.where(grown, total / np.where(weight > 0, weight, 1), values)
         known = np.where(grown, 1, known)
     return np.where(known > 0, values, light)
+
+
+def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
+    """How far blocks leave open what is clipped around them, 0 to 1, float64 (rows, columns).
+
+    A block tells of a highlight if it lies inside it, and of its surroundings as far as the next blocks. A dark block beside one
+    whose channels are all clipped lies beyond the rim of a burnt-out light: what is clipped between the two is burnt out too.
+
+    lowest: the darkest panchromatic sample around each block, as a fraction of the limit.
+    gone: how far all channels of each block are clipped, 0 to 1.
+    """
+    none, all_known = _MEASURES
+    inside = np.clip((lowest - none) / (all_known - none), 0, 1)
+    near, beside = (maximum_filter(plane, 3, mode="nearest") for plane in (inside, inside * gone))
+    found: DoubleArray = 1 - near + near * (inside * gone + (1 - inside) * beside)
+    return found
+
+
+def _spread(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArray:
+    """What is lost of panchromatic samples, and as their mean at the colour sites between them, uint8 (H, W); 255 = all of it.
+
+    lost: (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere. clear: which pixels are panchromatic.
+    """
+    reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)  # pixels from a colour site to a panchromatic one
+    total, count = (uniform_filter(plane, 1 + 2 * reach, mode="constant") for plane in (lost.clip(0, 1), clear.astype(np.float32)))
+    share: ByteArray = np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)
+    return share
 
 
 def _three_by_three(plane: DoubleArray) -> DoubleArray:

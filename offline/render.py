@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from shared.arrays import FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel, SensorCalibration
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
@@ -52,6 +52,7 @@ class Rendering:
         "medians" (end of section 3.2), residual: share of the rows of blocks that the last iteration still changed, 0 to 1;
         "affinity" (Eqs. 11-13), residual: norm of the residual relative to the right-hand side;
         "pinning" (scattered colour sites) and "samples" (bursts), residual: the same, scaled by the diagonal.
+    lost: uint8 (H, W), where a clipped shot does not tell how bright it was, 255 = not at all (`Progress.lost`); None = nowhere.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -68,6 +69,7 @@ class Rendering:
     luminance: FloatArray
     chromaticity: FloatArray
     solvers: Mapping[str, Solved] = field(default_factory=dict)
+    lost: ByteArray | None = None
 
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
@@ -88,14 +90,14 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
         rows = slice(part.first, part.end)
         luminance[rows], chromaticity[rows] = without_shading(part, mosaic), part.chromaticity
         colour(part.chromaticity, luminance[rows], rgb[rows])  # Eq. 17
-    return Rendering(rgb, luminance, chromaticity, log.solvers)
+    return Rendering(rgb, luminance, chromaticity, log.solvers, log.places)
 
 
 def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the rows of `render(mosaic, settings).rgb` from top to bottom, identical to the bit, as bands float32 (rows, W, C).
 
     Memory: about 13 bytes per pixel while luminance is measured, then 4 bytes per pixel (luminance); everything else exists for one
-    band at a time (see `rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did.
+    band at a time (see `rendering_memory`). Wrap `progress` in a `SolverLog` to learn what the solvers did and which light is lost.
 
     >>> import numpy as np
     >>> from offline import PAPER, render_bands

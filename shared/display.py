@@ -7,8 +7,9 @@ at its reading of the brighter white that is shown then.
 
 **Burnt out.** What the shot could not measure is white, whatever the exposure: a highlight that is darkened would otherwise end in
 a flat grey, with a hard edge. A picture whose highlights are restored (`offline/highlights.py`) measures white up to where that
-channel saturates in which it reads least; only what comes near that in every channel is burnt out. In any other picture, such as
-one by the paper's method, luminance stops where panchromatic samples saturate, and colour is wrong there. Both change gradually.
+channel saturates in which it reads least; only what comes near that in every channel is burnt out, and what lies between colour
+blocks, so that its light is lost (`ColourTransform.whitened`). In any other picture, such as one by the paper's method, luminance
+stops where panchromatic samples saturate, and colour is wrong there. All of it changes gradually.
 
 **Colour.** `SensorCalibration.camera_to_xyz` maps scene units to XYZ (D50) under the light of the neutral. A fitted matrix maps the
 neutral only nearly to D50 white; a Bradford adaptation corrects the rest, so that k * neutral becomes grey, R = G = B. Without a
@@ -26,7 +27,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import CACHED, DoubleArray, FloatArray, strips
+from .arrays import CACHED, ByteArray, DoubleArray, FloatArray, strips
 from .calibration import SensorCalibration
 from .colorimetry import (
     BRADFORD,
@@ -126,6 +127,19 @@ class ColourTransform:
         matrix = np.linalg.solve(space.to_xyz, adaptation(seen) @ to_xyz)
         weights = None if restored else tuple(weight / calibration.full_scale for weight in calibration.gamma)
         return cls(space, tuple(white.tolist()), as_rows(matrix), calibration.full_scale / float(white.min()), weights)
+
+    def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
+        """A picture in which what is lost is burnt out, for display; a linear one stays as it is.
+
+        rgb: (H, W, C), scene units.
+        lost: (H, W), how far the shot does not tell what the light was, 255 = not at all; None = nowhere.
+        """
+        if lost is None or self.space.linear or not lost.any():
+            return rgb
+        brightest = np.array(self.white, np.float32) * np.float32(self.brightest)
+        places, result = lost > 0, rgb.copy()
+        result[places] += (lost[places, None] / np.float32(255)) * (brightest - rgb[places])
+        return result
 
     def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
         """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for display, unclipped when linear.

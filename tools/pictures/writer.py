@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared import CaptureMetadata, SensorCalibration
-from shared.arrays import FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.colorimetry import D65_XY
 from shared.display import SPACES, ColourTransform, check_exposure, checked_picture
 from shared.dng import PART, EncodedPart, encode_part, join_parts
@@ -106,6 +106,15 @@ class PictureKind:
     def has_white_balance(self) -> bool:
         """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
         return self.space != CAMERA or self.format == "dng"
+
+    def shown(self, rgb: FloatArray, lost: ByteArray | None, calibration: SensorCalibration) -> FloatArray:
+        """A rendering or some rows of it as pictures of this kind show it: white where light is lost (`Rendering.lost`).
+
+        rgb: (H, W, C), scene units; linear pictures and measurements keep it.
+        """
+        if lost is None or self.space == CAMERA:
+            return rgb
+        return ColourTransform.to_space(calibration, self.space).whitened(rgb, lost)
 
     @property
     def suffix(self) -> str:

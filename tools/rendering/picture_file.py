@@ -1,6 +1,6 @@
 """Render a mosaic to a picture file within a limit of memory: band by band, where the format allows it, otherwise as a whole."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from tools.pictures.band_writer import FORMATS, write_picture_bands
 from tools.pictures.writer import PictureKind, write_picture
 
 if TYPE_CHECKING:
-    from offline import RenderSettings, Solved
+    from offline import RenderSettings, Solved, SolverLog
 
     Bands = Callable[[RenderSettings, Progress], Iterator[FloatArray]]
 
@@ -98,7 +98,7 @@ def render_to(
     from offline import SolverLog, render_bands, threads
 
     log = SolverLog(progress)
-    rendered = bands(settings, log) if bands else render_bands(mosaic, settings, log)
+    rendered = _shown(bands(settings, log) if bands else render_bands(mosaic, settings, log), log, kind, mosaic)
     if kind.format in FORMATS:
         write = partial(write_picture_bands, output, rendered, mosaic.shape, kind, threads=threads())
     else:
@@ -117,6 +117,15 @@ def render_to(
         on_complete=on_complete,
     )
     return log.solvers
+
+
+def _shown(bands: Iterable[FloatArray], log: "SolverLog", kind: PictureKind, mosaic: Mosaic) -> Iterator[FloatArray]:
+    """The bands as pictures of this kind show them. log: knows where light is lost from the first band on."""
+    top = 0
+    for band in bands:
+        lost = None if log.places is None else log.places[top : top + len(band)]
+        yield kind.shown(band, lost, mosaic.calibration)
+        top += len(band)
 
 
 def check_light(mosaic: Mosaic, settings: "RenderSettings") -> None:

@@ -99,6 +99,8 @@ class Picture:
     white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the peak of `evaluate`.
     restored: nothing is clipped, or highlights are restored, as by `render` but for preset "paper". Otherwise all that is as bright
         as saturated pixels is shown white.
+    lost: uint8 (H, W), how far the shot does not tell what the light was, 255 = not at all, as in a highlight that is smaller than
+        the distance of two colour blocks; shown white. None = nowhere.
 
     `np.asarray(picture)` is `rgb`, so two pictures of a scene are subtracted by `picture.rgb - truth.rgb`.
 
@@ -118,6 +120,7 @@ class Picture:
     metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
     white: float = 1.0
     restored: bool = True
+    lost: ByteArray | None = None
 
     def __post_init__(self) -> None:
         check_argument("calibration", self.calibration)
@@ -128,6 +131,11 @@ class Picture:
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
+        if self.lost is not None and (self.lost.shape != self.shape or self.lost.dtype != np.uint8):
+            raise InputError(
+                f"lost is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as the picture; "
+                "cut it as the picture, or leave it out (lost=None)"
+            )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -172,7 +180,7 @@ class Picture:
         check_gain(kind, exposure)
         write_picture(
             path,
-            self.rgb,
+            kind.shown(self.rgb, self.lost, self.calibration),
             kind,
             calibration=self.calibration,
             metadata=self.metadata,
@@ -188,7 +196,8 @@ class Picture:
         return np.array(self.rgb, dtype, copy=copy)
 
     def _repr_png_(self) -> bytes:
-        small = replace(self, rgb=_reduced(self.rgb))
+        lost = None if self.lost is None else _reduced(self.lost[..., None])[..., 0]
+        small = replace(self, rgb=_reduced(self.rgb), lost=lost)
         try:
             return to_srgb(small)._repr_png_()
         except InputError:  # nobody knows the colours of these channels: all light, in grey
@@ -215,7 +224,8 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     from tools.pictures.writer import display_codes
 
     shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
-    codes = display_codes(shown.rgb, ColourTransform.to_space(shown.calibration, restored=shown.restored), 8, exposure)
+    transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)
+    codes = display_codes(transform.whitened(shown.rgb, shown.lost), transform, 8, exposure)
     return Image(upright(codes, shown.metadata.orientation))
 
 

@@ -40,7 +40,7 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     >>> panchroma.render(shot)
     <Picture 120 x 90, linear R, G, B>
     """
-    from offline import BEST, PAPER, render_bands
+    from offline import BEST, PAPER, SolverLog, render_bands
     from tools.host.compilation import announced_compilation
     from tools.host.memory import allowed_memory, format_bytes
     from tools.host.progress import StageProgress
@@ -62,8 +62,10 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
             "close other notebooks, or use the command `panchroma render`, which needs less: it writes while it renders"
         )
     rgb, top, progress = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0, StageProgress()
+    log = SolverLog(progress)
     with announced_compilation(to_stderr, progress):
-        for band in render_bands(mosaic, settings, progress):
+        for band in render_bands(mosaic, settings, log):
             rgb[top : top + len(band)] = band
             top += len(band)
-    return Picture(rgb, mosaic.calibration, mosaic.metadata, shot.truth.white if shot.truth else 1.0, settings.highlights.restored)
+    white = shot.truth.white if shot.truth else 1.0
+    return Picture(rgb, mosaic.calibration, mosaic.metadata, white, settings.highlights.restored, log.places)
