@@ -15,6 +15,7 @@ from ..luminance import recover_luminance
 from ..render import registered
 from ..settings import RenderSettings
 from ..sites import unclipped_blocks
+from ..solvers import SolverLog
 from ..trust import trust_in_blocks
 from .agreement import unclipped
 from .colour_doubts import block_colours
@@ -39,6 +40,7 @@ class Comparison:
     frames: what became of each frame, in the order given.
     kept: the reference and the frames that are used, each with its motion and gain.
     trusts: how far each of these agrees with the reference, 0 to 255, uint8 (H, W) each.
+    lost: where the reference has lost light that no other frame has seen, uint8 (H, W), see `Progress.lost`; None = nowhere.
     """
 
     reference: int
@@ -48,6 +50,7 @@ class Comparison:
     frames: tuple[Judged, ...]
     kept: list[tuple[Frame, Motion, float]]
     trusts: list[ByteArray]
+    lost: ByteArray | None
 
 
 def compared(
@@ -99,7 +102,8 @@ def _with(
     samples = registered(reference, settings, progress).in_scene_units()
     samples = mend_defects(samples, clipping, noise, settings.defects)
     trust, clear = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
-    samples = restore_highlights(samples, clipping, settings.highlights)
+    log = SolverLog()
+    samples = restore_highlights(samples, clipping, settings.highlights, log)
     base = replace(frames[number], luminance=recover_luminance(samples, settings.luminance))
     colours = block_colours(base, reference, 1.0)
     everything: list[Judged] = []
@@ -119,7 +123,8 @@ def _with(
             kept.append((frame, result.motion, result.gain))
             trusts.append(agrees)
     trusts[0] = _own_trust(base, trusts)
-    return Comparison(number, samples, trust, clear, tuple(everything), kept, trusts)
+    lost = None if log.places is None else np.minimum(log.places, trusts[0])
+    return Comparison(number, samples, trust, clear, tuple(everything), kept, trusts, lost)
 
 
 def _own_trust(base: Frame, trusts: list[ByteArray]) -> ByteArray:

@@ -51,6 +51,7 @@ class MergedBurst:
     frames: what became of each frame, in the order given.
     shares: float32 (H, W), variance of the noise of the merged luminance, relative to the reference's: 1 where it is alone.
     mosaic: the reference. measured, samples: what `render_burst_bands` needs.
+    lost: where no frame tells what the light was, uint8 (H, W), see `Progress.lost`; None = nowhere.
     """
 
     reference: int
@@ -59,6 +60,7 @@ class MergedBurst:
     mosaic: Mosaic
     measured: Measured
     samples: ColourSamples
+    lost: ByteArray | None
 
 
 def merge_burst(
@@ -115,7 +117,13 @@ def merge_burst(
     sites = replace(sites, doubt=sites.doubt * alone, kept=alone)  # others measure luminance under the sites too
     settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
     return MergedBurst(
-        found.reference, found.frames, shares, mosaic, Measured(settled, blocks, sites), colours.relit(settled - luminance)
+        found.reference,
+        found.frames,
+        shares,
+        mosaic,
+        Measured(settled, blocks, sites),
+        colours.relit(settled - luminance),
+        found.lost,
     )
 
 
@@ -124,6 +132,8 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
 
     Raises ConvergenceError when a solver does not reach its tolerance.
     """
+    if merged.lost is not None:
+        progress.lost(merged.lost)
     gamma = np.array(merged.mosaic.calibration.gamma, np.float32)
     samples, precision = merged.samples.by_tile(merged.mosaic.shape, gamma)
     prior = _SMOOTHNESS, _FADING * precision, _EDGE

@@ -1,14 +1,16 @@
 """Clipped panchromatic samples: highlights come back as far as colour samples reach, and end in white."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.highlights import clipping_level, replace_dark, restore_highlights, unclipped
+from offline.highlights import clipping_level, replace_dark, restore_highlights, unclipped, unmeasured
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
+from shared.display import ColourTransform
 from shared.sensor import simulate_sensor
 from tests.offline.scenes import every_case, gamma_of, materials
 
@@ -134,3 +136,91 @@ def test_without_a_known_neutral_white_is_equal_readings() -> None:
     mosaic = exposed(lamp(12.0, (1.0, 1.0, 1.0)), None)
     same = replace(mosaic, calibration=replace(mosaic.calibration, neutral=(1.0, 1.0, 1.0)))
     assert np.array_equal(render(mosaic, BEST).rgb, render(same, BEST).rgb)
+
+
+SPARSE = (CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"))
+
+
+def spark(pattern: CfaPattern, colour: tuple[float, ...], light: float = 0.25) -> tuple[Mosaic, tuple[slice, slice]]:
+    """A grey wall with a highlight of 3 x 3 pixels between its blocks, far beyond the limit; and where it is."""
+    scene = np.full((48, 54, 3), light) * np.array(NEUTRAL)
+    middle = [
+        origin + size + (pattern.period - size - 3) // 2
+        for origin, size in zip(pattern.block_origin, pattern.block_shape, strict=True)
+    ]
+    first = [start % pattern.period + 24 // pattern.period * pattern.period for start in middle]
+    place = slice(first[0], first[0] + 3), slice(first[1], first[1] + 3)
+    scene[place] = np.array(colour) * 6
+    calibration = SensorCalibration.of_bits(12, headroom=False, neutral=NEUTRAL)
+    return simulate_sensor(scene.astype(np.float32), pattern, calibration, 1.0, np.random.default_rng(0)), place
+
+
+@pytest.mark.parametrize("stops", [0, -1, -4])
+@pytest.mark.parametrize("colour", [NEUTRAL, (0.9, 0.5, 0.3)])
+@pytest.mark.parametrize("pattern", SPARSE)
+def test_a_highlight_between_blocks_is_lost_and_shown_white(pattern: CfaPattern, colour: tuple[float, ...], stops: float) -> None:
+    mosaic, place = spark(pattern, colour)
+    found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
+    assert found.lost is not None
+    picture, plain = (shown.apply(rgb, stops) for rgb in (shown.whitened(found.rgb, found.lost), found.rgb))
+    middle = place[0].start + 1, place[1].start + 1
+    assert picture[middle].min() > 0.999
+    assert np.median(picture[place]) > 0.98
+    around = found.lost == 0
+    assert around.mean() > 0.98
+    assert np.array_equal(picture[around], plain[around])
+
+
+@pytest.mark.parametrize("peak", [3.2, 4.0, 5.5, 12.0])
+@pytest.mark.parametrize("sigma", [0.0, 0.02])
+def test_a_restored_gradient_is_not_lost(peak: float, sigma: float) -> None:
+    """No contour in it, nor at its rim, where it passes the limit."""
+    scene = lamp(peak, (0.9, 0.7, 0.4))
+    scene += np.random.default_rng(3).normal(0, sigma, (*scene.shape[:2], 1)).astype(np.float32)
+    mosaic = exposed(scene)
+    found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
+    assert found.lost is not None
+    assert found.lost.max() < 13
+    change = shown.apply(shown.whitened(found.rgb, found.lost), -2) - shown.apply(found.rgb, -2)
+    assert np.abs(change).max() < 0.03
+
+
+def test_the_rim_of_a_burnt_out_window_is_white() -> None:
+    """Beside the dark it lies between blocks of which one is burnt out and the other dark, and had the colour of neither."""
+    scene = np.full((72, 78, 3), 0.1) * np.array(NEUTRAL)
+    scene[:, 34:] = np.array(NEUTRAL) * 20
+    mosaic = exposed(scene.astype(np.float32))
+    found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
+    picture = shown.apply(shown.whitened(found.rgb, found.lost), -2)
+    assert picture[:, 34:].min() > 0.98
+    assert picture[:, :32].max() < 0.2
+
+
+def test_nothing_is_lost_where_nothing_is_clipped_or_restored() -> None:
+    mosaic, _ = spark(CfaPattern.bayer(), NEUTRAL)
+    assert render(mosaic, PAPER).lost is None
+    assert render(Mosaic(mosaic.signal, mosaic.pattern, mosaic.calibration), BEST).lost is None
+    assert render(exposed(lamp(2.0, NEUTRAL)), BEST).lost is None
+
+
+def test_a_hot_pixel_is_mended_and_no_lost_light() -> None:
+    dim = exposed(np.full((48, 54, 3), 0.2, np.float32))
+    codes = dim.codes.copy()
+    codes[20, 23] = 4095
+    assert render(replace(dim, samples=codes), BEST).lost is None
+
+
+def test_what_is_lost_is_the_same_for_every_number_of_threads(each_thread_count: Iterator[int]) -> None:
+    mosaic, _ = spark(CfaPattern.bayer(), NEUTRAL)
+    found = [render(mosaic, BEST).lost for _ in each_thread_count]
+    assert all(np.array_equal(each, found[0]) for each in found)
+
+
+def test_blocks_tell_of_what_is_around_them() -> None:
+    lowest, gone = np.full((7, 7), 0.2), np.zeros((7, 7))
+    lowest[3, 3] = 1
+    assert np.array_equal(unmeasured(lowest, gone)[2:5, 2:5], np.zeros((3, 3)))
+    assert unmeasured(lowest, gone)[0].min() == 1
+    gone[3, 3] = 1
+    assert unmeasured(lowest, gone).min() == 1, "between a burnt-out block and dark ones"
+    assert np.array_equal(unmeasured(np.ones((7, 7)), gone), gone), "restored blocks beside a burnt-out one stay"

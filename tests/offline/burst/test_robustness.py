@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from offline import BEST, render
+from offline import BEST, SolverLog, render
 from offline.burst import MergedBurst, judging, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
@@ -153,3 +153,21 @@ def test_a_bracket_shows_what_one_exposure_clips() -> None:
     assert error(both, truth[0], clipped) < error(single, truth[0], clipped) - 3
     assert error(both, truth[0], ~clipped) < error(single, truth[0], ~clipped)
     assert merge_burst(shots[::-1], _SETTINGS).reference != 0, "the longest exposure is clipped"
+
+
+@pytest.mark.parametrize(("exposures", "seen"), [((1, 1, 1), False), ((1, 0.1, 1), True)])
+def test_a_small_highlight_is_lost_unless_another_frame_has_seen_it(exposures: tuple[float, ...], seen: bool) -> None:
+    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
+    calibration, shots = replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4)), []
+    for number, exposure in enumerate(exposures):
+        down, across = _SHIFTS[number]
+        spark = 9.0 * np.exp(-((y - down - 60.5) ** 2 + (x - across - 69.5) ** 2) / 4)
+        scene = (light(_SHIFTS[number]) + spark[..., None]).astype(np.float32) * np.float32(exposure)
+        taken = simulate_additive(scene, _PATTERN, calibration, 0.002, np.random.default_rng(number))
+        shots.append(Mosaic(taken.codes, _PATTERN, calibration))
+    merged, log = merge_burst(shots, _SETTINGS, reference=0), SolverLog()
+    assert [frame.reason for frame in merged.frames] == [""] * 3
+    assert sum(map(len, render_burst_bands(merged, _SETTINGS, log))) == _SHAPE[0]
+    assert log.places is not None
+    assert (log.places[59:62, 68:71] > 200).all() != seen
+    assert (log.places.max() < 60) == seen

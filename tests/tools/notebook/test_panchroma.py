@@ -197,6 +197,41 @@ def test_a_darkened_picture_of_a_clipped_shot_ends_in_white() -> None:
             assert np.asarray(panchroma.to_srgb(picture, exposure=stops))[24:36, 24:36].min() >= 254
 
 
+@pytest.mark.parametrize("format", ["png", "tif", "jpg", "uhdr"])
+def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_path: Path) -> None:  # noqa: A002
+    """Two of these formats are written band by band, the frame is higher than a band, and it is turned."""
+    wall = np.full((300, 60, 3), 0.02)
+    for row in range(9, 300, 6):  # so that some lie between the blocks
+        wall[row : row + 3, 30:33] = 1
+    shot = panchroma.simulate(wall, light=20)
+    shot = replace(shot, mosaic=replace(shot.mosaic, metadata=CaptureMetadata(orientation=6)))
+    shot.save(tmp_path / "wall.dng")
+    options = "-f", format, "--exposure", "-3"
+    assert run("render", tmp_path / "wall.dng", "-o", tmp_path, *options).code == 0
+    picture = panchroma.render(tmp_path / "wall.dng")
+    assert picture.lost is not None
+    written = tmp_path / f"wall{PictureKind.of(format).suffix}"
+    mine = tmp_path / f"mine{written.suffix}"
+    picture.save(mine, format=format, exposure=-3)
+    assert mine.read_bytes() == written.read_bytes()
+    bare = replace(picture, lost=None)
+    white = np.asarray(panchroma.to_srgb(picture, exposure=-3)).min(axis=2) >= 250
+    assert white.sum() > 300 > (np.asarray(panchroma.to_srgb(bare, exposure=-3)).min(axis=2) >= 250).sum()
+    picture.save(tmp_path / "a.npy")
+    assert np.array_equal(np.load(tmp_path / "a.npy"), picture.rgb)
+    picture.save(tmp_path / "a.exr", space="linear-srgb")
+    bare.save(tmp_path / "b.exr", space="linear-srgb")
+    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+
+
+def test_what_is_lost_has_the_shape_of_its_picture() -> None:
+    with pytest.raises(panchroma.PanchromaError, match=r"expected uint8 \(4, 6\)"):
+        panchroma.Picture(np.ones((4, 6, 3), np.float32), lost=np.zeros((4, 5), np.uint8))
+    spots = np.zeros((2100, 1100), np.uint8)
+    spots[::2] = 255
+    panchroma.Picture(np.ones((2100, 1100, 3), np.float32), lost=spots)._repr_png_()
+
+
 def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
