@@ -67,5 +67,5 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
         for band in render_bands(mosaic, settings, log):
             rgb[top : top + len(band)] = band
             top += len(band)
-    white = shot.truth.white if shot.truth else 1.0
-    return Picture(rgb, mosaic.calibration, mosaic.metadata, white, settings.highlights.restored, log.places)
+    level, restored = shot.truth.white if shot.truth else 1.0, settings.highlights.restored
+    return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, log.places)
