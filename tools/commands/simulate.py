@@ -106,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--truth",
         action="store_true",
         help="also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render; "
-        "of a burst what its first frame sees, the reference (panchroma burst --reference STEM-1.dng), and the motion of the others",
+        "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others",
     )
     options.add_max_pixels(parser)
     options.add_overwrite(parser)
