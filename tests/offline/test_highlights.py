@@ -187,13 +187,15 @@ def test_a_restored_gradient_is_not_lost(peak: float, sigma: float) -> None:
 
 def test_the_rim_of_a_burnt_out_window_is_white() -> None:
     """Beside the dark it lies between blocks of which one is burnt out and the other dark, and had the colour of neither."""
-    scene = np.full((72, 78, 3), 0.1) * np.array(NEUTRAL)
-    scene[:, 34:] = np.array(NEUTRAL) * 20
+    scene = np.full((72, 78, 3), (0.5, 0.02, 0.02))
+    scene[:, 31:] = np.array(NEUTRAL) * 20
     mosaic = exposed(scene.astype(np.float32))
     found, shown = render(mosaic, BEST), ColourTransform.to_space(mosaic.calibration)
     picture = shown.apply(shown.whitened(found.rgb, found.lost), -2)
-    assert picture[:, 34:].min() > 0.98
-    assert picture[:, :32].max() < 0.2
+    assert picture[:, 31:].min() > 0.98
+    assert shown.apply(found.rgb, -2)[:, 31:].min() < 0.9
+    assert found.lost is not None
+    assert not found.lost[:, :28].any()
 
 
 def test_nothing_is_lost_where_nothing_is_clipped_or_restored() -> None:
