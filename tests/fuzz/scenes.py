@@ -1,0 +1,250 @@
+"""Extreme scenes through every way to a picture: each has to end in a picture that is finite, and right where that is known.
+
+    python -m tests.fuzz.scenes --count 2000 --seed 1
+    python -m tests.fuzz.scenes --number 4711 --seed 1        repeat one of them
+
+A case is a scene, its light, a filter pattern, a calibration and a way to the picture. What is known of the result:
+    finite      every value of every picture, without an invalid operation in NumPy on the way
+    even        a constant scene without noise comes back constant, and a black one black
+    moderate    nothing is brighter, or darker than black, than a few times the brightest sample
+    in units    the same scene under 2 or 1/2 of the light comes back with as much more or less light
+"""
+
+import argparse
+import sys
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from random import Random
+
+import numpy as np
+
+from device import Preview
+from offline import BEST, PAPER, RenderSettings, render
+from offline.burst import merge_burst, render_burst_bands
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
+from shared.aberration import Aberration
+from shared.arrays import FloatArray
+from shared.errors import InputError
+from shared.sensor import sample, simulate_additive, simulate_sensor
+from tools.evaluation.cameras import CameraPair
+from tools.evaluation.measures import Measures
+from tools.evaluation.methods import methods
+from tools.evaluation.presets import UNLEARNED
+from tools.evaluation.protocol import Protocol
+
+RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
+PRESETS: dict[str, RenderSettings] = {"best": BEST, "paper": PAPER, "unlearned": UNLEARNED}
+WAYS = (*PRESETS, "burst", "preview", "evaluate")
+SCENES = ("black", "white", "constant", "pixel", "row", "checker", "letterbox", "below black", "strokes", "random")
+LIGHTS = (1.0, 1.0, 1.0, 1e-6, 1e-3, 30.0, 1e4)  # times the scene
+KODAK = "WBWG/BWGW/WGWR/GWRW"
+MANY = "HIJWWW/KLNWWW/OPHWWW/WWWWWW/WWWWWW/WWWWWW"
+TAKES = ("exact", "exact", "exact", "noisy", "codes")
+NOISES = ("none", "none", "unknown", "typical", "no read noise", "no shot noise", "tiny", "tiny shot noise", "huge")
+LENSES = ("none", "none", "none", "shading", "aberration", "both")
+_EVEN = 1e-3  # of the light: what a constant scene may vary; the paper's solvers end at residuals of this size
+_BLACK = 1e-6  # scene units: what a black scene may show
+_WILD = 4.0  # times the brightest sample, times gamma: rings of the wavelets and of colour beside one bright pixel stay below
+_UNITS = 0.02  # of the brightest sample: thresholds in scene units make the same scene come back a little differently
+_DIM = 0.02  # scene units: less light than this is near these thresholds
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case. scene: (H, W, C), scene units, `light` included; for the other fields see the module."""
+
+    way: str
+    name: str
+    light: float
+    take: str
+    noise: str
+    lens: str
+    pattern: CfaPattern
+    calibration: SensorCalibration
+    scene: FloatArray
+    seed: int
+
+    def __str__(self) -> str:
+        height, width, _ = self.scene.shape
+        tile, origin = "/".join(self.pattern.tile), self.pattern.origin
+        return (
+            f"{self.way}, {self.name} x {self.light:g}, {self.take}, noise {self.noise}, lens {self.lens}, {width} x {height}, "
+            f"{tile} at {origin}, gamma {[round(each, 3) for each in self.calibration.gamma]}"
+        )
+
+
+def case(seed: int, number: int) -> Case:
+    """Case `number` of a campaign."""
+    random = Random(f"{seed} {number}")
+    pattern, way = _pattern(random), random.choice(WAYS)
+    least = {"evaluate": 41, "burst": 24}.get(way, 2 * pattern.period)
+    height, width = (random.choice((least, random.randrange(least, least + 12), random.randrange(60, 140))) for _ in range(2))
+    channels, name, light = len(pattern.channels), random.choice(SCENES), random.choice(LIGHTS)
+    scene = light * _drawn(name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30)))
+    noise, lens = random.choice(NOISES), random.choice(LENSES)
+    calibration = _calibration(random, pattern, (height, width), noise, lens, light)
+    return Case(way, name, light, random.choice(TAKES), noise, lens, pattern, calibration, scene.astype(np.float32), random.randrange(1 << 30))
+
+
+def _pattern(random: Random) -> CfaPattern:
+    kind, origin = random.choice(("bayer", "bayer", "kodak", "honda", "cmy", "many", "pair")), (random.randrange(16), random.randrange(16))
+    order = random.choice(("RGGB", "BGGR", "GRBG", "GBRG"))
+    match kind:
+        case "bayer":
+            return CfaPattern.bayer(random.choice((3, 4, 5, 6, 8, 12)), order, origin)
+        case "kodak" | "honda":
+            return CfaPattern.of_letters({"kodak": KODAK, "honda": "RG/BW"}[kind], origin)
+        case "cmy":
+            return CfaPattern.with_block(("CM", "YC"), random.choice((4, 6)), origin)
+        case "many":
+            return CfaPattern.of_letters(MANY, origin)
+        case _:
+            return CfaPattern.with_block(("AB",), 5, origin)
+
+
+def _drawn(name: str, shape: tuple[int, int, int], random: np.random.Generator) -> FloatArray:
+    colour, row, column = random.uniform(0.05, 1, shape[2]), *np.indices(shape[:2])
+    scene = np.full(shape, 0.0 if name == "black" else 1.0) * (1 if name in ("black", "white") else colour)
+    place = tuple(int(random.integers(size)) for size in shape[:2])
+    period = int(random.integers(1, 9))
+    match name:
+        case "pixel":
+            scene = np.full(shape, random.choice((0, 0.01, 0.5)))
+            scene[place] = random.choice((1, 10))
+        case "row":
+            scene[place[0]] = 0
+        case "checker":
+            scene *= ((row // period + column // period) % 2)[..., None]
+        case "letterbox":
+            scene = random.uniform(0, 1, shape)
+            scene[: shape[0] * 3 // 4] = 0
+        case "below black":
+            scene -= random.uniform(0, 2 * colour.max(), shape)
+        case "strokes":
+            scene[((row - column) % (3 * period)) < period] = random.uniform(0, 0.1, shape[2])
+        case "random":
+            scene = random.uniform(0, 1, shape)
+    return scene.astype(np.float32)
+
+
+def _calibration(
+    random: Random, pattern: CfaPattern, shape: tuple[int, int], noise: str, lens: str, light: float
+) -> SensorCalibration:
+    count, letters = len(pattern.channels), pattern.channels
+    gamma = random.choice(((1.0,) * count, tuple(random.uniform(0.5, 1.5) for _ in letters), tuple(10 ** random.uniform(-2, 2) for _ in letters)))
+    figures = {
+        "unknown": None,
+        "typical": (2e-4, 6e-4),
+        "no read noise": (random.choice((1e-12, 1e-4, 1.0)), 0.0),
+        "no shot noise": (0.0, random.choice((1e-12, 1e-3, 1.0))),
+        "tiny": (1e-12, 1e-12),
+        "tiny shot noise": (1e-9, 0.01 * light),
+        "huge": (random.choice((1.0, 1e3)), random.choice((1.0, 1e3))),
+    }.get(noise, (0.0, 0.0))
+    model = figures and NoiseModel((figures[0],) * (count + 1), (figures[1],) * (count + 1))
+    bits = random.choice((10, 12, 16))
+    black = random.choice((0, 1 << (bits - 4), (1 << bits) - 40))
+    slopes = [random.uniform(-0.5, 0.5) for _ in range(count + 1)]
+    points = 1 + np.array(slopes)[:, None, None] * (np.arange(4) - 1.5)[:, None] * np.ones(4)
+    return SensorCalibration(
+        letters,
+        gamma,
+        model,
+        (black,) * (count + 1),
+        (1 << bits) - 1,
+        defects=random.choice(((), tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20)))),
+        shading=Shading(points, shape) if lens in ("shading", "both") else None,
+        aberration=Aberration([(0.0, 0.0), *[(0.01, -0.005)] * (count - 1)], shape) if lens in ("aberration", "both") else None,
+    )
+
+
+def photographed(case: Case, factor: float = 1.0, frame: int = 0) -> Mosaic:
+    """The shot of a case. factor: times its light. frame: of a burst; each is displaced, and has noise of its own."""
+    random, scene = np.random.default_rng((case.seed, frame)), np.roll(case.scene, frame, (0, 1)) * np.float32(factor)
+    if case.take == "codes":
+        return simulate_sensor(scene, case.pattern, case.calibration, 1.0, random)
+    sigma = 0.02 * case.light if case.take == "noisy" else 0.0
+    return replace(simulate_additive(scene, case.pattern, case.calibration, sigma, random), calibration=case.calibration)
+
+
+def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
+    """What comes of a case: the picture first, then everything else that has to be finite."""
+    shot = photographed(case, factor)
+    match case.way:
+        case "preview":
+            screen, linear = (Preview.for_mosaic(shot, linear=linear, threads=1).run(shot) for linear in (False, True))
+            return [linear, screen]
+        case "burst":
+            merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
+            return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
+        case "evaluate":
+            cameras = CameraPair(Protocol("paper"), 0.0 if case.take == "exact" else 0.02, case.scene, case.pattern, None, channels=case.pattern.channels)
+            picture = methods()["best"].render(cameras)
+            found = Measures.of(picture, case.scene, case.pattern.channels)
+            return [picture, np.array([*found.quality, ]), np.array([*found.psnr, found.ssim, found.wrong_hue or 0.0]), found.errors]
+        case preset:
+            made = render(shot, PRESETS[preset])
+            return [made.rgb, made.luminance, made.chromaticity]
+
+
+def outcome(case: Case) -> tuple[str, str]:
+    """Whether a case comes out right, and what is wrong with it."""
+    try:
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            found = pictures(case)
+            if any(not np.isfinite(each).all() for each in found):
+                return FAULT, "not finite"
+            return judged(case, found[0])
+    except InputError as error:
+        return REFUSED, str(error)
+    except Exception:
+        return FAULT, traceback.format_exc()
+
+
+def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
+    """Whether a picture is what is known of it."""
+    gamma, scene = np.array(case.calibration.gamma if case.way != "evaluate" else 1.0), case.scene
+    samples = sample(scene, case.pattern, case.calibration)
+    brightest = float(max(np.abs(samples).max(), (gamma * np.abs(scene)).max()))
+    weighted = picture * gamma
+    if case.take == "exact" and case.noise != "huge":
+        wild = float(np.abs(weighted).max()) - _WILD * brightest
+        if wild > _BLACK:
+            return FAULT, f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest"
+        spread = float(np.ptp(weighted, axis=(0, 1)).max())
+        if case.name in ("black", "white", "constant") and spread > _EVEN * brightest + _BLACK:
+            return FAULT, f"uneven by {spread:g} where all is {brightest:g} or less"
+        if case.name in ("black", "white", "constant") and case.noise == "none":
+            off = float(np.abs(weighted - gamma * scene[0, 0]).max())
+            if off > _EVEN * brightest + _BLACK:
+                return FAULT, f"off by {off:g} where the brightest is {brightest:g}"
+    if case.way in PRESETS and case.take == "exact" and case.noise == "none" and case.light >= _DIM:
+        other = pictures(case, 2.0)[0] / 2
+        off = float(np.abs((other - picture) * gamma).max())
+        if off > _UNITS * brightest:
+            return FAULT, f"twice the light is off by {off:g} where the brightest is {brightest:g}"
+    return RIGHT, ""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=200, metavar="N", help="cases")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--number", type=int, help="only this case")
+    arguments = parser.parse_args()
+    counts: Counter[tuple[str, str]] = Counter()
+    for number in [arguments.number] if arguments.number is not None else range(arguments.count):
+        each = case(arguments.seed, number)
+        found, why = outcome(each)
+        counts[each.way, found] += 1
+        if found != RIGHT:
+            print(f"seed {arguments.seed} number {number}: {found}: {each}: {why.strip()}", file=sys.stderr, flush=True)
+    for way in WAYS:
+        print(f"{way:12}" + ", ".join(f"{counts[way, each]} {each}" for each in (RIGHT, REFUSED, FAULT)))
+    return 1 if any(counts[way, FAULT] for way in WAYS) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
