@@ -137,8 +137,9 @@ def _mended(blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray) -> FloatAr
     here, channel = light[each, site], blocks.channels[site]
     of_channel = good[:, None] & (blocks.channels == channels[:, None])  # (bad sites, C, S)
     seen = of_channel.any(axis=2)
-    ratio = (of_channel * blocks.samples[*where][:, None]).sum(axis=2)
-    ratio /= np.maximum((of_channel * light[:, None]).sum(axis=2), _LEAST_LIGHT)
+    total = (of_channel * light[:, None]).sum(axis=2)
+    seen &= total > _LEAST_LIGHT
+    ratio = (of_channel * blocks.samples[*where][:, None]).sum(axis=2) / np.where(seen, total, 1)
     # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks predict. The first is as uncertain as
     # luminance varies around the block, the second as the neighbouring blocks differ.
     others = channels != channel[:, None]
@@ -167,7 +168,8 @@ class _Around(NamedTuple):
 
 def _around(blocks: BlockSamples, bad: BoolArray, where: tuple[IndexArray, ...], grey: float) -> _Around:
     """The neighbourhoods of the blocks at `where`; a site without a good neighbour is `grey`."""
-    ratios = np.where(bad, np.nan, blocks.samples / np.maximum(blocks.light, _LEAST_LIGHT))
+    dark = blocks.light <= _LEAST_LIGHT
+    ratios = np.where(bad | dark, np.nan, blocks.samples / np.where(dark, 1, blocks.light))
     wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])
     count = (~np.isnan(near)).sum(axis=0)

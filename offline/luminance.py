@@ -20,6 +20,7 @@ HIGH: FloatArray = (LOW[::-1] * [1, -1, 1, -1]).astype(np.float32)
 _TAPS: FloatArray = np.stack([LOW, HIGH])
 
 _AROUND = 1.0  # pixels: standard deviation of the start's means; every scattered site has a panchromatic pixel within its reach
+_FEW = 4  # sites of a block that the samples in it are a good start for: those of a Bayer block
 _PIECE = 128  # rows of blocks that are filled between two reports of progress
 
 
@@ -29,23 +30,25 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
     Each iteration shrinks wavelet coefficients and restores the measured samples (Eqs. 3-5); the threshold falls by beta each time.
     """
     pattern, signal = mosaic.pattern, mosaic.signal
-    thresholds = (settings.threshold * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
+    # The paper's threshold of 1 fills flat scenes up to a luminance of 3, and misses 4 % at 3.3 (measured): brighter ones need more.
+    threshold = max(settings.threshold, (float(signal.max()) - settings.threshold) / 2)
+    thresholds = (threshold * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
+    guess = _start(signal, pattern) if len(pattern.sites) > _FEW else signal
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) == 0 or len(columns) == 0:
         progress.stage("luminance", settings.iterations)
-        guess = _start(signal, pattern) if pattern.is_scattered else signal
         luminance, change = fill(guess, _holes(pattern, (pattern.period, signal.shape[1])), thresholds, progress)
         progress.solved("luminance", settings.iterations, change)
         return luminance
     progress.stage("luminance", -(-len(rows) // _PIECE))
-    luminance, changes = signal.copy(), np.empty(len(rows), np.float32)
+    luminance, changes = guess.copy(), np.empty(len(rows), np.float32)
     change = _fill_margins(luminance, pattern, (rows, columns), thresholds)
     holes = np.array([site[:2] for site in pattern.sites])
     extent, response = pattern.block_shape, _response(pattern.block_shape, holes)
     for start in range(0, len(rows), _PIECE):
         piece = changes[start : start + _PIECE]
         first, blocks = (int(rows[start]), int(columns[0])), (len(piece), len(columns))
-        fill_blocks(signal, luminance, first, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
+        fill_blocks(guess, luminance, first, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
         progress.advance()
     progress.solved("luminance", settings.iterations, max(change, float(changes.max())))
     return luminance
@@ -71,7 +74,8 @@ def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress:
 def _start(signal: FloatArray, pattern: CfaPattern) -> FloatArray:
     """The plane with a mean of the panchromatic samples around each hole in it, float32 (H, W).
 
-    Holes of scattered sites may be so wide that iterations which start from the samples in them, the paper's start, end too early.
+    Holes of scattered sites and of many channels may be so wide that iterations which start from the samples in them, the paper's
+    start, end too early: a flat scene is off by 80 % after 50 of them for eight channels in 2 x 4 pixels, and by 2 % after 62.
     """
     clear = pattern.panchromatic_mask(signal.shape)
     known = clear.astype(np.float32)

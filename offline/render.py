@@ -38,6 +38,7 @@ from .sites import SiteSamples, correct_sites, settle_luminance, site_samples, u
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
 from .trust import trust_in_blocks, with_trusted_colour
+from .units import check_finite, in_scene_units, own_unit, scaled
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,9 @@ class Rendering:
 
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
-    """Reconstruct every channel at every pixel. Raises ConvergenceError when a solver does not reach its tolerance.
+    """Reconstruct every channel at every pixel.
+
+    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than return a value that is not finite.
 
     >>> import numpy as np
     >>> from offline import PAPER, render
@@ -86,10 +89,9 @@ def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress =
     luminance = np.empty(mosaic.shape, np.float32)
     chromaticity = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32)
     rgb = np.empty_like(chromaticity)
-    for part in finish(mosaic, measure(mosaic, settings, log), settings, log):
+    for part, band in _pictures(mosaic, settings, log):
         rows = slice(part.first, part.end)
-        luminance[rows], chromaticity[rows] = without_shading(part, mosaic), part.chromaticity
-        colour(part.chromaticity, luminance[rows], rgb[rows])  # Eq. 17
+        luminance[rows], chromaticity[rows], rgb[rows] = part.luminance, part.chromaticity, band
     return Rendering(rgb, luminance, chromaticity, log.solvers, log.places)
 
 
@@ -107,10 +109,20 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
     >>> len(bands), sum(len(band) for band in bands)
     (2, 300)
     """
-    for part in finish(mosaic, measure(mosaic, settings, progress), settings, progress):
-        band = np.empty_like(part.chromaticity)
-        colour(part.chromaticity, without_shading(part, mosaic), band)  # Eq. 17
+    for _, band in _pictures(mosaic, settings, progress):
         yield band
+
+
+def _pictures(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Iterator[tuple[Part, FloatArray]]:
+    """The parts of a picture, in scene units and without shading, and of each channels times luminance (Eq. 17)."""
+    exponent = own_unit([mosaic])
+    frame = scaled(mosaic, exponent)
+    for part in finish(frame, measure(frame, settings, progress), settings, progress):
+        shown = replace(part, luminance=in_scene_units(without_shading(part, frame), exponent))
+        band = np.empty_like(part.chromaticity)
+        colour(part.chromaticity, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
+        check_finite(band, part.first)
+        yield shown, band
 
 
 @cache

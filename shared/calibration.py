@@ -29,7 +29,7 @@ BITS = range(10, 17)
 # What a camera can have, with orders of magnitude to spare. Single precision computes with squares and quotients of these figures:
 # beyond the limits a render would overflow, without an error.
 _GAMMA = (1e-3, 1e3)
-_NOISE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
+NOISE_RANGE = (1e-12, 1e3)  # 0 is allowed too: the paper's noise has no shot noise
 _NEUTRAL = (1e-6, 1e6)
 _COLOUR = (1e-6, 1e6)
 _WORST_MATRIX = 1e4  # condition number, whatever the channels' own scales: beyond it a channel is nearly a mixture of the others
@@ -145,7 +145,7 @@ class SensorCalibration:
             if len(self.noise.shot) != count + 1:
                 raise InputError(f"calibration: noise has {len(self.noise.shot)} planes, expected {count + 1} ({letters}W)")
             for name in ("shot", "read"):
-                _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], _NOISE, "0, or ")
+                _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], NOISE_RANGE, "0, or ")
         if self.neutral is not None:
             self._set("neutral", self.neutral, count)
             if min(self.neutral) <= 0:

@@ -4,6 +4,7 @@
                       (``ForeignFileError``: an intact file of another kind.)
 ``OutputError``       an output cannot be written: it exists, the folder is missing, the disk is full.
 ``ConvergenceError``  an iterative solver did not reach its tolerance: the result would be wrong, so there is none.
+``RangeError``        a result has values that are not finite (NaN or infinite): it would be wrong, so there is none.
 
 Library code names a file in a message only if it was given one; the commands print one line per error.
 """
@@ -27,3 +28,7 @@ class OutputError(PanchromaError):
 
 class ConvergenceError(PanchromaError):
     """A solver did not reach its tolerance; the message states iterations and residual."""
+
+
+class RangeError(PanchromaError):
+    """A result has values that are not finite; the message says of what, how many, and where."""

@@ -321,7 +321,7 @@ class BlockGrid:
 
     def extend(self, measured: FloatArray) -> FloatArray:
         """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the others copy the nearest one."""
-        return np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge")
+        return np.ascontiguousarray(np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge"))
 
     @cached_property
     def _outside(self) -> tuple[tuple[int, int], tuple[int, int]]:

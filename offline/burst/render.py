@@ -30,6 +30,8 @@ from ..sites import gathered, settle_luminance, site_samples
 from ..solvers import report
 from ..tiling import Part, windows
 from ..trust import with_trusted_colour
+from ..units import check_finite, in_scene_units, own_unit
+from ..units import scaled as in_unit
 from .comparing import Comparison, compared, relit_sites
 from .copies import copies
 from .frames import Frame, scaled
@@ -50,7 +52,7 @@ class MergedBurst:
     reference: index of the frame that the picture shows.
     frames: what became of each frame, in the order given.
     shares: float32 (H, W), variance of the noise of the merged luminance, relative to the reference's: 1 where it is alone.
-    mosaic: the reference. measured, samples: what `render_burst_bands` needs.
+    mosaic: the reference, in units of 2^exponent scene units. measured, samples: what `render_burst_bands` needs, likewise.
     lost: where no frame tells what the light was, uint8 (H, W), see `Progress.lost`; None = nowhere.
     """
 
@@ -60,6 +62,7 @@ class MergedBurst:
     mosaic: Mosaic
     measured: Measured
     samples: ColourSamples
+    exponent: int
     lost: ByteArray | None
 
 
@@ -86,6 +89,8 @@ def merge_burst(
         raise InputError(f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}")
     if copied := copies(frames, reference):
         return _without(copied, frames, settings, progress, reference, motions)
+    exponent = own_unit(frames)
+    frames = [in_unit(frame, exponent) for frame in frames]
     found = compared(frames, settings, progress, reference, motions)
     kept, mosaic, samples = found.kept, frames[found.reference], found.samples
     base, noise = kept[0][0], kept[0][0].noise
@@ -116,21 +121,14 @@ def merge_burst(
     alone = alone.astype(np.float32)
     sites = replace(sites, doubt=sites.doubt * alone, kept=alone)  # others measure luminance under the sites too
     settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
-    return MergedBurst(
-        found.reference,
-        found.frames,
-        shares,
-        mosaic,
-        Measured(settled, blocks, sites),
-        colours.relit(settled - luminance),
-        found.lost,
-    )
+    measured, colours = Measured(settled, blocks, sites), colours.relit(settled - luminance)
+    return MergedBurst(found.reference, found.frames, shares, mosaic, measured, colours, exponent, found.lost)
 
 
 def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
     """Yield the picture from top to bottom, as bands float32 (rows, W, C), scene units, as `render_bands` does.
 
-    Raises ConvergenceError when a solver does not reach its tolerance.
+    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than yield a value that is not finite.
     """
     if merged.lost is not None:
         progress.lost(merged.lost)
@@ -148,7 +146,9 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
         spread_samples(*picture, samples, gamma, basis, prior, corrected, residuals, used)
         report(progress, "samples", used, residuals, TOLERANCE)
         band = np.empty_like(corrected)
-        colour(corrected, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
+        light = in_scene_units(shown.luminance, merged.exponent)
+        colour(corrected, np.ascontiguousarray(light), band)  # Eq. 17
+        check_finite(band, rows[0])
         yield band
 
 

@@ -1,0 +1,71 @@
+"""Extremely bright and dark frames are computed in units of their own, and every picture is seen to be finite.
+
+Stages have thresholds in scene units, such as the luminance below which a pixel has no colour, and single precision has limits.
+Both suit scenes whose white is 1. A frame of samples in scene units may be a million times darker, or brighter: it is rendered
+multiplied by a power of two, which is exact, and the picture is divided by that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import frexp
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.calibration import NOISE_RANGE, NoiseModel
+from shared.errors import RangeError
+from shared.mosaic import Mosaic
+
+_USUAL = range(-9, 11)
+"""Exponents of two of the brightest sample, relative to full scale, that are left as they are. Below, thresholds begin to show (the
+colours of a flat scene are off by 1e-5 of white at 1e-4); above, those with which luminance is filled in do (measured)."""
+
+
+def own_unit(mosaics: Sequence[Mosaic]) -> int:
+    """n, where 2^n scene units are a good unit for these frames: 0 if they have codes, or are neither very dark nor very bright.
+
+    In that unit the brightest sample of all is a quarter to half of full scale.
+    """
+    if any(mosaic.samples.dtype == np.uint16 for mosaic in mosaics):
+        return 0
+    extremes = [(-float(mosaic.samples.min()), float(mosaic.samples.max())) for mosaic in mosaics]
+    brightest = max(max(pair) for pair in extremes)
+    _, exponent = frexp(brightest / mosaics[0].calibration.full_scale)
+    return 0 if brightest == 0 or exponent in _USUAL else exponent + 1
+
+
+def scaled(mosaic: Mosaic, exponent: int) -> Mosaic:
+    """The mosaic, whose samples are in scene units, in units of 2^exponent scene units; for 0 the mosaic itself."""
+    if exponent == 0:
+        return mosaic
+    noise, unit = mosaic.calibration.noise, 2.0**exponent
+    if noise is not None:
+        noise = NoiseModel(*(tuple(_possible(figure / unit) for figure in figures) for figures in (noise.shot, noise.read)))
+    samples = np.ldexp(mosaic.samples, -exponent)
+    samples.flags.writeable = False
+    return replace(mosaic, samples=samples, calibration=replace(mosaic.calibration, noise=noise))
+
+
+def in_scene_units(light: FloatArray, exponent: int) -> FloatArray:
+    """Light in units of 2^exponent scene units, in scene units."""
+    return np.ldexp(light, exponent) if exponent else light
+
+
+def check_finite(picture: FloatArray, first: int) -> None:
+    """Raise RangeError if a value of a band of a picture, (rows, W, C), is not finite. first: the frame's row that is its first."""
+    with np.errstate(over="ignore"):
+        if np.isfinite(picture.sum()):
+            return
+    wrong = ~np.isfinite(picture).all(axis=2)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0].tolist()
+        raise RangeError(
+            f"{np.count_nonzero(wrong)} pixels of the picture are not finite (NaN or infinite), the first in row {first + row}, "
+            f"column {column}; this is a fault of the render: please report the shot and the settings"
+        )
+
+
+def _possible(figure: float) -> float:
+    """A figure of noise in the range that a calibration may have. Less than that is nothing, and more is as good as that."""
+    least, most = NOISE_RANGE
+    return 0.0 if figure < least else min(figure, most)
