@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.arrays import BORDER, BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid, CfaPattern
 
@@ -24,6 +25,7 @@ class BlockSamples:
     light: luminance at the sites, interpolated from the panchromatic samples around the block, float64 (*B, S), scene units.
     lowest, highest: range of the panchromatic samples around each block, float64 B, scene units.
     panchromatic: bool (K, K), the pattern from the frame's corner on.
+    neighbours: number of panchromatic samples around a block.
     """
 
     origins: tuple[IndexArray, IndexArray]
@@ -34,6 +36,7 @@ class BlockSamples:
     lowest: DoubleArray
     highest: DoubleArray
     panchromatic: BoolArray
+    neighbours: int
 
 
 def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
@@ -49,7 +52,23 @@ def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
     places = np.ascontiguousarray(sites[:, :2])
     surroundings(signal, panchromatic, *origins, pattern.block_shape, places, light, lowest, highest)
     samples = np.stack([signal[down, across] for _, down, across in block_sites(pattern, grid)], axis=2).astype(np.float64)
-    return BlockSamples(origins, (rows, columns), sites[:, 2], samples, light, lowest, highest, panchromatic)
+    (top, left), (down, across) = pattern.block_origin, pattern.block_shape
+    neighbours = np.count_nonzero(pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)))
+    return BlockSamples(origins, (rows, columns), sites[:, 2], samples, light, lowest, highest, panchromatic, neighbours)
+
+
+def sum_noise(blocks: BlockSamples, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:
+    """Standard deviation of the noise in what a block's channels add up to, less the luminance around it; float64 B, scene units.
+
+    That is sum_i gamma_i (mean of the samples of channel i), less the mean of the panchromatic samples around the block (Eq. 7).
+    Shot noise is that of a grey block. For a Bayer block with gamma = (1, 1, 1) it is 1.6 times the noise of one sample.
+    """
+    shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
+    squares = (gamma / np.bincount(blocks.channels))[blocks.channels] ** 2
+    per_light = squares @ shot[blocks.channels] / gamma.sum() + shot[-1] / blocks.neighbours
+    fixed = squares @ variance[blocks.channels] + variance[-1] / blocks.neighbours
+    sigma: DoubleArray = np.sqrt(per_light * np.maximum(blocks.light.mean(axis=2), 0) + fixed)
+    return sigma
 
 
 def tile(mosaic: Mosaic) -> BoolArray:

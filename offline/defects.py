@@ -17,7 +17,7 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from .blocks import BlockSamples, gather, tile
+from .blocks import BlockSamples, gather, sum_noise, tile
 from .kernels.outliers import find_outliers, mend_panchromatic
 from .settings import DefectSettings
 
@@ -100,7 +100,10 @@ def _find_in_blocks(
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around it."""
     share = (gamma / np.bincount(blocks.channels))[blocks.channels]  # weight of each site in the sum of Eq. 7
     surplus = blocks.samples @ share - blocks.light @ share / gamma.sum()
-    odd = np.abs(surplus) > _tolerance(blocks, share, noise, settings)
+    tolerance = settings.contrast / 2 * (blocks.highest - blocks.lowest) + settings.floor
+    if noise is not None:
+        tolerance += settings.deviations * sum_noise(blocks, gamma, noise)
+    odd = np.abs(surplus) > tolerance
     odd &= (blocks.highest < clipping) & ~bad.any(axis=2)
     if odd.sum() > _MOST * bad.size:
         return
@@ -115,17 +118,6 @@ def _find_in_blocks(
     certain = np.maximum(ratio - high, low - ratio) > high - low
     certain &= (np.abs(surplus - excess[guilty]) < np.abs(surplus) / 2) & (around.known[guilty] >= _FEWEST)
     bad[where[0][certain], where[1][certain], guilty[1][certain]] = True
-
-
-def _tolerance(blocks: BlockSamples, share: DoubleArray, noise: NoiseModel | None, settings: DefectSettings) -> DoubleArray:
-    """How far the sum of a block's channels may be from the luminance around it, scene units, float64 B."""
-    tolerance = settings.contrast / 2 * (blocks.highest - blocks.lowest) + settings.floor
-    if noise is None:
-        return tolerance
-    shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
-    fixed = share**2 @ variance[blocks.channels] + variance[-1]
-    tolerance += settings.deviations * np.sqrt(fixed + shot.max() * np.maximum(blocks.light.mean(axis=2), 0))
-    return tolerance
 
 
 def _mended(blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray) -> FloatArray:

@@ -154,7 +154,9 @@ class Learner:
             share = share[place[0].start - top : place[0].stop - top, place[1].start - left : place[1].stop - left]
             inside = slice(place[0].start - part.first, place[0].stop - part.first), place[1]
             light = part.luminance[inside]
-            per_light = np.divide(1, light, out=np.zeros_like(light), where=light > DARK)
+            # No channel gains or loses more than all light: among pixels below black the network knows no bound.
+            most = np.maximum(light, np.abs(share).max(axis=2))
+            per_light = np.divide(1, most, out=np.zeros_like(light), where=light > DARK)
             for channel, index in enumerate(cells.channels):
                 chromaticity[(*inside, index)] += share[..., channel] * (per_light * (1 / self._gamma[index]))
 

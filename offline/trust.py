@@ -12,14 +12,14 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
-from .blocks import gather
+from .blocks import gather, sum_noise
 from .gaussian import smoothed
 from .settings import SiteSettings
 
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity
 _STEEPNESS = 4  # power of the disagreement in units of the tolerance
-_NOISE = 3.0  # standard deviations of the noise of a sum that count as agreement
+_NOISE = 1.9  # standard deviations of its noise that count as agreement: with 3, the worst tenth of photographs loses up to 0.1 dB
 _TINY = 1e-9  # keeps divisions by luminance and by trust finite
 
 
@@ -40,7 +40,7 @@ def trust_in_blocks(mosaic: Mosaic, clipping: float, noise: NoiseModel | None, s
     # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
     apart = np.where(found.lowest >= clipping, np.maximum(light - total, 0), np.abs(light - total))
     tolerance = settings.agreement * np.where(found.highest >= clipping, _CLIPPED, 1.0)
-    unsure = noise.sigma(float(np.median(total))) if noise else 0.0  # disagreement that noise alone explains
+    unsure = sum_noise(found, np.array(mosaic.calibration.gamma), noise) if noise else 0.0
     trust: DoubleArray = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
     return trust
 

@@ -22,7 +22,7 @@ _ROWS, _COLUMNS = 128, 256  # of a window
 _STEP = 2  # pixels from one block to the next, down and across
 _TOGETHER = 4  # rows of coefficients at a time: sizes are multiples of it
 _NONE, _ONE = np.float32(0), np.float32(1)
-_LEAST = np.float32(1e-30)
+_LEAST = np.float32(1e-20)  # variance; sums of weights, which are up to 2000 times its inverse, stay finite
 
 Area = tuple[int, int, int, int]
 Model = tuple[Scalar, Scalar, Scalar]

@@ -17,6 +17,7 @@ SURROUNDINGS = 1
 """Pixels around a pixel that are compared."""
 _ROWS, _COLUMNS = 128, 256  # of a window
 _NONE, _ONE, _TWO = np.float32(0), np.float32(1), np.float32(2)
+_LEAST = np.float32(1e-30)  # keeps 0 / 0 finite, at black without read noise
 # e^(-x / 2) is about (1 - x / 8)^4, and this is 0 from x = 8 on. x is the mean of squared differences with weights that sum to 16.
 _SCALE = np.float32(1 / np.sqrt(8 * 16))
 
@@ -96,9 +97,15 @@ def average_similar(
 
 @kernel
 def _even(signal: Scalar, shot: Scalar, read: Scalar) -> Scalar:
-    """A signal transformed so that its noise has a standard deviation of 1 at any brightness (Anscombe 1948)."""
-    root: Scalar = np.sqrt(max(shot * signal + read * read, _NONE))
-    return _TWO / shot * root if shot > 0 else signal / read
+    """A signal transformed so that its noise has a standard deviation of 1 at any brightness (Anscombe 1948); 0 at black.
+
+    Two thirds of a float32's digits would be lost by 2 / shot * (root - read) where there is little shot noise.
+    """
+    variance = shot * signal + read * read
+    if variance < _NONE:  # below the signal at which the model has no noise, all is alike
+        variance, signal = _NONE, -read * read / shot
+    even: Scalar = _TWO * signal / max(np.sqrt(variance) + read, _LEAST)
+    return even
 
 
 @kernel

@@ -34,11 +34,23 @@ def trust_in_blocks(
             values = {name: [signal[y, x] for y, x, each in sites if each == name] for name in pattern.channels}
             totals.append(sum(weight * float(np.mean(values[name])) for weight, name in zip(gamma, pattern.channels, strict=True)))
     total, light = np.array(totals), np.array(lights)
-    unsure = noise.sigma(float(np.median(total))) if noise else 0.0
+    unsure = np.array([_noise(pattern, gamma, noise, each) for each in light]) if noise else 0.0
     width = agreement * np.maximum(light, 1e-9) + constants._NOISE * unsure
     rows = len(whole_blocks(pattern, (signal.shape[0], signal.shape[1])))
     trust: DoubleArray = (1 / (1 + (np.abs(light - total) / width) ** 4)).reshape(rows, -1)
     return trust
+
+
+def _noise(pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel, light: float) -> float:
+    """Standard deviation of the noise of a block's sum less the light around it, if the block is grey."""
+    found = block(pattern)
+    area = product(range(-1, found.height + 1), range(-1, found.width + 1))
+    names = [letter(pattern, found.top + down, found.left + right) for down, right in area]
+    variance = noise.sigma(light) ** 2 / names.count("W")
+    inside = [letter(pattern, found.top + down, found.left + right) for down, right in product(range(found.height), range(found.width))]
+    for plane, (weight, name) in enumerate(zip(gamma, pattern.channels, strict=True)):
+        variance += weight**2 * noise.sigma(light / sum(gamma), plane) ** 2 / inside.count(name)
+    return float(np.sqrt(variance))
 
 
 def with_trusted_colour(coarse: DoubleArray, trust: DoubleArray, gamma: tuple[float, ...]) -> DoubleArray:
