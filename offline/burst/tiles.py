@@ -12,6 +12,7 @@ from .motion import Motion
 
 _STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
 _DEVIATIONS = 3.0  # by which gradients must exceed those of noise alone
+_MOST_GAIN = 1e6  # where noise is all that two frames show, gains would grow or fall without end
 _LEAST = 1e-6  # fraction of the squares of luminance: differences below it are rounding
 
 
@@ -82,7 +83,7 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
         rest,
         pixels,
         r / number,
-        gain * brighter if brighter > 0 else gain,
+        min(max(gain * brighter, 1 / _MOST_GAIN), _MOST_GAIN) if brighter > 0 else gain,
         unevenness,
     )
 

@@ -31,8 +31,9 @@ def shrink(picture: FloatArray, threshold: float) -> FloatArray:
 
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
-    start = reference.start(mosaic.signal.astype(np.float64), measured, scattered=mosaic.pattern.is_scattered)
-    return reference.recover(start, measured, settings.iterations, settings.decay, settings.threshold)
+    signal = mosaic.signal.astype(np.float64)
+    start, threshold = reference.start(signal, measured, len(mosaic.pattern.sites)), reference.first_threshold(signal, settings.threshold)
+    return reference.recover(start, measured, settings.iterations, settings.decay, threshold)
 
 
 def panchromatic(samples: DoubleArray, pattern: CfaPattern) -> Mosaic:

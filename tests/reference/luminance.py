@@ -21,12 +21,17 @@ def filters() -> list[DoubleArray]:
     return [np.outer(down, across) for down in (low, high) for across in (low, high)]
 
 
-def start(signal: DoubleArray, measured: BoolArray, *, scattered: bool) -> DoubleArray:
-    """l_0: the samples; where sites are scattered, in every hole the mean of the panchromatic samples around it."""
-    if not scattered:
+def start(signal: DoubleArray, measured: BoolArray, sites: int) -> DoubleArray:
+    """l_0: the samples; if a block has more than four sites, in every hole the mean of the panchromatic samples around it."""
+    if sites <= 4:
         return signal
     around = blur(np.where(measured, signal, 0), constants._AROUND) / blur(measured.astype(np.float64), constants._AROUND)
     return np.where(measured, signal, around)
+
+
+def first_threshold(signal: DoubleArray, threshold: float) -> float:
+    """What iterations begin with: the setting, and more where the frame is brighter than 3 scene units."""
+    return max(threshold, (float(signal.max()) - 1) / 2) if signal.max() > 3 else threshold
 
 
 def analyse(picture: DoubleArray) -> list[DoubleArray]:

@@ -45,7 +45,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     measured = np.array([[letter(pattern, y, x) == "W" for x in range(signal.shape[1])] for y in range(signal.shape[0])])
 
     part = settings.luminance
-    start = wavelets.start(signal, measured, scattered=block(pattern).height == pattern.period)
+    start = wavelets.start(signal, measured, len(pattern.sites))
     light = wavelets.recover(start, measured, part.iterations, part.decay, part.threshold)
 
     noise, clean = mosaic.calibration.noise, settings.denoising

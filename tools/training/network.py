@@ -20,9 +20,9 @@ HALO = BLOCKS + 3
 
 # Orthonormal, perpendicular to (1, 1, 1): what is in these directions keeps luminance, the sum of the channels.
 BASIS = (np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])).astype(np.float32)
-LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 1.5, 8.0, 1e-8
+LUMINANCE, EVIDENCE, NOISE, RANGE, LEAST = 0.25, 4.0, 1.5, 8.0, 1e-30
 """Share of luminance in activity; bound of the correction in units of the contrast of colour; multiple of the noise variance taken
-off that; bound of the inputs; least squared activity, scene units squared."""
+off that; bound of the inputs; least squared activity, scene units squared, which only keeps quotients finite."""
 
 
 HUE, DARK = 0.06, 0.002
@@ -75,8 +75,9 @@ def features(light: Any, colour: Any, error: Any, variance: Any, gate: float = N
     plain, odd, error, variance, noise, positive, *tints = (
         inner(each) for each in (plain, odd, error, variance, noise, positive, *tints)
     )
-    scale = torch.sqrt(evidence + LUMINANCE * contrast + LEAST)
-    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - gate * noise) + 1e-20))
+    # The exporter takes such a small number for 0 where it is added: then there is no activity at all in black, and 0 / 0.
+    scale = torch.sqrt((evidence + LUMINANCE * contrast).clamp_min(LEAST))
+    bound = torch.minimum(scale, EVIDENCE * torch.sqrt(torch.relu(evidence - gate * noise)))
     inputs = torch.cat(
         [
             plain / scale,
