@@ -20,7 +20,7 @@ HIGH: FloatArray = (LOW[::-1] * [1, -1, 1, -1]).astype(np.float32)
 _TAPS: FloatArray = np.stack([LOW, HIGH])
 
 _AROUND = 1.0  # pixels: standard deviation of the start's means; every scattered site has a panchromatic pixel within its reach
-# White, scene units, if gamma is 1 for three channels: flat scenes up to there are filled from the paper's threshold of 1. At 3.3 its
+# White, scene units, if gamma is 1 for three channels: the paper's threshold of 1 fills flat scenes up to there. At 3.3 its
 # iterations end 4 % short (measured), so that brighter frames start with a larger one.
 _WHITE = 3.0
 _FEW = 4  # sites of a block that the samples in it are a good start for: those of a Bayer block

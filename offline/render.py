@@ -76,7 +76,8 @@ class Rendering:
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Rendering:
     """Reconstruct every channel at every pixel.
 
-    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than return a value that is not finite.
+    Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than return a value that is not
+    finite.
 
     >>> import numpy as np
     >>> from offline import PAPER, render
@@ -118,11 +119,10 @@ def _pictures(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> I
     exponent = own_unit([mosaic])
     frame = scaled(mosaic, exponent)
     for part in finish(frame, measure(frame, settings, progress), settings, progress):
-        shown = replace(part, luminance=in_scene_units(without_shading(part, frame), exponent))
-        band = np.empty_like(part.chromaticity)
-        colour(part.chromaticity, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
+        luminance, band = without_shading(part, frame), np.empty_like(part.chromaticity)
+        colour(part.chromaticity, luminance, band)  # Eq. 17
         check_finite(band, part.first)
-        yield shown, band
+        yield replace(part, luminance=in_scene_units(luminance, exponent)), in_scene_units(band, exponent)
 
 
 @cache

@@ -61,7 +61,8 @@ class LuminanceSettings:
 
     iterations: 50 in the paper.
     decay: beta, 2^(-1/4) in the paper.
-    threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too).
+    threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too). It is
+        larger in frames brighter than 3 scene units: half of what they exceed 1 by.
     """
 
     iterations: int = 50

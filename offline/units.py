@@ -16,9 +16,9 @@ from shared.calibration import NOISE_RANGE, NoiseModel
 from shared.errors import RangeError
 from shared.mosaic import Mosaic
 
-_USUAL = range(-9, 11)
-"""Exponents of two of the brightest sample, relative to full scale, that are left as they are. Below, thresholds begin to show (the
-colours of a flat scene are off by 1e-5 of white at 1e-4); above, those with which luminance is filled in do (measured)."""
+_USUAL = range(-5, 11)
+"""Exponents of two of the brightest sample, relative to full scale, at which a frame is left as it is. Those of photographs are 0
+and less. In darker ones thresholds show: at 1/2000 of white, refinement changes edges of `paper` by a quarter of them (measured)."""
 
 
 def own_unit(mosaics: Sequence[Mosaic]) -> int:
@@ -47,8 +47,12 @@ def scaled(mosaic: Mosaic, exponent: int) -> Mosaic:
 
 
 def in_scene_units(light: FloatArray, exponent: int) -> FloatArray:
-    """Light in units of 2^exponent scene units, in scene units."""
-    return np.ldexp(light, exponent) if exponent else light
+    """Light in units of 2^exponent scene units, in scene units; what single precision has no number for is its largest."""
+    if exponent == 0:
+        return light
+    largest = np.finfo(np.float32).max
+    with np.errstate(over="ignore"):
+        return np.ldexp(light, exponent).clip(-largest, largest)
 
 
 def check_finite(picture: FloatArray, first: int) -> None:

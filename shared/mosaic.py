@@ -12,10 +12,6 @@ from .metadata import CaptureMetadata
 from .pattern import CfaPattern
 
 
-LARGEST = 1e30
-"""Scene units: the largest sample, with room in single precision for sums of a frame's samples and for weights of 1000."""
-
-
 @dataclass(frozen=True, eq=False)
 class Mosaic:
     """One frame of samples (H, W) with pattern, calibration and capture data, checked once, here.
@@ -23,7 +19,7 @@ class Mosaic:
     samples: uint16 sensor codes, or floating point in scene units (linear, black subtracted, shading undone; noise may make it
         negative, and 1.0 is the scene's white). Kept read-only: as a copy, unless the array is read-only uint16 or float32 and owns
         its memory.
-    Raises InputError when the samples are not a finite (H, W) array of those types, exceed 1e30 scene units, hold no whole colour block, use codes beyond
+    Raises InputError when the samples are not a finite (H, W) array of those types, hold no whole colour block, use codes beyond
     the calibration's bits, when pattern and calibration name different channels, and when shading or aberration were measured on
     frames of another shape.
 
@@ -58,8 +54,6 @@ class Mosaic:
             if not np.isfinite([kept.min(), kept.max()]).all():  # a NaN is the largest and the smallest of all
                 bad = int((~np.isfinite(kept)).sum())
                 raise InputError(f"{bad} of {kept.size} samples are not finite (NaN or infinite)")
-            if (largest := max(-float(kept.min()), float(kept.max()))) > LARGEST:
-                raise InputError(f"a sample is {largest:g} scene units; at most {LARGEST:g} is possible: 1 is the scene's white")
         else:
             raise InputError(f"samples are {samples.dtype}, expected uint16 codes or floating-point scene units")
         kept.flags.writeable = False

@@ -146,10 +146,9 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
         spread_samples(*picture, samples, gamma, basis, prior, corrected, residuals, used)
         report(progress, "samples", used, residuals, TOLERANCE)
         band = np.empty_like(corrected)
-        light = in_scene_units(shown.luminance, merged.exponent)
-        colour(corrected, np.ascontiguousarray(light), band)  # Eq. 17
+        colour(corrected, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
         check_finite(band, rows[0])
-        yield band
+        yield in_scene_units(band, merged.exponent)
 
 
 def _without(

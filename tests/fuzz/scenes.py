@@ -14,7 +14,6 @@ import argparse
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from random import Random
 
@@ -87,11 +86,25 @@ def case(seed: int, number: int) -> Case:
     scene = light * _drawn(name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30)))
     noise, lens = random.choice(NOISES), random.choice(LENSES)
     calibration = _calibration(random, pattern, (height, width), noise, lens, light)
-    return Case(way, name, light, random.choice(TAKES), noise, lens, pattern, calibration, scene.astype(np.float32), random.randrange(1 << 30))
+    return Case(
+        way,
+        name,
+        light,
+        random.choice(TAKES),
+        noise,
+        lens,
+        pattern,
+        calibration,
+        scene.astype(np.float32),
+        random.randrange(1 << 30),
+    )
 
 
 def _pattern(random: Random) -> CfaPattern:
-    kind, origin = random.choice(("bayer", "bayer", "kodak", "honda", "cmy", "many", "pair")), (random.randrange(16), random.randrange(16))
+    kind, origin = (
+        random.choice(("bayer", "bayer", "kodak", "honda", "cmy", "many", "pair")),
+        (random.randrange(16), random.randrange(16)),
+    )
     order = random.choice(("RGGB", "BGGR", "GRBG", "GBRG"))
     match kind:
         case "bayer":
@@ -135,7 +148,9 @@ def _calibration(
     random: Random, pattern: CfaPattern, shape: tuple[int, int], noise: str, lens: str, light: float
 ) -> SensorCalibration:
     count, letters = len(pattern.channels), pattern.channels
-    gamma = random.choice(((1.0,) * count, tuple(random.uniform(0.5, 1.5) for _ in letters), tuple(10 ** random.uniform(-2, 2) for _ in letters)))
+    gamma = random.choice(
+        ((1.0,) * count, tuple(random.uniform(0.5, 1.5) for _ in letters), tuple(10 ** random.uniform(-2, 2) for _ in letters))
+    )
     figures = {
         "unknown": None,
         "typical": (2e-4, 6e-4),
@@ -182,10 +197,26 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
             return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
         case "evaluate":
-            cameras = CameraPair(Protocol("paper"), 0.0 if case.take == "exact" else 0.02, case.scene, case.pattern, None, channels=case.pattern.channels)
+            cameras = CameraPair(
+                Protocol("paper"),
+                0.0 if case.take == "exact" else 0.02,
+                case.scene,
+                case.pattern,
+                None,
+                channels=case.pattern.channels,
+            )
             picture = methods()["best"].render(cameras)
             found = Measures.of(picture, case.scene, case.pattern.channels)
-            return [picture, np.array([*found.quality, ]), np.array([*found.psnr, found.ssim, found.wrong_hue or 0.0]), found.errors]
+            return [
+                picture,
+                np.array(
+                    [
+                        *found.quality,
+                    ]
+                ),
+                np.array([*found.psnr, found.ssim, found.wrong_hue or 0.0]),
+                found.errors,
+            ]
         case preset:
             made = render(shot, PRESETS[preset])
             return [made.rgb, made.luminance, made.chromaticity]

@@ -95,6 +95,14 @@ def test_there_is_a_picture_though_every_sample_is_listed(pattern: CfaPattern, s
     assert np.isfinite(render(listing(shot(pattern, shape), np.ones(shape, bool)), BEST).rgb).all()
 
 
+def test_a_listed_sample_below_black_is_mended_within_the_range_of_the_others() -> None:
+    """There are no ratios to light where there is none."""
+    random = np.random.default_rng(0)
+    mosaic = photographed(random.uniform(-1, 0.5, (48, 60, 3)).astype(np.float32), 0.0)
+    found = mend(listing(mosaic, random.random(mosaic.shape) < 0.1), replace(SETTINGS, contrast=0.0)).signal
+    assert np.abs(found).max() < 2 * np.abs(mosaic.signal).max()
+
+
 def test_places_outside_the_frame_are_nobodys() -> None:
     mosaic = photographed(smooth(), 0.0)
     calibration = replace(mosaic.calibration, defects=((3, 4000), (4000, 3)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
-from offline.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, model_for
+from offline.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, _session, model_for
 from offline.sites import SiteSamples, site_samples, unclipped_blocks
 from offline.tiling import Part
 from shared import CfaPattern, Mosaic, SensorCalibration
@@ -173,6 +173,27 @@ def test_it_brings_colour_closer_to_the_scene() -> None:
     mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
     with_it, without = (float(np.square(render(mosaic, each).rgb - rgb)[15:-15, 15:-15].mean()) for each in (BEST, WITHOUT))
     assert with_it < 0.9 * without
+
+
+@pytest.mark.parametrize("period", [4, 6, 8])
+@pytest.mark.parametrize("light", [0.0, 0.3, -0.01])
+def test_where_nothing_changes_nothing_is_corrected(period: int, light: float) -> None:
+    """Flat to the last bit: there is no activity, and no division by it."""
+    session = _session(FOLDER / f"rggb-k{period}.onnx")
+    (found,) = session.run(
+        None,
+        {each.name: np.full(each.shape, light if each.name == "picture" else 0, np.float32) for each in session.get_inputs()},
+    )
+    assert_close(found, np.zeros(found.shape), 1e-6)
+
+
+def test_no_channel_gains_or_loses_more_than_all_light() -> None:
+    """Among pixels below black, the contrast that bounds corrections is without bounds itself."""
+    pattern, random = CfaPattern.bayer(6), np.random.default_rng(0)
+    dark = random.uniform(-1, 0.5, (66, 78, 3)).astype(np.float32) * 30
+    mosaic = simulate_additive(dark, pattern, GREY, 0.0, random)
+    found = render(mosaic, BEST)
+    assert np.abs(found.chromaticity - render(mosaic, WITHOUT).chromaticity).max() <= 1.001
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:

@@ -32,7 +32,10 @@ def shrink(picture: FloatArray, threshold: float) -> FloatArray:
 def expected(mosaic: Mosaic, settings: LuminanceSettings = PAPER) -> DoubleArray:
     measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
     signal = mosaic.signal.astype(np.float64)
-    start, threshold = reference.start(signal, measured, len(mosaic.pattern.sites)), reference.first_threshold(signal, settings.threshold)
+    start, threshold = (
+        reference.start(signal, measured, len(mosaic.pattern.sites)),
+        reference.first_threshold(signal, settings.threshold),
+    )
     return reference.recover(start, measured, settings.iterations, settings.decay, threshold)
 
 

@@ -1,14 +1,20 @@
 """The page as a whole: equal to the reference, repeatable, and open about what it does."""
 
+import sys
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
-from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings
-from shared import CfaPattern, Mosaic
+from offline.render import finish
+from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings, SiteSettings
+from offline.tiling import Part
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.errors import RangeError
 from shared.progress import Progress
 from shared.sensor import simulate_additive
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
@@ -102,18 +108,64 @@ def test_a_black_scene_stays_black(sigma: float | None) -> None:
     assert np.isfinite(found.chromaticity).all()
 
 
-@pytest.mark.parametrize("scale", [1e-2, 1e3])
-def test_units_do_not_matter_but_to_the_first_threshold(scale: float) -> None:
-    """Everything else is a ratio: with threshold, floor and noise in the same unit the picture is the same."""
-    mosaic = shot(*CASES["odd"], sigma=None)
-    scaled = Mosaic(mosaic.signal * np.float32(scale), mosaic.pattern, mosaic.calibration)
-    settings = replace(
-        TIGHT,
-        luminance=replace(PAPER.luminance, threshold=scale),
-        refinement=replace(PAPER.refinement, floor=PAPER.refinement.floor * scale),
-    )
-    found = render(scaled, settings)
-    assert_close(found.rgb / np.float32(scale), render(mosaic, TIGHT).rgb, FLOAT32)
+@pytest.mark.parametrize("settings", [PAPER, BEST])
+@pytest.mark.parametrize("scale", [1e-35, 1e-6, 1e-3, 30.0, 1e4, 1e38])
+def test_the_same_scene_in_other_light_gives_the_same_picture(scale: float, settings: RenderSettings) -> None:
+    """Thresholds in scene units, and the limits of single precision, do not show."""
+    mosaic = shot(*CASES["paper"], sigma=None)
+    scaled = replace(mosaic, samples=mosaic.signal * np.float32(scale))
+    expected = render(mosaic, settings).rgb
+    assert np.sqrt(np.square(render(scaled, settings).rgb / np.float32(scale) - expected).mean()) < 0.01
+
+
+def test_noise_is_in_the_units_of_an_extreme_frame_too() -> None:
+    mosaic = shot(*CASES["odd"], sigma=0.05)
+    dark = replace(mosaic.calibration, noise=NoiseModel.gaussian(0.05 * 2.0**-20, 4))
+    scaled = replace(mosaic, samples=mosaic.signal * np.float32(2.0**-20), calibration=dark)
+    found = np.concatenate(list(render_bands(scaled, BEST))) * 2.0**20
+    assert np.sqrt(np.square(found - render(mosaic, BEST).rgb).mean()) < 0.01
+
+
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6), CfaPattern.bayer(8)])
+def test_a_black_area_has_a_picture(pattern: CfaPattern) -> None:
+    """The network's cells there see nothing at all."""
+    scene = np.random.default_rng(0).uniform(0.1, 1, (96, 104, 3)).astype(np.float32)
+    scene[:80] = 0
+    mosaic = simulate_additive(scene, pattern, SensorCalibration(), 0.0, np.random.default_rng(0))
+    found = render(mosaic, BEST)
+    assert np.isfinite(found.chromaticity).all()
+    assert np.abs(found.rgb[:64]).max() < 1e-6
+
+
+@pytest.mark.parametrize("block", [("RG", "GB"), ("HIJ", "KLN", "OPQ"), ("HIJK", "LNOP")])
+@pytest.mark.parametrize("light", [1.0, 1.3, 8.0])
+def test_a_flat_scene_is_flat_however_bright_and_whatever_the_block(block: tuple[str, ...], light: float) -> None:
+    pattern = CfaPattern.with_block(block, 8)
+    colour = np.linspace(0.2, 1, len(pattern.channels), dtype=np.float32) * np.float32(light)
+    scene = np.broadcast_to(colour, (40, 45, len(colour)))
+    mosaic = simulate_additive(scene, pattern, SensorCalibration(pattern.channels), 0.0, np.random.default_rng(0))
+    assert_close(render(mosaic, PAPER).rgb, scene, 1e-3 * light)
+
+
+def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.MonkeyPatch) -> None:
+    mosaic = shot(*CASES["odd"])
+
+    def spoilt(*arguments: Any) -> Iterator[Part]:
+        for part in finish(*arguments):
+            part.chromaticity[5, 7, 1] = np.nan
+            part.chromaticity[6, 2, 0] = np.inf
+            yield part
+
+    monkeypatch.setattr(sys.modules["offline.render"], "finish", spoilt)  # `offline.render` is the function
+    for made in (lambda: render(mosaic), lambda: list(render_bands(mosaic))):
+        with pytest.raises(RangeError, match=r"2 pixels of the picture are not finite .* row 5, column 7"):
+            made()
+
+
+@pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
+def test_a_frame_of_one_row_of_tiles_is_rendered_without_the_samples_at_its_sites(shape: tuple[int, int]) -> None:
+    settings = replace(BEST, sites=SiteSettings(), learned=PAPER.learned)
+    assert render(shot(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), shape), settings).rgb.shape == (*shape, 3)
 
 
 def test_the_same_mosaic_gives_the_same_bytes() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER
+from offline.blocks import gather, sum_noise
 from offline.highlights import clipping_level
 from offline.trust import trust_in_blocks, with_trusted_colour
 from shared import CfaPattern, NoiseModel
@@ -72,3 +73,20 @@ def test_a_saturated_light_vouches_for_its_colour() -> None:
     found = trust_in_blocks(mosaic, clipping_level(mosaic), None, SITES)
     assert found is not None
     assert found.min() > 0.99
+
+
+@pytest.mark.parametrize(
+    "pattern", [CfaPattern.bayer(6), CfaPattern.with_block(("CM", "YC"), 4), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")]
+)
+@pytest.mark.parametrize("model", [NoiseModel.gaussian(0.02, 4), NoiseModel((1e-3,) * 4, (2e-3,) * 4)])
+def test_the_noise_of_a_blocks_sum_is_known(pattern: CfaPattern, model: NoiseModel) -> None:
+    """1.6 times that of one sample for a Bayer block: three channels, one of which is seen twice, and the light around them."""
+    gamma = (0.8, 1.1, 1.25)
+    clean = observe(np.full((240, 240, 3), 0.4), pattern, gamma)
+    spread = [model.sigma(0.4, plane) for plane in range(3)] + [model.sigma(0.4 * sum(gamma))]
+    noise = np.random.default_rng(0).normal(size=clean.shape) * np.array(spread)[pattern.filter_map(clean.shape)]
+    found = gather(clean, (clean.signal + noise).astype(np.float32))
+    weights = (np.array(gamma) / np.bincount(found.channels))[found.channels]
+    surplus = found.samples @ weights - found.light.mean(axis=2)
+    told = sum_noise(found, np.array(gamma), model)
+    assert surplus.std() == pytest.approx(float(told.mean()), rel=0.06)

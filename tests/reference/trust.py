@@ -47,7 +47,9 @@ def _noise(pattern: CfaPattern, gamma: tuple[float, ...], noise: NoiseModel, lig
     area = product(range(-1, found.height + 1), range(-1, found.width + 1))
     names = [letter(pattern, found.top + down, found.left + right) for down, right in area]
     variance = noise.sigma(light) ** 2 / names.count("W")
-    inside = [letter(pattern, found.top + down, found.left + right) for down, right in product(range(found.height), range(found.width))]
+    inside = [
+        letter(pattern, found.top + down, found.left + right) for down, right in product(range(found.height), range(found.width))
+    ]
     for plane, (weight, name) in enumerate(zip(gamma, pattern.channels, strict=True)):
         variance += weight**2 * noise.sigma(light / sum(gamma), plane) ** 2 / inside.count(name)
     return float(np.sqrt(variance))

@@ -11,7 +11,7 @@ from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render
 from offline.kernels.spreading import TOLERANCE
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
-from shared.errors import ConvergenceError, InputError
+from shared.errors import ConvergenceError, InputError, RangeError
 from shared.sensor import simulate_additive
 from tools.scenes.lens import lens_shading
 
@@ -165,3 +165,25 @@ def test_memory_grows_with_the_frames() -> None:
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
     scattered = Mosaic(frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration)
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
+
+
+@pytest.mark.parametrize("scale", [2.0**-30, 2.0**20])
+def test_a_burst_of_extreme_light_is_that_burst(scale: float) -> None:
+    frames = shots(0.0, MOTIONS[:3])
+    scaled = [replace(frame, samples=frame.signal * np.float32(scale)) for frame in frames]
+    expected, found = (np.concatenate(list(render_burst_bands(merge_burst(each)))) for each in (frames, scaled))
+    assert np.sqrt(np.square(found / scale - expected).mean()) < 0.02
+
+
+def test_a_black_area_has_a_picture_in_a_burst() -> None:
+    frames = [
+        replace(frame, samples=np.where(np.arange(SHAPE[0])[:, None] < 70, 0, frame.signal)) for frame in shots(0.0, MOTIONS[:2])
+    ]
+    assert np.isfinite(np.concatenate(list(render_burst_bands(merge_burst(frames))))).all()
+
+
+def test_a_value_that_is_not_finite_is_never_yielded() -> None:
+    merged = merge_burst(shots(0.0, MOTIONS[:1]))
+    merged.measured.luminance[40, 50] = np.nan
+    with pytest.raises(RangeError, match="pixels of the picture are not finite"):
+        list(render_burst_bands(merged))

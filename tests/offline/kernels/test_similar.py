@@ -65,3 +65,18 @@ def test_rows_and_workers_leave_no_trace() -> None:
         first, last = max(top - 5 - SURROUNDINGS, 0), min(bottom + 5 + SURROUNDINGS, 300)
         found = rows_of(noisy, clean[first:last], first, uncertain, (top, bottom), 5, 0.001, 0.04, 2)
         assert np.array_equal(found, whole[top:bottom])
+
+
+def test_hardly_any_shot_noise_is_as_none() -> None:
+    """The transform that evens noise out subtracts nothing large from something as large."""
+    planes = scene((40, 60))
+    assert_close(averaged(planes, 4, 1e-9, 0.05), averaged(planes, 4, 0.0, 0.05).astype(np.float64), FLOAT32)
+
+
+def test_without_read_noise_black_is_a_signal_like_any_other() -> None:
+    noisy, clean, uncertain = scene((30, 40))
+    clean[:, :20], clean[:10] = 0, -0.1
+    exact = clean.astype(np.float64)
+    samples = np.where(uncertain, exact, noisy)
+    expected = (1 - SHARE) * exact + SHARE * reference.similar_mean(samples, exact, 0.002, 0.0, SIMILARITY, 3)
+    assert_close(averaged((noisy, clean, uncertain), 3, 0.002, 0.0), expected, FLOAT32)
