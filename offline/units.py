@@ -17,8 +17,8 @@ from shared.errors import RangeError
 from shared.mosaic import Mosaic
 
 _USUAL = range(-5, 11)
-"""Exponents of two of the brightest sample, relative to full scale, at which a frame is left as it is. Those of photographs are 0
-and less. In darker ones thresholds show: at 1/2000 of white, refinement changes edges of `paper` by a quarter of them (measured)."""
+"""Exponents of two of the brightest sample, relative to full scale, at which a frame is left as it is. Those of photographs are
+around 0. In dark ones thresholds show: at 1/2000 of white, refinement changes edges of `paper` by a quarter of them (measured)."""
 
 
 def own_unit(mosaics: Sequence[Mosaic]) -> int:

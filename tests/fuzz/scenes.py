@@ -51,6 +51,8 @@ _BLACK = 1e-6  # scene units: what a black scene may show
 _WILD = 10.0  # times the brightest: where light is below black, colours are hardly bound
 _UNITS = 0.1  # of the brightest: thresholds in scene units make the same scene come back a little differently
 
+_REPORT = 100  # cases between two reports of progress
+
 
 @dataclass(frozen=True)
 class Case:
@@ -243,13 +245,14 @@ def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
     gamma = np.array(case.calibration.gamma if case.way != "evaluate" else 1.0)
     brightest = float(max(np.abs(sample(case.scene, case.pattern, case.calibration)).max(), (gamma * np.abs(case.scene)).max()))
     weighted, quantised = picture * gamma, case.way == "preview"
-    if np.abs(weighted).max() > _WILD * brightest + _BLACK and not quantised:
-        return FAULT, f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest"
     if case.name == "black" and np.abs(weighted).max() > _BLACK:
         return FAULT, f"not black: {weighted.min():g} to {weighted.max():g}"
+    if np.abs(weighted).max() > _WILD * brightest + _BLACK and not quantised:
+        return FAULT, f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest"
     ordinary = _ORDINARY <= min(case.calibration.gamma) <= max(case.calibration.gamma) <= 1 / _ORDINARY
     if case.name in ("white", "constant") and (ordinary and case.light == 1 if quantised else True):
         limit = (_CODES if quantised else _EVEN if case.calibration.shading is None else _SHADED) * brightest
+        limit += case.calibration.noise.sigma(brightest) if case.calibration.noise else 0.0  # what is in the noise may move
         known = ordinary and case.noise == "none"
         off = float(np.abs(weighted - gamma * case.scene[0, 0]).max() if known else np.ptp(weighted, axis=(0, 1)).max())
         if off > limit:
@@ -274,8 +277,13 @@ def main() -> int:
         counts[each.way, found] += 1
         if found != RIGHT:
             print(f"seed {arguments.seed} number {number}: {found}: {each}: {why.strip()}", file=sys.stderr, flush=True)
-    for way in WAYS:
-        print(f"{way:12}" + ", ".join(f"{counts[way, each]} {each}" for each in (RIGHT, REFUSED, FAULT)))
+        if counts.total() % _REPORT == 0:
+            print(f"{counts.total()} of {arguments.count}", file=sys.stderr, flush=True)
+    for way in (*WAYS, "all"):
+        told = [
+            f"{sum(counts[name, each] for name in (WAYS if way == 'all' else [way]))} {each}" for each in (RIGHT, REFUSED, FAULT)
+        ]
+        print(f"{way:12}" + ", ".join(told))
     return 1 if any(counts[way, FAULT] for way in WAYS) else 0
 
 

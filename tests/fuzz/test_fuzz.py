@@ -1,12 +1,17 @@
 """A few hundred damaged files, and the fuzzer seen to catch what it is for."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from offline import Rendering, RenderSettings, render
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.arrays import FloatArray
 from shared.errors import InputError
-from tests.fuzz import bombs, campaign, descriptions
+from tests.fuzz import bombs, campaign, descriptions, scenes
 from tests.fuzz.child import ALTERED, FAULT, REFUSED, SAME, case, outcome, undamaged
 from tests.fuzz.corpus import Read, Sample, corpus
 from tests.fuzz.piece_bombs import piece_bombs
@@ -102,6 +107,42 @@ def test_advice_that_leads_astray_is_caught(monkeypatch: pytest.MonkeyPatch) -> 
     found = [descriptions.case(0, number) for number in range(len(descriptions.WRONG) + 1)]
     assert [wrong for wrong, outcome in found if not descriptions.is_fault(wrong, outcome)] == []
     assert descriptions.ASTRAY in {outcome for _, outcome in found}
+
+
+def test_extreme_scenes_end_in_pictures() -> None:
+    cases = [scenes.case(2014, number) for number in range(40)]
+    assert {each.way for each in cases} == set(scenes.WAYS)
+    assert [(str(each), scenes.outcome(each)) for each in cases if scenes.outcome(each)[0] != scenes.RIGHT] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "says"),
+    [
+        ("random", lambda picture: picture.__setitem__((3, 4, 0), np.nan), "not finite"),
+        ("random", lambda picture: picture.__setitem__((3, 4, 0), 1000.0), "wild"),
+        ("black", lambda picture: picture.__setitem__((3, 4, 0), 0.01), "not black"),
+        ("constant", lambda picture: picture.__setitem__((3, 4, 0), 2.0), "off by"),
+        ("checker", lambda picture: picture.__imul__(1 + 0.5 * (picture.max() > 1)), "twice the light"),
+    ],
+)
+def test_a_wrong_picture_of_an_extreme_scene_is_caught(
+    name: str, spoil: Callable[[FloatArray], object], says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pattern, scene = CfaPattern.bayer(6), np.full((24, 24, 3), 0.0 if name == "black" else 0.9, np.float32)
+    each = scenes.Case(
+        "best", name, 1.0, "exact", "none", "none", pattern, SensorCalibration(noise=NoiseModel.gaussian(0, 4)), scene, 0
+    )
+    assert scenes.outcome(each) == (scenes.RIGHT, "")
+
+    def spoilt(mosaic: Mosaic, settings: RenderSettings) -> Rendering:
+        made = render(mosaic, settings)
+        spoil(made.rgb)
+        return made
+
+    monkeypatch.setattr(scenes, "render", spoilt)
+    found, why = scenes.outcome(each)
+    assert found == scenes.FAULT
+    assert says in why
 
 
 def test_another_whole_file_is_no_damage() -> None:

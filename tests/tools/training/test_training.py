@@ -107,6 +107,22 @@ def test_the_file_computes_what_the_network_does(tmp_path: Path) -> None:
     assert session.get_modelmeta().custom_metadata_map == {"fact": "one"}
 
 
+def test_the_file_corrects_nothing_where_nothing_is(tmp_path: Path) -> None:
+    """The exporter must not drop what keeps activity from being 0."""
+    import onnxruntime
+
+    network = Network(4)
+    torch.nn.init.normal_(network.leave.bias)
+    save_graph(network, tmp_path / "rggb-k4.onnx", {})
+    session = onnxruntime.InferenceSession(tmp_path / "rggb-k4.onnx", providers=["CPUExecutionProvider"])
+    for light in (0.0, 0.3):
+        inputs = {
+            each.name: np.full(each.shape, light if each.name == "picture" else 0, np.float32) for each in session.get_inputs()
+        }
+        (found,) = session.run(None, inputs)
+        assert np.abs(found).max() < 1e-5
+
+
 def test_features_and_network_agree_on_the_halo() -> None:
     network, side = Network(4), 2 * HALO + 3
     picture = torch.rand(2, 3, side * 4, side * 4)
