@@ -53,7 +53,7 @@ def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
     surroundings(signal, panchromatic, *origins, pattern.block_shape, places, light, lowest, highest)
     samples = np.stack([signal[down, across] for _, down, across in block_sites(pattern, grid)], axis=2).astype(np.float64)
     (top, left), (down, across) = pattern.block_origin, pattern.block_shape
-    neighbours = np.count_nonzero(pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)))
+    neighbours = int(pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)).sum())
     return BlockSamples(origins, (rows, columns), sites[:, 2], samples, light, lowest, highest, panchromatic, neighbours)
 
 

@@ -175,7 +175,7 @@ def _calibration(
         (1 << bits) - 1,
         defects=random.choice(((), tuple((random.randrange(shape[0]), random.randrange(shape[1])) for _ in range(20)))),
         shading=Shading(points, shape) if lens in ("shading", "both") else None,
-        aberration=Aberration([(0.0, 0.0), *[(0.01, -0.005)] * (count - 1)], shape) if lens in ("aberration", "both") else None,
+        aberration=Aberration(((0.0, 0.0), *[(0.01, -0.005)] * (count - 1)), shape) if lens in ("aberration", "both") else None,
     )
 
 
@@ -193,8 +193,8 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
     shot = photographed(case, factor)
     match case.way:
         case "preview":
-            screen, linear = (Preview.for_mosaic(shot, linear=linear, threads=1).run(shot) for linear in (False, True))
-            return [linear, screen]
+            screen, light = (Preview.for_mosaic(shot, linear=linear, threads=1).run(shot) for linear in (False, True))
+            return [light.astype(np.float32), screen.astype(np.float32)]
         case "burst":
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
             return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
