@@ -43,13 +43,13 @@ EIGHT = ("HIJ", "KWL", "NOP"), ("HIJK", "LNOP")
 TAKES = ("exact", "exact", "exact", "noisy", "codes")
 NOISES = ("none", "none", "unknown", "typical", "no read noise", "no shot noise", "tiny", "tiny shot noise", "huge")
 LENSES = ("none", "none", "none", "shading", "aberration", "both")
-_ORDINARY = 0.3  # least gamma; beyond it and its inverse a picture has to be finite, even and moderate
+_ORDINARY = 0.3  # least gamma; beyond it and its inverse a picture has to be finite and moderate
 _EVEN = 1e-3  # of the brightest: what a constant scene may be off by; the solvers end at residuals of this size
 _SHADED = 0.03  # likewise with shading, whose slopes over a few pixels are harder to fill in than any lens's
 _CODES = 0.1  # likewise of previews, which see codes: ten bits, of which the black level may leave forty codes
 _BLACK = 1e-6  # scene units: what a black scene may show
 _WILD = 10.0  # times the brightest: where light is below black, colours are hardly bound
-_UNITS = 0.1  # of the brightest: thresholds in scene units make the same scene come back a little differently
+_UNITS = 0.1  # of the brightest, root mean square: thresholds in scene units make the same scene come back a little differently
 
 _REPORT = 100  # cases between two reports of progress
 
@@ -250,15 +250,15 @@ def judged(case: Case, picture: FloatArray) -> tuple[str, str]:
     if np.abs(weighted).max() > _WILD * brightest + _BLACK and not quantised:
         return FAULT, f"wild: {weighted.min():g} to {weighted.max():g} where {brightest:g} is the brightest"
     ordinary = _ORDINARY <= min(case.calibration.gamma) <= max(case.calibration.gamma) <= 1 / _ORDINARY
-    if case.name in ("white", "constant") and (ordinary and case.light == 1 if quantised else True):
+    if case.name in ("white", "constant") and ordinary and (case.light == 1 or not quantised):
         limit = (_CODES if quantised else _EVEN if case.calibration.shading is None else _SHADED) * brightest
         limit += case.calibration.noise.sigma(brightest) if case.calibration.noise else 0.0  # what is in the noise may move
-        known = ordinary and case.noise == "none"
+        known = case.noise == "none"
         off = float(np.abs(weighted - gamma * case.scene[0, 0]).max() if known else np.ptp(weighted, axis=(0, 1)).max())
         if off > limit:
             return FAULT, f"{'off' if known else 'uneven'} by {off:g} where the brightest is {brightest:g}"
     if case.way in PRESETS and ordinary and case.noise == "none":
-        off = float(np.abs((pictures(case, 2.0)[0] / 2 - picture) * gamma).max())
+        off = float(np.sqrt(np.square((pictures(case, 2.0)[0] / 2 - picture) * gamma).mean()))
         if off > _UNITS * brightest:
             return FAULT, f"twice the light is off by {off:g} where the brightest is {brightest:g}"
     return RIGHT, ""
