@@ -18,7 +18,7 @@ from shared.display import SATURATED
 from shared.pattern import CfaPattern
 
 from . import contract
-from .geometry import Geometry
+from .geometry import REACH, Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
 
 BUILDER = "5"
@@ -30,8 +30,16 @@ _STILL = 1e-4
 """Mean squared difference, (scene units)^2, below which rows and columns have equal weight."""
 _LEAST_VARIANCE = 1e-6
 """Least noise variance in Eqs. 8-9, codes^2; makes a block without light grey and changes no other."""
+_PRIOR = 0.5
+"""Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey; more is not needed, for blocks are pooled."""
 _POOLING = 3e-4
-"""Squared noise-to-signal ratio of a block at which half of its chromaticity comes from the blocks around it."""
+"""Squared ratio of error to signal of a block at which half of its chromaticity comes from the blocks around it."""
+_MISREAD = 2e-4
+"""The change of luminance around a block times this is the variance of what the block misreads, in addition to noise."""
+_ALIKE = 0.15
+"""Squared relative difference of colour at which the weight of a block in the pooling of another is a quarter."""
+_ALIKE_NOISE = 24.0
+"""Multiple of the noise variance that a squared difference of colour must exceed to count in pooling."""
 _CONTRAST = 0.1
 """Squared relative difference of luminance at which the weight of a block is halved."""
 _NOISE_WEIGHT = 4.0
@@ -45,9 +53,9 @@ _BURNT = 10.0
 _SPREAD = 0.5
 """Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
 
-# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / (s + KNEE)), s = sqrt(x + SHIFT), in codes of 8 bits.
-# Fitted: its error is at most 0.62 codes, 0.28 on average, and 0 at black and white.
-_SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.0025, 47, 220.4931078, 0.06618546, 0.2
+# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) + KNEE, in codes of 8 bits.
+# Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black and white.
+_SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 0.1866531
 
 
 def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> onnx.ModelProto:
@@ -62,18 +70,18 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     g = Nodes()
     inputs = Inputs(g, geometry)
     probes = measure_blocks(g, geometry, inputs)
-    filled, luminance, contrast = fill_holes(g, geometry, inputs, probes)
-    chromaticity = estimate_chromaticities(g, geometry, inputs, probes, filled, luminance)  # Eqs. 8-9
-    pooled, measures = pool(g, inputs, chromaticity, luminance)
-    blocks = g("Concat", measures, in_picture_units(g, inputs, pooled, "" if linear else contract.WHITE), axis=0)
+    filled, luminance, change, contrast = fill_holes(g, geometry, inputs, probes)
+    parts = estimate_parts(g, geometry, inputs, probes, filled, luminance)  # Eqs. 8-9
+    pooled, light, limit = pool(g, inputs, parts, luminance, change)
+    colour = in_picture_units(g, inputs, pooled, "" if linear else contract.WHITE)
     if scale == 1:
         settled = settle(g, geometry, inputs, probes, filled, pooled, contrast)
         pixels, cells = pixel_light(g, geometry, inputs, settled)
     else:
         pixels, cells = mean_light(g, geometry, inputs, *probes[5:])
-    spread = propagate(g, geometry, blocks, cells)  # Eq. 10
-    shown = pixels if linear else [burnt_out(g, inputs, light) for light in pixels]
-    camera = [g("Mul", light, spread) for light in shown]  # Eq. 17
+    spread = propagate(g, geometry, light, limit, colour, cells)  # Eq. 10
+    shown = pixels if linear else [burnt_out(g, inputs, each) for each in pixels]
+    camera = [g("Mul", each, spread) for each in shown]  # Eq. 17
     picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
     return finish(g, geometry, picture, linear=linear)
 
@@ -106,40 +114,48 @@ class Inputs:
 def measure_blocks(g: Nodes, geometry: Geometry, inputs: Inputs) -> list[str]:
     """The probes of every block, a tensor (n, blocks) per kind.
 
-    Colour samples are converted to panchromatic codes; the sums of pixels stay as read.
+    The first kind is what interpolation along rows reads more than that along columns, which is the second. Colour samples are
+    converted to panchromatic codes above black, times gamma: what luminance has from a channel. Sums of pixels stay as read.
     """
-    period = geometry.pattern.period
+    period, weights, count = geometry.pattern.period, geometry.probes.copy(), len(geometry.readings)
+    weights[:count] -= weights[count : 2 * count]
     image = g("Unsqueeze", g("Cast", contract.MOSAIC, to=FLOAT), [0, 1])
-    probes = g("Squeeze", g("Conv", image, geometry.probes[:, None], strides=[period, period]), [0])
-    rows, columns, row_steps, column_steps, samples, *pixels = g.split(probes, geometry.kinds, axis=0)
+    probes = g("Squeeze", g("Conv", image, weights[:, None], strides=[period, period]), [0])
+    turn, columns, row_steps, column_steps, samples, *pixels = g.split(probes, geometry.kinds, axis=0)
     channels = [sites[0][2] for sites in geometry.readings]
     counts = np.array([float(len(sites)) for sites in geometry.readings])
     black = g("Unsqueeze", g("Mul", g("Gather", contract.BLACK, channels), counts), [1, 2])
-    gain = g("Unsqueeze", g("Div", g("Gather", contract.SCALE, channels), g("Mul", inputs.unit, counts)), [1, 2])
+    scale = g("Mul", g("Gather", contract.SCALE, channels), g("Gather", contract.GAMMA, channels))
+    gain = g("Unsqueeze", g("Div", scale, g("Mul", inputs.unit, counts)), [1, 2])
     samples = g("Mul", g("Sub", samples, black), gain)
-    return [g("Sub", rows, inputs.black), g("Sub", columns, inputs.black), row_steps, column_steps, samples, *pixels]
+    return [turn, g("Sub", columns, inputs.black), row_steps, column_steps, samples, *pixels]
 
 
-def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str, str]:
-    """Luminance at the colour sites of every block, (sites, blocks), its mean over the sites, and its contrast, (1, blocks).
+def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) -> tuple[str, str, str, str]:
+    """Luminance at the colour sites of every block, (sites, blocks), and its mean, change and contrast, each (1, blocks).
 
     It is a weighted mean of the interpolations along rows and along columns. The weights are the inverse squared differences around
-    the block, so that the direction with less change counts more. Contrast is the larger of these differences beyond the noise.
+    the block, so that the direction with less change counts more. Change is the sum of these squared differences; contrast, which
+    only a full picture needs, is the larger of them beyond the noise.
     """
-    rows, columns, *steps = probes[:4]
-    variance = inputs.variance(g, g("Slice", rows, [0], [1], [0]))  # at any site
+    turn, columns, *steps = probes[:4]
+    variance = inputs.variance(g, g("Slice", columns, [0], [1], [0]))  # at any site
     least = g("Add", inputs.still, g("Mul", variance, 2.0))  # what noise alone adds to a squared difference
     row_change, column_change = (
         g("Add", g.mean(g("Mul", each, each), count, axis=0), least) for each, count in zip(steps, geometry.kinds[2:4], strict=True)
     )
-    along_rows = g("Div", column_change, g("Add", row_change, column_change))
-    filled = g("Add", columns, g("Mul", g("Sub", rows, columns), along_rows))
+    change = g("Add", row_change, column_change)
+    along_rows = g("Div", column_change, change)
+    filled = g("Add", columns, g("Mul", turn, along_rows))
     contrast = g("Relu", g("Sub", g("Max", row_change, column_change), least)) if geometry.scale == 1 else ""
-    return filled, g.mean(filled, len(geometry.readings), axis=0), contrast
+    return filled, g.mean(filled, len(geometry.readings), axis=0), change, contrast
 
 
-def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
-    """Chromaticity c_j of every block, (C, blocks): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1."""
+def estimate_parts(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
+    """The part gamma_j c_j of every channel in the luminance of every block, (C, blocks).
+
+    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1.
+    """
     channels = [sites[0][2] for sites in geometry.readings]
     counts = [channels.count(channel) for channel in range(inputs.channels)]
 
@@ -149,64 +165,92 @@ def estimate_chromaticities(g: Nodes, geometry: Geometry, inputs: Inputs, probes
         parts = g.split(products, counts, axis=0)
         return g("Concat", *(g.total(part, count, axis=0) for part, count in zip(parts, counts, strict=True)), axis=0)
 
-    variance = g("Max", inputs.variance(g, luminance), _LEAST_VARIANCE)
-    full_scale = g.total(inputs.gamma, inputs.channels, axis=0)
+    variance = g("Max", g("Mul", inputs.variance(g, luminance), _PRIOR), _LEAST_VARIANCE)
+    grey = g("Div", inputs.gamma, g.total(inputs.gamma, inputs.channels, axis=0))
     a = g("Add", of_channels(g("Mul", filled, filled)), variance)
-    free = g("Div", g("Add", of_channels(g("Mul", filled, probes[4])), g("Div", variance, full_scale)), a)
-    pull = g("Div", inputs.gamma, a)
-    missing = g("Sub", 1.0, g.total(g("Mul", free, inputs.gamma), inputs.channels, axis=0))
-    return g("Add", free, g("Mul", pull, g("Div", missing, g.total(g("Mul", pull, inputs.gamma), inputs.channels, axis=0))))
+    parts = g("Div", g("Add", of_channels(g("Mul", filled, probes[4])), g("Mul", variance, grey)), a)
+    pull = g("Div", g("Mul", inputs.gamma, inputs.gamma), a)
+    missing = g("Sub", 1.0, g.total(parts, inputs.channels, axis=0))
+    return g("Add", parts, g("Mul", pull, g("Div", missing, g.total(pull, inputs.channels, axis=0))))
 
 
-def pool(g: Nodes, inputs: Inputs, chromaticity: str, luminance: str) -> tuple[str, str]:
-    """Chromaticities of the inner blocks, (C, inner blocks), and what weighs a block in `propagate`, (2, inner blocks).
+def pool(g: Nodes, inputs: Inputs, parts: str, luminance: str, change: str) -> tuple[str, str, str]:
+    """`parts` of the inner blocks, (C, inner blocks), and what weighs a block in `propagate`, each (1, inner blocks).
 
-    That is 1 / luminance, and the squared relative difference at which the weight is halved.
+    That is luminance, and the squared difference from it at which the weight is halved.
 
-    The lower the signal-to-noise ratio of a block, the more its chromaticity becomes the mean of the 3 x 3 blocks around it,
-    weighted by squared luminance, which is their precision.
+    The larger the error of a block, by noise and beside edges, the more its colour becomes the mean of the 3 x 5 blocks around it:
+    of the blocks above and below, then twice of those on the left and right, each as far as it is alike (a separated bilateral
+    filter, Pham and van Vliet 2005). So ink keeps its colour next to paper, which has more light.
     """
     variance = inputs.variance(g, luminance)
     light = g("Max", luminance, inputs.floor)
     power = g("Mul", light, light)
-    sums = g("Concat", g("Mul", chromaticity, power), power, axis=0)
-    around = sums
-    for axis in (1, 2):
-        around = g.sum([g("Slice", around, [first], [last], [axis]) for first, last in ((0, -2), (1, -1), (2, END))])
-    light, power, variance, own = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (light, power, variance, sums))
-    share = g("Div", variance, g("Add", variance, g("Mul", power, _POOLING)))
-    pooled, weight = g.split(g("Add", own, g("Mul", g("Sub", around, own), share)), (inputs.channels, 1), axis=0)
-    least = g("Add", g("Mul", g("Div", variance, power), _NOISE_WEIGHT), _CONTRAST)
-    return g("Div", pooled, weight), g("Concat", g("Div", 1.0, light), least, axis=0)
+    colours = g("Mul", parts, light)  # of two blocks that are alike the lighter one knows more
+    alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
+    mean = with_neighbours(g, colours, similarity(g, inputs, colours, alike, 1), 1)
+    similar = g("Slice", similarity(g, inputs, colours, alike, 2), [1], [-1], [1])
+    mean = with_neighbours(g, mean, similar, 2)
+    mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)
+    own, light, power, variance, change = (inner(g, each) for each in (colours, light, power, variance, change))
+    doubt = g("Add", variance, g("Mul", change, _MISREAD))
+    pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, doubt))
+    limit = g("Add", g("Mul", power, _CONTRAST), g("Mul", variance, _NOISE_WEIGHT))
+    return g("Div", pooled, g.total(pooled, inputs.channels, axis=0)), light, limit
 
 
-def in_picture_units(g: Nodes, inputs: Inputs, chromaticity: str, white: str) -> str:
+def similarity(g: Nodes, inputs: Inputs, colours: str, alike: str, axis: int) -> str:
+    """How much each two neighbouring blocks along an axis are alike, 0 to 1: (1, blocks), of each block and the next one.
+
+    colours: light of every channel, codes, (C, blocks).
+    alike: squared difference of two colours that still counts little, codes^2, (1, blocks).
+    """
+    (here, limit), (there, other) = (
+        [g("Slice", each, [first], [last], [axis]) for each in (colours, alike)] for first, last in ((0, -1), (1, END))
+    )
+    apart, limit = g("Sub", here, there), g("Min", limit, other)
+    part = g("Div", limit, g("Add", limit, g.total(g("Mul", apart, apart), inputs.channels, axis=0)))
+    return g("Mul", part, part)
+
+
+def with_neighbours(g: Nodes, values: str, similar: str, axis: int) -> str:
+    """Values of all but the outermost blocks along an axis, to which those of both neighbours are added as far as they are alike."""
+    own, before, after = (g("Slice", values, [first], [last], [axis]) for first, last in ((1, -1), (0, -2), (2, END)))
+    like_before, like_after = (g("Slice", similar, [first], [last], [axis]) for first, last in ((0, -1), (1, END)))
+    return g("Add", own, g("Add", g("Mul", before, like_before), g("Mul", after, like_after)))
+
+
+def inner(g: Nodes, values: str) -> str:
+    """Values of the inner blocks, those at the corners of the patches, out of values of all blocks that are read."""
+    return g("Slice", values, list(REACH), [-blocks for blocks in REACH], [1, 2])
+
+
+def in_picture_units(g: Nodes, inputs: Inputs, parts: str, white: str) -> str:
     """Chromaticities that, multiplied by luminance in codes, give scene units, or fractions of display white."""
-    return g("Mul", chromaticity, g("Unsqueeze", g("Div", inputs.unit, white), [1, 2]) if white else inputs.unit)
+    unit = g("Div", inputs.unit, contract.GAMMA)
+    return g("Mul", parts, g("Unsqueeze", g("Div", unit, white) if white else unit, [1, 2]))
 
 
-def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, chromaticity: str, contrast: str) -> str:
+def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, parts: str, contrast: str) -> str:
     """`filled` of the inner blocks, corrected by what the samples say, (sites, inner blocks).
 
     What chromaticity times luminance misses at the sites of a block is mapped to errors of luminance there (`shared.site_errors`),
     as far as it is more than noise, and as there is contrast: next to flat luminance it is an error of colour.
     """
-    samples, filled, contrast = (g("Slice", each, [1, 1], [-1, -1], [1, 2]) for each in (probes[4], filled, contrast))
+    samples, filled, contrast = (inner(g, each) for each in (probes[4], filled, contrast))
     channels, count = [channel for _, _, channel in geometry.sites], len(geometry.sites)
     gamma = g("Gather", inputs.gamma, channels)
-    missed = g("Mul", g("Sub", samples, g("Mul", g("Gather", chromaticity, channels), filled)), gamma)
+    missed = g("Sub", samples, g("Mul", g("Gather", parts, channels), filled))
     power = g("Mul", g.total(g("Mul", missed, missed), count, axis=0), 1 / count)
     weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _MISSED_NOISE / count)
-    noise = g("Mul", inputs.variance(g, g("Mul", g.total(samples, count, axis=0), 1 / count)), weight)
+    mean = g("Div", g.total(samples, count, axis=0), g.total(gamma, count, axis=0))
+    noise = g("Mul", inputs.variance(g, mean), weight)
     contrast = g("Mul", contrast, _DOUBT)
     share = g(
         "Div", g("Mul", g("Relu", g("Sub", power, noise)), contrast), g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12)
     )
-    if geometry.pattern.is_scattered:  # of many sites: two nodes each, not one per pair
-        parts = zip(g.split(missed, [1] * count, axis=0), geometry.settling.T, strict=True)
-        errors = g.sum([g("Mul", part, column[:, None, None]) for part, column in parts])
-    else:
-        errors = g("Concat", *(g.total(g("Mul", missed, row[:, None, None]), count, axis=0) for row in geometry.settling), axis=0)
+    each = zip(g.split(missed, [1] * count, axis=0), geometry.settling.T, strict=True)
+    errors = g.sum([g("Mul", part, column[:, None, None]) for part, column in each])
     return g("Add", filled, g("Mul", errors, share))
 
 
@@ -248,26 +292,32 @@ def mean_light(g: Nodes, geometry: Geometry, inputs: Inputs, measured: str = "")
     measured: the sums of the pixels, (pixels, blocks), if probes have measured them.
     The pixels are one tensor (pixels of a cell, 1, cells, patches), to be multiplied by the colour of the cells.
     """
+    counts = geometry.pixels.sum(axis=(1, 2))[:, None, None]
     if measured:
-        # Around the blocks at the corners of the patches there is one more on each side, see `Geometry.halo`.
+        # Around the blocks at the corners of the patches there are more on each side, see `Geometry.halo`.
+        means = g("Sub", g("Mul", measured, 1 / counts), inputs.black)
+        rows, columns = REACH
         places = [(pixel, *geometry.corner(pixel)) for pixel in range(len(geometry.pixels))]
-        parts = [g("Slice", measured, [n, 1 + i, 1 + j], [n + 1, i - 2, j - 2], [0, 1, 2]) for n, i, j in places]
-        sums = g("Concat", *parts, axis=0)
+        parts = [
+            g("Slice", means, [n, rows + i, columns + j], [n + 1, i - 1 - rows, j - 1 - columns], [0, 1, 2]) for n, i, j in places
+        ]
+        light = g("Concat", *parts, axis=0)
     else:
         above, below, left, right = geometry.halo
         codes = g("Slice", contract.MOSAIC, [above, left], [-below, -right], [0, 1])
         image = g("Unsqueeze", g("Cast", codes, to=FLOAT), [0, 1])
         sums = g("Squeeze", g("Conv", image, geometry.pixels[:, None], strides=[geometry.pattern.period] * 2), [0])
-    light = g("Sub", g("Div", sums, geometry.pixels.sum(axis=(1, 2))[:, None, None]), inputs.black)
-    count, cells = geometry.within**2, geometry.across**2
-    mean = light if count == 1 else g("Mul", g.sum(g.split(light, [cells] * count, axis=0)), 1 / count)
-    return [g.reshape(light, [count, 1, cells, *inputs.patches])], mean
+        light = g("Sub", g("Mul", sums, 1 / counts), inputs.black)
+        parts = g.split(light, [geometry.across**2] * geometry.within**2, axis=0)
+    mean = parts[0] if len(parts) == 1 else g("Mul", g.sum(parts), 1 / len(parts))
+    return [g.reshape(light, [len(parts), 1, geometry.across**2, *inputs.patches])], mean
 
 
-def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
-    """Colour (see `pool`) of every cell, (C, cells, patches): a convex combination of the four blocks at the corners of its patch.
+def propagate(g: Nodes, geometry: Geometry, light: str, limit: str, colour: str, cells: str) -> str:
+    """Colour of every cell, (C, cells, patches): a convex combination of those of the four blocks at the corners of its patch.
 
-    The weight of a block falls with its distance, and with the squared difference between its luminance and that of the cell.
+    The weight of a block falls with its distance, and with the squared difference between its luminance `light` and that of the
+    cell: where this is `limit`, the weight is halved.
     """
     place = (np.arange(geometry.across) + 0.5) / geometry.across
     weights, mixed = [], []
@@ -275,12 +325,11 @@ def propagate(g: Nodes, geometry: Geometry, blocks: str, cells: str) -> str:
         for right in (0, 1):
             near = np.outer(place if down else 1 - place, place if right else 1 - place) ** _SPREAD
             ends = [END if down else -1, END if right else -1]
-            inverse, least, colour = (
-                g("Slice", blocks, [first, down, right], [last, *ends], [0, 1, 2]) for first, last in ((0, 1), (1, 2), (2, END))
-            )
-            apart = g("Sub", g("Mul", cells, inverse), 1.0)
-            weights.append(g("Div", near.reshape(-1, 1, 1), g("Add", g("Mul", apart, apart), least)))
-            mixed.append(g("Mul", weights[-1], g("Unsqueeze", colour, [1])))
+            level, most, block = (g("Slice", each, [down, right], ends, [1, 2]) for each in (light, limit, colour))
+            apart = g("Sub", cells, level)
+            weight = g("Div", most, g("Add", g("Mul", apart, apart), most))
+            weights.append(weight if geometry.across == 1 else g("Mul", weight, near.reshape(-1, 1, 1)))
+            mixed.append(g("Mul", weights[-1], g("Unsqueeze", block, [1])))
     return g("Div", g.sum(mixed), g.sum(weights))
 
 
@@ -300,8 +349,8 @@ def display(g: Nodes, camera: str) -> str:
     flat = g("Reshape", g("Clip", camera, -1.0, 1.0), [0, 0, -1])
     # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused.
     linear = g("Conv", flat, g("Unsqueeze", contract.MATRIX, [2]), np.full(3, _SHIFT))
-    root = g("Sqrt", g("Clip", linear, _SHIFT, 2.0))
-    curve = g("Sub", root, g("Div", _BEND, g("Add", root, _KNEE)))
+    root = g("Add", g("Sqrt", g("Clip", linear, _SHIFT, 2.0)), _KNEE)
+    curve = g("Sub", root, g("Div", _BEND, root))
     return g("QuantizeLinear", curve, 1 / _GAIN, np.array(_OFFSET, np.uint8))
 
 

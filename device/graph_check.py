@@ -28,6 +28,7 @@ OPERATORS = frozenset(
         "Gather",
         "Identity",
         "Max",
+        "Min",
         "Mul",
         "QuantizeLinear",
         "Relu",

@@ -44,12 +44,11 @@ class Nodes:
 
     def total(self, values: str, count: int, axis: int) -> str:
         """The sum over an axis of length `count`, added pairwise in a fixed order; that of ReduceSum is up to the runtime."""
-        if count == 1:
-            return values
-        if count % 2:
-            first, rest = self.split(values, (1, count - 1), axis)
-            return self("Add", first, self.total(rest, count - 1, axis))
-        return self.total(self("Add", *self.split(values, (count // 2, count // 2), axis)), count // 2, axis)
+        terms = self.split(values, [1] * count, axis)
+        while len(terms) > 1:
+            odd, pairs = terms[: len(terms) % 2], terms[len(terms) % 2 :]
+            terms = odd + [self("Add", *pair) for pair in zip(pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :], strict=True)]
+        return terms[0]
 
     def mean(self, values: str, count: int, axis: int) -> str:
         """The mean over an axis of length `count`, see `total`."""

@@ -3,7 +3,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from device.geometry import Geometry
+from device.geometry import REACH, Geometry
 from shared import CfaPattern
 from shared.errors import InputError
 
@@ -187,9 +187,10 @@ def test_pixels_share_out_the_panchromatic_samples(pattern: CfaPattern) -> None:
 def test_the_halo_is_what_the_outermost_probes_read(pattern: CfaPattern) -> None:
     geometry, period = Geometry(pattern), pattern.period
     above, below, left, right = geometry.halo
-    for half, window, before, after in zip(geometry.half, geometry.window, (above, left), (below, right), strict=True):
+    sides = (above, left), (below, right)
+    for half, window, reach, before, after in zip(geometry.half, geometry.window, REACH, *sides, strict=True):
         # Of one patch, counted from its first pixel: its corners' blocks, and those around them, begin at these places.
-        blocks = [number * period - half for number in (-1, 0, 1, 2)]
+        blocks = [number * period - half for number in range(-reach, 2 + reach)]
         assert -before == blocks[0] + window.start
         assert period + after == blocks[-1] + window.stop
 

@@ -164,7 +164,8 @@ def test_greys_are_grey_from_black_to_white() -> None:
     assert set(shades[34:]) == {255}
 
 
-CONSTANTS = ["_FLOOR", "_STILL", "_LEAST_VARIANCE", "_POOLING", "_CONTRAST", "_NOISE_WEIGHT", "_SPREAD"]
+POOLING_CONSTANTS = ["_PRIOR", "_POOLING", "_MISREAD", "_ALIKE", "_ALIKE_NOISE"]
+CONSTANTS = ["_FLOOR", "_STILL", "_LEAST_VARIANCE", "_CONTRAST", "_NOISE_WEIGHT", "_SPREAD", *POOLING_CONSTANTS]
 SCREEN_CONSTANTS = ["_SHIFT", "_GAIN", "_BEND", "_KNEE"]
 
 
@@ -216,7 +217,7 @@ def test_versions_and_description() -> None:
         "panchroma.channels": "RGB",
         "panchroma.scale": "3",
         "panchroma.output": "display",
-        "panchroma.halo": "9 9 9 9",
+        "panchroma.halo": "9 9 15 15",
     }
 
 
@@ -230,7 +231,7 @@ def test_origins_share_a_graph_and_patterns_do_not() -> None:
 
 
 EXACT = {
-    *("Add", "Sub", "Mul", "Div", "Sqrt", "Relu", "Max", "Clip", "QuantizeLinear", "Cast"),  # each rounds once
+    *("Add", "Sub", "Mul", "Div", "Sqrt", "Relu", "Max", "Min", "Clip", "QuantizeLinear", "Cast"),  # each rounds once
     *("Slice", "Split", "Concat", "Reshape", "Transpose", "Squeeze", "Unsqueeze", "Gather", "ScatterND", "Identity", "Shape"),
 }
 

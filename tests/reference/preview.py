@@ -56,10 +56,11 @@ class Block:
         )
         colours = colours / [len(sites) for sites in geometry.readings]
         self.noise = mosaic.calibration.noise
-        least = graph._STILL + 2 * self._variance(along[0])
+        least = graph._STILL + 2 * self._variance(down[0])
         row_change, column_change = np.mean(row_steps**2) + least, np.mean(column_steps**2) + least
         weights = 1 / row_change, 1 / column_change
         self.contrast = max(row_change, column_change) - least
+        self.change = row_change + column_change
         self.filled = (weights[0] * along + weights[1] * down) / sum(weights)
         self.luminance = float(self.filled.mean())
         self.variance = self._variance(self.luminance)
@@ -69,16 +70,19 @@ class Block:
         samples = [[float(colours[number]) for number in numbers] for numbers in at]
         lights = [[float(self.filled[number]) for number in numbers] for numbers in at]
         least_variance = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
-        sigma = max(self.variance, least_variance) ** 0.5
+        sigma = max(graph._PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
         self.light = max(self.luminance, graph._FLOOR)
+        self.colours_of_light = self.light * self.chromaticity * np.array(mosaic.calibration.gamma)
+        self.alike = graph._ALIKE * self.light**2 + graph._ALIKE_NOISE * self.variance
+        self.doubt = self.variance + graph._MISREAD * self.change
 
     def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
         """`filled`, corrected by what chromaticity times luminance misses of the samples (`shared.site_errors`)."""
         sites, gamma = Geometry(mosaic.pattern).sites, np.array(mosaic.calibration.gamma)
         channels = [channel for _, _, channel in sites]
         missed = (self.colours - chromaticity[channels] * self.filled) * gamma[channels]
-        power, noise = np.mean(missed**2), self._variance(float(np.mean(self.colours))) * np.mean(gamma[channels] ** 2)
+        power, noise = np.mean(missed**2), self._variance(self._mean_light(gamma[channels])) * np.mean(gamma[channels] ** 2)
         contrast = graph._DOUBT * self.contrast
         share = max(power - graph._MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
         # The most probable errors of every channel at every site, given those of the measured ones; then their sum, luminance.
@@ -90,6 +94,9 @@ class Block:
         errors = every[:, seen] @ np.linalg.solve(every[np.ix_(seen, seen)], missed)
         result: DoubleArray = self.filled + share * errors.reshape(-1, count).sum(axis=1)
         return result
+
+    def _mean_light(self, gamma: DoubleArray) -> float:
+        return float(self.colours @ gamma / gamma.sum())
 
     def _variance(self, luminance: float) -> float:
         return self.noise.sigma(max(luminance, 0)) ** 2 if self.noise else 0.0
@@ -108,15 +115,34 @@ class Colours:
             self._known[row, column] = Block(self._sample, self._mosaic, (row, column), self._scale)
         return self._known[row, column]
 
+    def similar(self, one: tuple[int, int], other: tuple[int, int]) -> float:
+        first, second = self.block(*one), self.block(*other)
+        apart = float(np.sum((first.colours_of_light - second.colours_of_light) ** 2))
+        limit = min(first.alike, second.alike)
+        return (limit / (limit + apart)) ** 2
+
     def chromaticity(self, row: int, column: int) -> DoubleArray:
+        """Own colour, and that of the blocks around: twice along the row of the means along each column."""
         own = self.block(row, column)
-        share = own.variance / (own.variance + graph._POOLING * own.light**2)
-        total, weight = np.zeros(len(self._mosaic.pattern.channels)), 0.0
-        for down, right in product((-1, 0, 1), repeat=2):
-            other = self.block(row + down, column + right)
-            part = (1.0 if (down, right) == (0, 0) else share) * other.light**2
-            total, weight = total + part * other.chromaticity, weight + part
-        return total / weight
+
+        def along_column(right: int) -> DoubleArray:
+            here = row, right
+            others = [(row + down, right) for down in (-1, 1)]
+            return self.block(*here).colours_of_light + sum(
+                self.similar(here, each) * self.block(*each).colours_of_light for each in others
+            )
+
+        def along_row(right: int, times: int) -> DoubleArray:
+            if not times:
+                return along_column(right)
+            total = along_row(right, times - 1)
+            for other in (right - 1, right + 1):
+                total = total + self.similar((row, right), (row, other)) * along_row(other, times - 1)
+            return total
+
+        total = own.colours_of_light * graph._POOLING * own.light**2 + own.doubt * along_row(column, 2)
+        result: DoubleArray = total / total.sum() / np.array(self._mosaic.calibration.gamma)
+        return result
 
     def spread(self, row: int, column: int, light: Sample) -> DoubleArray:
         """The colour of the cell around a sensor pixel; light: that of the part of the picture that begins at any pixel."""
@@ -134,8 +160,8 @@ class Colours:
         for down, right in product((0, 1), repeat=2):
             each = self.block(corner[0] + down, corner[1] + right)
             near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
-            apart = mean / each.light - 1
-            part = near**graph._SPREAD / (apart**2 + graph._CONTRAST + graph._NOISE_WEIGHT * each.variance / each.light**2)
+            limit = graph._CONTRAST * each.light**2 + graph._NOISE_WEIGHT * each.variance
+            part = near**graph._SPREAD * limit / ((mean - each.light) ** 2 + limit)
             total, weight = total + part * self.chromaticity(corner[0] + down, corner[1] + right), weight + part
         result: DoubleArray = total / weight
         return result
