@@ -24,6 +24,7 @@ from . import contract
 from .border import ExtendedFrame
 from .even_light import even_light
 from .graph_check import check_graph
+from .listed_defects import without_defects
 
 _STRIP_PIXELS = 1 << 17
 """Sensor pixels per strip at full resolution; four times as many for smaller pictures. Their planes fit into 2 MB of cache."""
@@ -87,11 +88,13 @@ class Preview:
             for size, origin, block in zip(mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True)
         )
         above, below, left, right = description.halo
-        codes, levels = even_light(mosaic)
+        even, levels = even_light(mosaic)
+        inputs = self._inputs(mosaic.calibration) | levels
+        black, scale, grey = inputs[contract.BLACK], inputs[contract.SCALE], 1 / mosaic.calibration.full_scale
+        codes = without_defects(even, pattern, mosaic.calibration.defects, black, scale, grey)
         frame = ExtendedFrame(codes, pattern, rows.span(above, below), columns.span(left, right))
         channels = len(pattern.channels) if description.linear else 3
         picture = np.empty((rows.size, columns.size, channels), np.float32 if description.linear else np.uint8)
-        inputs = self._inputs(mosaic.calibration) | levels
         width = columns.patches * pattern.period
         strip_size = width // description.scale, channels
 
