@@ -94,6 +94,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Measure what is missing and write the page and the tables; returns the exit code."""
     from tools.evaluation.page.gallery import render_gallery
     from tools.evaluation.page.page import build_page
+    from tools.evaluation.strokes import measure_strokes
     from tools.evaluation.study import collect, tasks
     from tools.evaluation.tables import encode_csv, encode_json
     from tools.evaluation.team import Team
@@ -115,9 +116,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     except SchedulerGoneError as error:
         console.error(str(error))
         return FAILED
-    figures = Figures(study, collect(study, folder))
-    if not figures.scenes:
+    results = collect(study, folder)
+    if not results:
         raise InputError("nothing could be measured; the lines above say why")
+    strokes, failed = measure_strokes(study, folder, team)
+    for line in failed:
+        console.error(line)
+    failures += failed
+    figures = Figures(study, results, strokes)
     program = f"panchroma {program_version()}"
     write_durably(folder / _JSON, encode_json(figures, program, failures, left_out), overwrite=arguments.overwrite)
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)

@@ -1,6 +1,6 @@
 """Figures of an evaluation, per scene and pooled: who wins, by how much, and where we lose."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import isnan, nan
@@ -12,6 +12,7 @@ from .measures import Histogram, Measures
 from .methods import methods
 from .metrics import Quality
 from .scene_sets import SETS
+from .strokes import Strokes
 from .study import Cell, Study, can_photograph
 from .tiles import Tile
 
@@ -79,11 +80,15 @@ _Key = tuple[str, float, str, Tile | None]  # set or scene, level, method, patte
 
 
 class Figures:
-    """All figures of a study, from the results that exist."""
+    """All figures of a study, from the results that exist.
 
-    def __init__(self, study: Study, results: dict[Cell, Measures]) -> None:
+    strokes: what each method keeps of the drawn scene.
+    """
+
+    def __init__(self, study: Study, results: dict[Cell, Measures], strokes: Sequence[Strokes] = ()) -> None:
         self.study = study
         self.results = results
+        self.strokes = tuple(strokes)
         present = {cell.scene.group for cell in results}
         self.groups = [group for group in SETS if group in present]
         self.scenes = {

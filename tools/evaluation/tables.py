@@ -15,12 +15,14 @@ from .measures import PLANES
 from .methods import methods
 from .metrics import BORDER, PATCH, QUANTILES
 from .protocol import CROP
+from .strokes import COLOURS, MARGIN, WHITE, WIDTHS
 from .study import Study
 from .tiles import Tile
 from .verdict import caveats
 
 _COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
+_DRAWN = "drawn strokes"
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
@@ -28,13 +30,31 @@ def rows(figures: Figures) -> list[dict[str, Any]]:
     return [_row(figures.study, figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
 
 
+def stroke_rows(figures: Figures) -> list[dict[str, Any]]:
+    """One flat object per method, level, pattern and colour of the drawn strokes; kept_8 is the part kept in those of 8 pixels."""
+    return [
+        {
+            "group": _DRAWN,
+            "scene": colour,
+            "level": each.level,
+            "method": each.method,
+            "period": each.tile and each.tile.period,
+            "pattern": each.tile and each.tile.name,
+            **{f"kept_{width}": round(part, 4) for width, part in zip(WIDTHS, parts, strict=True)},
+        }
+        for each in figures.strokes
+        for colour, parts in zip(COLOURS, each.kept, strict=True)
+    ]
+
+
 def encode_csv(figures: Figures) -> bytes:
-    """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals."""
+    """CSV file content: UTF-8, a header line, decimal points, figures to 4 decimals; rows of the drawn strokes at the end."""
     text = io.StringIO()
-    found = rows(figures)
-    writer = csv.DictWriter(text, list(found[0]) if found else list(_COLUMNS), lineterminator="\n")
+    found, drawn = rows(figures), stroke_rows(figures)
+    columns = dict.fromkeys(name for row in (*found[:1], *drawn[:1]) for name in row)
+    writer = csv.DictWriter(text, list(columns or _COLUMNS), lineterminator="\n")
     writer.writeheader()
-    for row in found:
+    for row in (*found, *drawn):
         writer.writerow({**row, "scene": one_line(row["scene"] or _POOLED)})
     return text.getvalue().encode()
 
@@ -79,6 +99,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
         },
         "verdict": {group: _verdict(figures, group) for group in figures.groups},
         "figures": rows(figures),
+        "strokes": {"colours": COLOURS, "white": WHITE, "widths": WIDTHS, "margin": MARGIN, "kept": stroke_rows(figures)},
         "failed": failures,
         "left_out": left_out,
     }

@@ -11,9 +11,14 @@ from .figures import Comparison, Figures
 from .methods import methods, remedy
 from .pattern_verdict import best_patterns, pattern_table
 from .scene_sets import SPECTRAL
+from .strokes import COLOURS, WIDTHS
 
 # The strongest rivals in our figures, which need extra packages: name, what it is, whether noise is where it is strong.
 _STRONGEST = (("bm3d+dlmmse-wb", "denoises (BM3D does)", True), ("demosaicnet", "is learned (Gharbi 2016 is)", False))
+STROKES = (
+    f"Colour kept in strokes {', '.join(map(str, WIDTHS[:-1]))} and {WIDTHS[-1]} pixels wide on white, the least of "
+    f"{', '.join(list(COLOURS)[:-1])} and {list(COLOURS)[-1]}"
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,23 @@ def plain_text(figures: Figures) -> str:
             lines.append(best)
         lines += [*pattern_table(figures, group), *best_patterns(figures, group)]
         lines.append("")
+    lines += stroke_lines(figures)
     return "\n".join(map(one_line, lines)).rstrip()
+
+
+def stroke_lines(figures: Figures) -> list[str]:
+    """A table of the colour that each method keeps in narrow strokes on white, at every level; empty if none was measured."""
+    study = figures.study
+    if not figures.strokes:
+        return []
+    levels = [study.protocol.describe(level) for level in study.levels]
+    lines = [f"{STROKES}, %:", " " * 30 + "  ".join(f"{text:>16}" for text in levels)]
+    for name, tile in dict.fromkeys((each.method, each.tile) for each in figures.strokes):
+        found = {each.level: each.least for each in figures.strokes if (each.method, each.tile) == (name, tile)}
+        texts = (" ".join(f"{100 * part:.0f}" for part in found[level]) if level in found else "-" for level in study.levels)
+        title = methods()[name].title + (f", {tile.title}" if tile and len(study.tiles) > 1 else "")
+        lines.append(f"{title:30}" + "  ".join(f"{text:>16}" for text in texts))
+    return lines
 
 
 def heading(figures: Figures, group: str) -> str:

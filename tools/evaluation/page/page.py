@@ -13,8 +13,9 @@ from ..figures import Figures
 from ..methods import methods
 from ..metrics import BORDER, PATCH
 from ..protocol import CROP
+from ..strokes import MARGIN, WIDTHS
 from ..study import Study
-from ..verdict import capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
+from ..verdict import STROKES, capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
 from .exhibits import exhibit_html, is_ours
 from .gallery import WHY_PATTERNS, Exhibit
 from .pattern_section import pattern_section
@@ -32,6 +33,8 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
     """
     sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
+    if figures.strokes:
+        sections.append(("strokes", "Strokes", strokes_section(figures)))
     if len(figures.study.periods) > 1 and figures.ours:
         sections.append(("period", "Period", period_section(figures)))
     of_patterns = [each for each in exhibits if each.crop.why == WHY_PATTERNS]
@@ -171,6 +174,27 @@ def _exhibit(exhibit: Exhibit, figures: Figures) -> str:
     rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not is_ours(p)), 0)
     own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.ours), 0)
     return exhibit_html(exhibit, rival, own)
+
+
+def strokes_section(figures: Figures) -> str:
+    """What each method keeps of the colour of narrow strokes: a table for each level, a row for each method and pattern."""
+    study = figures.study
+    parts = [
+        f"<h2>Colour of narrow strokes</h2><p>{escape(STROKES)}, in a drawn scene: the channels minus their mean, render over truth, "
+        f"inside the strokes, {MARGIN} pixels from their edges. 1 is all of the colour, 0 is grey. Each colour alone is in "
+        "evaluation.csv and evaluation.json.</p>"
+    ]
+    for level in study.levels:
+        shown = [each for each in figures.strokes if each.level == level]
+        best = [max(column) for column in zip(*(each.least for each in shown), strict=True)]
+        rows = []
+        for each in shown:
+            title = methods()[each.method].title + (f", {each.tile.title}" if each.tile and len(study.tiles) > 1 else "")
+            cells = [cell(f"{part:.2f}", best=part == most, mark="★ ") for part, most in zip(each.least, best, strict=True)]
+            rows.append(row([row_title(title), *cells], "ours" * methods()[each.method].ours))
+        head = [capital(study.protocol.describe(level)), *(f"{width} pixels" for width in WIDTHS)]
+        parts.append(table(head, rows) if rows else "")
+    return "\n".join(parts)
 
 
 def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
