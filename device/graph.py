@@ -8,18 +8,18 @@ colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
 all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
-convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the colour matrix (`display`).
+convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the colour matrix (`device.picture`).
 """
 
 import numpy as np
 import onnx
 
-from shared.display import SATURATED
 from shared.pattern import CfaPattern
 
 from . import contract
 from .geometry import REACH, Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
+from .picture import burnt_out, display, interleave
 
 BUILDER = "5"
 """Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
@@ -48,14 +48,8 @@ _MISSED_NOISE = 2.0
 """Multiple of the noise variance that the mean square of what is missed at the sites of a block must exceed to count."""
 _DOUBT = 0.5
 """Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
-_BURNT = 10.0
-"""Multiple of the luminance of saturated pixels that is shown: white where every channel has a tenth of what white has."""
 _SPREAD = 0.5
 """Power of the bilinear weights. Below 1 the four blocks share more evenly: less noise, still no step between patches."""
-
-# The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) + KNEE, in codes of 8 bits.
-# Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black and white.
-_SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 0.1866531
 
 
 def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> onnx.ModelProto:
@@ -80,9 +74,10 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     else:
         pixels, cells = mean_light(g, geometry, inputs, *probes[5:])
     spread = propagate(g, geometry, light, limit, colour, cells)  # Eq. 10
-    shown = pixels if linear else [burnt_out(g, inputs, each) for each in pixels]
+    full_scale = g("Div", g.total(inputs.gamma, inputs.channels, axis=0), inputs.unit)
+    shown = pixels if linear else [burnt_out(g, full_scale, each) for each in pixels]
     camera = [g("Mul", each, spread) for each in shown]  # Eq. 17
-    picture = interleave(g, geometry, inputs, camera if linear else [display(g, each) for each in camera], linear=linear)
+    picture = interleave(g, geometry, inputs.patches, camera if linear else [display(g, each) for each in camera], linear=linear)
     return finish(g, geometry, picture, linear=linear)
 
 
@@ -214,7 +209,7 @@ def similarity(g: Nodes, inputs: Inputs, colours: str, alike: str, axis: int) ->
 
 
 def with_neighbours(g: Nodes, values: str, similar: str, axis: int) -> str:
-    """Values of all but the outermost blocks along an axis, to which those of both neighbours are added as far as they are alike."""
+    """Values of all but the outermost blocks along an axis, plus those of both neighbours as far as they are alike."""
     own, before, after = (g("Slice", values, [first], [last], [axis]) for first, last in ((1, -1), (0, -2), (2, END)))
     like_before, like_after = (g("Slice", similar, [first], [last], [axis]) for first, last in ((0, -1), (1, END)))
     return g("Add", own, g("Add", g("Mul", before, like_before), g("Mul", after, like_after)))
@@ -331,38 +326,6 @@ def propagate(g: Nodes, geometry: Geometry, light: str, limit: str, colour: str,
             weights.append(weight if geometry.across == 1 else g("Mul", weight, near.reshape(-1, 1, 1)))
             mixed.append(g("Mul", weights[-1], g("Unsqueeze", block, [1])))
     return g("Div", g.sum(mixed), g.sum(weights))
-
-
-def burnt_out(g: Nodes, inputs: Inputs, light: str) -> str:
-    """Luminance of pixels that are shown: so high where samples are saturated that every channel is white.
-
-    There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
-    """
-    first, last = SATURATED
-    slope = (_BURNT * last - first) / (last - first)
-    full_scale = g("Div", g.total(inputs.gamma, inputs.channels, axis=0), inputs.unit)
-    return g("Max", light, g("Sub", g("Mul", light, slope), g("Mul", full_scale, first * (slope - 1))))
-
-
-def display(g: Nodes, camera: str) -> str:
-    """Convert camera RGB relative to display white, (m, C, ...), to sRGB codes, uint8 (m, 3, n), as `ColourTransform` does."""
-    flat = g("Reshape", g("Clip", camera, -1.0, 1.0), [0, 0, -1])
-    # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused.
-    linear = g("Conv", flat, g("Unsqueeze", contract.MATRIX, [2]), np.full(3, _SHIFT))
-    root = g("Add", g("Sqrt", g("Clip", linear, _SHIFT, 2.0)), _KNEE)
-    curve = g("Sub", root, g("Div", _BEND, root))
-    return g("QuantizeLinear", curve, 1 / _GAIN, np.array(_OFFSET, np.uint8))
-
-
-def interleave(g: Nodes, geometry: Geometry, inputs: Inputs, planes: list[str], *, linear: bool) -> str:
-    """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells, patches) in one tensor or more."""
-    within, across, channels = geometry.within, geometry.across, inputs.channels if linear else 3
-    values = planes[0] if len(planes) == 1 else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
-    values = g.reshape(values, [within, within, channels, across, across, *inputs.patches])
-    # Depth to space in two steps: move whole rows of patches into place, then interleave the columns.
-    values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])
-    values = g.reshape(values, [-1, within * across * channels, inputs.patches[1]])
-    return g("Reshape", g("Transpose", values, perm=[0, 2, 1]), [0, -1, channels])
 
 
 def finish(g: Nodes, geometry: Geometry, picture: str, *, linear: bool) -> onnx.ModelProto:

@@ -88,7 +88,7 @@ class _Frame:
         other, fine = self._around(rows, columns, _PAIRS[:, 1])
         apart = np.where(good & fine, np.abs(one - other), np.inf)
         each, best = np.arange(len(rows)), np.argmin(apart, axis=1)
-        found = ((one + other) / 2)[each, best]
+        found: DoubleArray = ((one + other) / 2)[each, best]
         alone = ~np.isfinite(apart[each, best])
         found[alone] = self.light_beside(rows[alone], columns[alone])
         return found
@@ -107,28 +107,29 @@ class _Frame:
         return found
 
     def colour(self, rows: IndexArray, columns: IndexArray, channel: int) -> DoubleArray:
-        """Light at places of one site, predicted by the good samples of its channel in the blocks around, or in those around them."""
+        """Light at places of one site, predicted by the good samples of its channel in the blocks around, or further away."""
         here = np.maximum(self.light_beside(rows, columns), self.scale[-1])
         share, left = np.full(len(rows), self.grey), np.arange(len(rows))
         for blocks in (1, 2, 4):
             if not len(left):
                 break
             steps = self._same(int(rows[0]), int(columns[0]), channel, blocks * self.pattern.period)
-            there = [(place[left, None] + step).ravel() for place, step in zip((rows, columns), steps.T, strict=True)]
-            light, good = (each.reshape(len(left), -1) for each in self.read(*there, channel))
-            beside = np.maximum(self.light_beside(*there).reshape(good.shape), self.scale[-1])
+            down, across = rows[left, None] + steps[:, 0], columns[left, None] + steps[:, 1]
+            light, good = self.read(down, across, channel)
+            beside = np.maximum(self.light_beside(down.ravel(), across.ravel()).reshape(good.shape), self.scale[-1])
             like = good * np.minimum(beside / here[left, None], here[left, None] / beside) ** _LIKE
             weight = like.sum(axis=1)
             known = weight > 0
             share[left[known]] = (like * light / beside).sum(axis=1)[known] / weight[known]
             left = left[~known]
-        return share * here
+        predicted: DoubleArray = share * here
+        return predicted
 
     def _same(self, row: int, column: int, channel: int, reach: int) -> IndexArray:
         """Steps (n, 2) from a site to all others of its channel within `reach` pixels."""
-        steps = np.array([step for step in product(range(-reach, reach + 1), repeat=2) if step != (0, 0)])
+        steps = np.array([step for step in product(range(-reach, reach + 1), repeat=2) if step != (0, 0)], np.intp)
         period = self.pattern.period
-        planes = self.pattern.filter_map((period, period))[tuple(((row, column) + steps).T % period)]
+        planes = self.pattern.filter_map((period, period))[(row + steps[:, 0]) % period, (column + steps[:, 1]) % period]
         found: IndexArray = steps[planes == channel]
         return found
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from onnx import numpy_helper
 
-from device import Preview, contract, graph
+from device import Preview, contract, graph, picture
 from device.graph import build_preview
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
@@ -181,7 +181,8 @@ def test_every_constant_matters(name: str, monkeypatch: pytest.MonkeyPatch) -> N
         return [Preview(model, threads=1).run(each) for model, each in product(models, (mosaic, quiet))]
 
     before = pictures()
-    monkeypatch.setattr(graph, name, getattr(graph, name) * 1.5)
+    module = graph if name in CONSTANTS else picture
+    monkeypatch.setattr(module, name, getattr(module, name) * 1.5)
     after = pictures()
     moved = [not np.array_equal(*pair) for pair in zip(before, after, strict=True)]
     assert any(moved)

@@ -34,7 +34,8 @@ WHITE = 0.8
 MARGIN = 2
 """Pixels along the edges of a stroke that are left out: there the colour of the ground shines in, for every method."""
 _PANEL = 132  # pixels: a whole number of periods of most patterns; three strokes of the widest
-_APART = 37.3  # pixels between two strokes; no multiple of a period, so that each meets the pattern elsewhere
+_APART = 37.3  # pixels between two strokes
+_TURN = np.radians(50)  # between the rows and what crosses a stroke: not 45 degrees, so that each meets all places of the pattern
 
 Kept = tuple[tuple[float, ...], ...]
 """Part of the colour that was kept, of each of COLOURS in strokes of each of WIDTHS."""
@@ -59,7 +60,8 @@ class Strokes:
 def drawing() -> tuple[FloatArray, IndexArray]:
     """Light of the scene, float32 (H, W, 3), scene units, and where it is measured, (H, W).
 
-    That is the number of the panel (row by row: a row for each of COLOURS, a column for each of WIDTHS) inside its strokes, else -1.
+    That is inside the strokes the number of their panel, row by row (a row for each of COLOURS, a column for each of WIDTHS), else
+    -1.
     """
     rows, columns = np.mgrid[:_PANEL, :_PANEL]
     light = np.full((len(COLOURS) * _PANEL, len(WIDTHS) * _PANEL, len(RGB)), WHITE, np.float32)
@@ -68,7 +70,7 @@ def drawing() -> tuple[FloatArray, IndexArray]:
     for row, colour in enumerate(COLOURS.values()):
         for column, width in enumerate(WIDTHS):
             panel = tuple(slice(place * _PANEL, (place + 1) * _PANEL) for place in (row, column))
-            across = ((rows + columns) / np.sqrt(2)) % (width + _APART)
+            across = (rows * np.cos(_TURN) + columns * np.sin(_TURN)) % (width + _APART)
             light[panel][across < width] = colour
             inside = (across >= MARGIN) & (across < width - MARGIN) & inner
             places[panel][inside] = row * len(WIDTHS) + column

@@ -180,8 +180,8 @@ def strokes_section(figures: Figures) -> str:
     """What each method keeps of the colour of narrow strokes: a table for each level, a row for each method and pattern."""
     study = figures.study
     parts = [
-        f"<h2>Colour of narrow strokes</h2><p>{escape(STROKES)}, in a drawn scene: the channels minus their mean, render over truth, "
-        f"inside the strokes, {MARGIN} pixels from their edges. 1 is all of the colour, 0 is grey. Each colour alone is in "
+        f"<h2>Colour of narrow strokes</h2><p>{escape(STROKES)}, in a drawn scene: the channels minus their mean, render over "
+        f"truth, inside the strokes, {MARGIN} pixels from their edges. 1 is all of the colour, 0 is grey. Each colour alone is in "
         "evaluation.csv and evaluation.json.</p>"
     ]
     for level in study.levels:
