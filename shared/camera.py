@@ -54,7 +54,7 @@ class Camera:
                 raise InputError(f"camera: measured.{part} is {shown(how)}, expected an object")
 
     def calibrated(self, mosaic: Mosaic) -> Mosaic:
-        """The shot with this camera's calibration; what it does not know of colours, noise and lens stays that of the shot.
+        """The shot with this camera's calibration; what it does not know of colours, noise, defects and lens stays the shot's.
 
         Raises InputError when the shot has another sensor, pattern, or number of bits; the message names both.
         """
@@ -64,6 +64,7 @@ class Camera:
         calibration = replace(
             known,
             noise=known.noise or own.noise,
+            defects=known.defects if "defects" in self.measured else known.defects or own.defects,
             shading=known.shading if "shading" in self.measured else known.shading or own.shading,
             aberration=known.aberration if "aberration" in self.measured else known.aberration or own.aberration,
             sensor=known.sensor or own.sensor,

@@ -90,3 +90,11 @@ def test_a_calibrated_shot_keeps_what_the_camera_does_not_know() -> None:
     assert seen.neutral == (0.5, 1.0, 0.7)
     coloured = Camera(replace(CALIBRATION, neutral=(0.6, 1.0, 0.6)), CAMERA.pattern)
     assert coloured.calibrated(mosaic(CfaPattern.bayer(6), neutral=(0.5, 1.0, 0.7))).calibration.neutral == (0.6, 1.0, 0.6)
+
+
+def test_defects_of_the_shot_stay_unless_the_camera_has_its_own() -> None:
+    shot = mosaic(CfaPattern.bayer(6), defects=((3, 4),))
+    nothing = replace(CALIBRATION, defects=())
+    assert Camera(nothing, CAMERA.pattern).calibrated(shot).calibration.defects == ((3, 4),)
+    assert Camera(nothing, CAMERA.pattern, {"defects": {"frames": 10}}).calibrated(shot).calibration.defects == ()
+    assert CAMERA.calibrated(shot).calibration.defects == ((1, 2),)
