@@ -20,7 +20,7 @@ _BURNT = 10.0
 """Multiple of the luminance of saturated pixels that is shown: white where every channel has a tenth of what white has."""
 
 
-def burnt_out(g: Nodes, full_scale: str, light: str) -> str:
+def burnt_out(g: "Nodes", full_scale: str, light: str) -> str:
     """Luminance of pixels that are shown: so high where samples are saturated that every channel is white.
 
     There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
