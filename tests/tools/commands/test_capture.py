@@ -295,7 +295,7 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["frames"], "frames: frames have no header; describe them with --width, --height, --format"),
+        (["."], ".: frames have no header; describe them with --width, --height, --format"),
         (["missing", *LAYOUT], "missing: is not a folder; SOURCE is a folder of raw frames, - or builtin:"),
         (["builtin:64x48"], "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS"),
         (["builtin:64x48@0"], "is not a built-in sensor"),
