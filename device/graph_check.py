@@ -49,7 +49,7 @@ OPERATORS = frozenset(
 ATTRIBUTES = frozenset(["axis", "end", "perm", "start", "strides", "to"])
 """The attributes of its nodes."""
 
-# Those that ship have less than 350 nodes and constants of 2050 numbers in all; with 240 scattered sites 1500, and 400,000 numbers.
+# Those that ship have less than 400 nodes and constants of 2050 numbers in all; with 240 scattered sites 1500, and 400,000 numbers.
 _MOST_NODES, _MOST_NUMBERS = 1 << 12, 1 << 19
 _MOST_PER_PIXEL = 8  # numbers of a tensor per pixel of a frame; ours have 1.4 at most
 _PROBES = ((1, 1 << 10), (1 << 10, 1))  # patches of the frames for which sizes are found: the widest strip, and the tallest

@@ -22,7 +22,12 @@ _AT_ONCE = 1 << 13  # defects: a sensor may have many, and each reads a hundred 
 
 
 def without_defects(
-    codes: CodeArray, pattern: CfaPattern, defects: tuple[tuple[int, int], ...], black: FloatArray, scale: FloatArray, grey: float
+    codes: CodeArray,
+    pattern: CfaPattern,
+    defects: tuple[tuple[int, int], ...],
+    black: FloatArray | DoubleArray,
+    scale: FloatArray | DoubleArray,
+    grey: float,
 ) -> CodeArray:
     """The codes of a frame, uint16 (H, W), with the samples of its defects replaced; `codes` itself if it has none.
 

@@ -79,7 +79,7 @@ def test_nor_in_smaller_pictures(scale: int) -> None:
 def test_a_defect_in_ink_is_not_mended_with_paper() -> None:
     rows, columns = np.mgrid[:60, :60]
     ink = np.abs(rows - columns) < 9
-    light = np.where(ink[..., None], np.float32([0.5, 0.05, 0.05]), np.float32(0.8))
+    light = np.where(ink[..., None], np.array([0.5, 0.05, 0.05], np.float32), np.float32(0.8))
     calibration = SensorCalibration.of_bits(12)
     codes = Mosaic(sample(light, SIX, calibration), SIX, calibration).codes.copy()
     truth = int(codes[30, 30])  # a red site in the middle of the stroke
@@ -105,7 +105,7 @@ def test_a_frame_without_a_good_sample_is_shown() -> None:
 def test_defects_in_a_shaded_shot() -> None:
     from shared import Shading
 
-    shading = Shading(np.ones((4, 4, 4)).tolist(), SHAPE)
+    shading = Shading((((1.0,) * 4,) * 4,) * 4, SHAPE)
     clean, damaged = (
         replace(each, calibration=replace(each.calibration, shading=shading)) for each in shots(SIX, PLACES["scattered"])
     )

@@ -128,14 +128,15 @@ class Colours:
         def along_column(right: int) -> DoubleArray:
             here = row, right
             others = [(row + down, right) for down in (-1, 1)]
-            return self.block(*here).colours_of_light + sum(
-                self.similar(here, each) * self.block(*each).colours_of_light for each in others
-            )
+            total: DoubleArray = self.block(*here).colours_of_light
+            for each in others:
+                total = total + self.similar(here, each) * self.block(*each).colours_of_light
+            return total
 
         def along_row(right: int, times: int) -> DoubleArray:
             if not times:
                 return along_column(right)
-            total = along_row(right, times - 1)
+            total: DoubleArray = along_row(right, times - 1)
             for other in (right - 1, right + 1):
                 total = total + self.similar((row, right), (row, other)) * along_row(other, times - 1)
             return total
