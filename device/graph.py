@@ -75,10 +75,9 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
         pixels, cells = pixel_light(g, geometry, inputs, settled)
     else:
         pixels, cells = mean_light(g, geometry, inputs, *probes[5:])
-    spread = propagate(g, geometry, light, limit, colour, cells)  # Eq. 10
-    full_scale = g("Div", g.total(inputs.gamma, inputs.channels, axis=0), inputs.unit)
-    shown = pixels if linear else [burnt_out(g, full_scale, each) for each in pixels]
-    camera = [g("Mul", each, spread) for each in shown]  # Eq. 17
+    shown = "" if linear else burnt_out(g, g("Div", g.total(inputs.gamma, inputs.channels, axis=0), inputs.unit), cells)
+    spread = propagate(g, geometry, light, limit, colour, cells, shown)  # Eq. 10
+    camera = [g("Mul", each, spread) for each in pixels]  # Eq. 17
     picture = interleave(g, geometry, inputs.patches, camera if linear else [display(g, each) for each in camera], linear=linear)
     return finish(g, geometry, picture, linear=linear)
 
@@ -305,11 +304,11 @@ def mean_light(g: Nodes, geometry: Geometry, inputs: Inputs, measured: str = "")
     return [g.reshape(light, [len(parts), 1, geometry.across**2, *inputs.patches])], mean
 
 
-def propagate(g: Nodes, geometry: Geometry, light: str, limit: str, colour: str, cells: str) -> str:
+def propagate(g: Nodes, geometry: Geometry, light: str, limit: str, colour: str, cells: str, shown: str) -> str:
     """Colour of every cell, (C, cells, patches): a convex combination of those of the four blocks at the corners of its patch.
 
     The weight of a block falls with its distance, and with the squared difference between its luminance `light` and that of the
-    cell: where this is `limit`, the weight is halved.
+    cell: where this is `limit`, the weight is halved. The result is divided by `shown`, if there is any (see `burnt_out`).
     """
     place = (np.arange(geometry.across) + 0.5) / geometry.across
     weights, mixed = [], []
@@ -322,7 +321,8 @@ def propagate(g: Nodes, geometry: Geometry, light: str, limit: str, colour: str,
             weight = g("Div", most, g("Add", g("Mul", apart, apart), most))
             weights.append(weight if geometry.across == 1 else g("Mul", weight, near.reshape(-1, 1, 1)))
             mixed.append(g("Mul", weights[-1], g("Unsqueeze", block, [1])))
-    return g("Div", g.sum(mixed), g.sum(weights))
+    total = g.sum(weights)
+    return g("Div", g.sum(mixed), g("Mul", total, shown) if shown else total)
 
 
 def finish(g: Nodes, geometry: Geometry, picture: str, *, linear: bool) -> onnx.ModelProto:

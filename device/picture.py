@@ -17,19 +17,19 @@ if TYPE_CHECKING:  # with onnx, which only a builder needs
 _SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 0.1866531
 
 _BURNT = 10.0
-"""Multiple of the luminance of saturated pixels that is shown: white where every channel has a tenth of what white has."""
+"""Multiple of the luminance of saturated cells that is shown: white where every channel has a tenth of what white has."""
 
 
-def burnt_out(g: "Nodes", full_scale: str, light: str) -> str:
-    """Luminance of pixels that are shown: so high where samples are saturated that every channel is white.
+def burnt_out(g: "Nodes", full_scale: str, cells: str) -> str:
+    """What the colour of each cell is divided by, (1, cells, patches): 1, or less where samples are saturated, so that it is white.
 
     There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
 
-    full_scale: light at which a panchromatic sample saturates, in the units of `light`.
+    full_scale: light at which a panchromatic sample saturates, in the units of `cells`, the mean light of each cell.
     """
     first, last = SATURATED
-    slope = (_BURNT * last - first) / (last - first)
-    return g("Max", light, g("Sub", g("Mul", light, slope), g("Mul", full_scale, first * (slope - 1))))
+    fall = (1 - 1 / _BURNT) / (last - first)
+    return g("Clip", g("Add", g("Mul", cells, g("Div", -fall, full_scale)), 1 + fall * first), 1 / _BURNT, 1.0)
 
 
 def display(g: "Nodes", camera: str) -> str:
