@@ -14,12 +14,13 @@ convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the co
 import numpy as np
 import onnx
 
+from shared.display import SATURATED
 from shared.pattern import CfaPattern
 
 from . import contract
 from .geometry import REACH, Geometry
 from .nodes import END, FLOAT, UINT8, UINT16, Nodes, Shape
-from .picture import burnt_out, display, interleave
+from .picture import burnt_out, display, in_picture_units, interleave
 
 BUILDER = "5"
 """Version of this module, stored in the graph; increase it whenever the bytes of a graph change."""
@@ -69,13 +70,13 @@ def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) 
     filled, luminance, change, contrast = fill_holes(g, geometry, inputs, probes)
     parts = estimate_parts(g, geometry, inputs, probes, filled, luminance)  # Eqs. 8-9
     pooled, light, limit = pool(g, inputs, parts, luminance, change)
-    colour = in_picture_units(g, inputs, pooled, "" if linear else contract.WHITE)
+    colour = in_picture_units(g, inputs.unit, pooled, "" if linear else contract.WHITE)
     if scale == 1:
         settled = settle(g, geometry, inputs, probes, filled, pooled, contrast)
         pixels, cells = pixel_light(g, geometry, inputs, settled)
     else:
         pixels, cells = mean_light(g, geometry, inputs, *probes[5:])
-    shown = "" if linear else burnt_out(g, g("Div", g.total(inputs.gamma, inputs.channels, axis=0), inputs.unit), cells)
+    shown = "" if linear else burnt_out(g, inputs.full_scale, cells)
     spread = propagate(g, geometry, light, limit, colour, cells, shown)  # Eq. 10
     camera = [g("Mul", each, spread) for each in pixels]  # Eq. 17
     picture = interleave(g, geometry, inputs.patches, camera if linear else [display(g, each) for each in camera], linear=linear)
@@ -98,6 +99,7 @@ class Inputs:
         self.black = g("Slice", contract.BLACK, [channels], [channels + 1])
         self.unit = g("Slice", contract.SCALE, [channels], [channels + 1])  # scene units per code
         square = g("Mul", self.unit, self.unit)
+        self.full_scale = g("Div", g.total(self.gamma, channels, axis=0), self.unit)
         self.floor, self.still = g("Div", _FLOOR, self.unit), g("Div", _STILL, square)
         shot, read_variance = g.split(contract.NOISE, (1, 1), axis=0)
         self._shot, self._read_variance = g("Div", shot, self.unit), g("Div", read_variance, square)
@@ -150,10 +152,16 @@ def fill_holes(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str]) 
 def estimate_parts(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, luminance: str) -> str:
     """The part gamma_j c_j of every channel in the luminance of every block, (C, blocks).
 
-    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1.
+    The chromaticities c_j are the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, so that the parts add up to 1. Where
+    panchromatic samples are saturated, those of the block say how much light there is (Eq. 7): with less, white would be yellow.
     """
     channels = [sites[0][2] for sites in geometry.readings]
     counts = [channels.count(channel) for channel in range(inputs.channels)]
+    first, last = SATURATED
+    shares = np.array([1 / counts[channel] for channel in channels])[:, None, None]
+    known = g.total(g("Mul", probes[4], shares), len(channels), axis=0)
+    above = g("Add", g("Mul", luminance, g("Div", 1 / (last - first), inputs.full_scale)), -first / (last - first))
+    filled = g("Add", filled, g("Mul", g("Relu", g("Sub", known, luminance)), g("Clip", above, 0.0, 1.0)))
 
     def of_channels(products: str) -> str:
         if set(counts) == {1}:
@@ -219,12 +227,6 @@ def with_neighbours(g: Nodes, values: str, similar: str, axis: int) -> str:
 def inner(g: Nodes, values: str) -> str:
     """Values of the inner blocks, those at the corners of the patches, out of values of all blocks that are read."""
     return g("Slice", values, list(REACH), [-blocks for blocks in REACH], [1, 2])
-
-
-def in_picture_units(g: Nodes, inputs: Inputs, parts: str, white: str) -> str:
-    """Chromaticities that, multiplied by luminance in codes, give scene units, or fractions of display white."""
-    unit = g("Div", inputs.unit, contract.GAMMA)
-    return g("Mul", parts, g("Unsqueeze", g("Div", unit, white) if white else unit, [1, 2]))
 
 
 def settle(g: Nodes, geometry: Geometry, inputs: Inputs, probes: list[str], filled: str, parts: str, contrast: str) -> str:

@@ -1,4 +1,4 @@
-"""The last stage of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `device.graph`."""
+"""The last stages of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `device.graph`."""
 
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,15 @@ _SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 
 
 _BURNT = 10.0
 """Multiple of the luminance of saturated cells that is shown: white where every channel has a tenth of what white has."""
+
+
+def in_picture_units(g: "Nodes", unit: str, parts: str, white: str) -> str:
+    """Chromaticities that, multiplied by luminance in codes, give scene units, or fractions of display white.
+
+    unit: scene units per code. parts: gamma_j c_j, (C, blocks). white: what display white reads, (C,); "" = scene units.
+    """
+    per_code = g("Div", unit, contract.GAMMA)
+    return g("Mul", parts, g("Unsqueeze", g("Div", per_code, white) if white else per_code, [1, 2]))
 
 
 def burnt_out(g: "Nodes", full_scale: str, cells: str) -> str:

@@ -12,6 +12,7 @@ from device import graph
 from device.geometry import Geometry
 from shared import Mosaic, site_errors
 from shared.arrays import DoubleArray
+from shared.display import SATURATED
 from tests.reference.chromaticity import solve_block
 from tests.reference.geometry import mirrored
 
@@ -68,7 +69,13 @@ class Block:
         channels = range(len(mosaic.pattern.channels))
         at = [[number for number, sites in enumerate(geometry.readings) if sites[0][2] == channel] for channel in channels]
         samples = [[float(colours[number]) for number in numbers] for numbers in at]
-        lights = [[float(self.filled[number]) for number in numbers] for numbers in at]
+        # Eq. 7: beside saturated samples those of the block say how much light there is.
+        gamma = np.array(mosaic.calibration.gamma)
+        first, last = np.array(SATURATED) * mosaic.calibration.full_scale
+        above = min(max((self.luminance - first) / (last - first), 0), 1) * max(
+            float(gamma @ list(map(np.mean, samples))) - self.luminance, 0
+        )
+        lights = [[float(self.filled[number]) + above for number in numbers] for numbers in at]
         least_variance = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
         sigma = max(graph._PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
