@@ -27,7 +27,7 @@ from shared.site_errors import error_correlation
 from .surroundings import UNIT, Place, Surroundings, exact
 
 REACH = 1, 2
-"""(rows, columns) of blocks beyond those at the corners of the patches whose colours are pooled. A row more takes 6 % longer."""
+"""(rows, columns) of blocks beyond those at the corners of the patches whose colours are pooled."""
 _CORNER = 1 / 8
 """Weight of each corner in a difference of smaller pictures. More would trust the direction too much where there is noise."""
 

