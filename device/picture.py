@@ -16,8 +16,8 @@ if TYPE_CHECKING:  # with onnx, which only a builder needs
 # Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black and white.
 _SHIFT, _OFFSET, _GAIN, _BEND, _KNEE = 0.002321567, 3, 221.8983454, 0.05906647, 0.1866531
 
-_BURNT = 10.0
-"""Multiple of the luminance of saturated cells that is shown: white where every channel has a tenth of what white has."""
+_BURNT = 50.0
+"""Multiple of the luminance of saturated cells that is shown: white where every channel has a fiftieth of what white has."""
 
 
 def in_picture_units(g: "Nodes", unit: str, parts: str, white: str) -> str:

@@ -151,6 +151,16 @@ def test_what_is_saturated_is_white(scale: int) -> None:
     assert Preview(build_preview(pattern, scale).SerializeToString()).run(mosaic).min() >= 254
 
 
+@pytest.mark.parametrize("scale", [1, 3])
+@pytest.mark.parametrize("light", [(4.8, 2.4, 0.96), (0.9, 0.3, 4.0), (3.5, 3.5, 0.2)])
+def test_a_coloured_light_is_white_where_it_is_saturated(light: tuple[float, ...], scale: int) -> None:
+    """Its blocks do not add up to luminance that is cut off, so that a channel came out negative, and the light pure yellow."""
+    pattern, calibration = CfaPattern.bayer(6), SensorCalibration.of_bits(12)
+    samples = np.minimum(sample(np.full((60, 60, 3), light, np.float32), pattern, calibration), calibration.full_scale)
+    mosaic = Mosaic(samples, pattern, calibration)
+    assert Preview(build_preview(pattern, scale).SerializeToString()).run(mosaic).min() >= 254
+
+
 def test_greys_are_grey_from_black_to_white() -> None:
     """Every level of a white surface, past white too: R = G = B, rising, 0 at black, 255 at white and past it."""
     pattern, white = CfaPattern.bayer(4), ColourTransform.to_space(CALIBRATION).white
