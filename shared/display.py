@@ -175,7 +175,8 @@ class ColourTransform:
                 planes += burnt * white
             if not self.space.linear:
                 # The lower clip, -white, is far below any noise and prevents overflow. A clip at 0 would tint noisy shadows.
-                np.clip(planes, -white, white, out=planes)
+                # What is burnt out is clipped higher: its chromaticity is wrong, and may be negative.
+                np.clip(planes, -white if burnt is None else (2 * burnt - 1) * white, white, out=planes)
             product = np.empty_like(planes[0])
             for output, weights in enumerate(matrix):
                 plane: FloatArray = weights[0] * planes[0]

@@ -163,9 +163,10 @@ def test_what_is_burnt_out_is_white_at_every_exposure(calibration: SensorCalibra
         assert np.diff(seen[:, 1]).max() < 0.2  # no hard edge
 
 
-def test_where_nothing_is_restored_saturated_pixels_lose_their_wrong_colour() -> None:
-    """The paper's method takes a colour from samples that are clipped: yellow, for a white sky."""
-    sky = picture((0.3, 1.8, 0.9)) * np.float32(CAMERA.full_scale / 3)
+@pytest.mark.parametrize("colour", [(0.3, 1.8, 0.9), (1.8, 1.6, -0.4)])
+def test_where_nothing_is_restored_saturated_pixels_lose_their_wrong_colour(colour: tuple[float, ...]) -> None:
+    """The paper's method takes a colour from samples that are clipped: yellow, for a white sky or an orange lamp."""
+    sky = picture(colour) * np.float32(CAMERA.full_scale / 3)
     kept, white = (ColourTransform.to_space(CAMERA, restored=restored).apply(sky) for restored in (True, False))
     assert np.ptp(kept) > 0.1
     np.testing.assert_allclose(white, 1, atol=ROUNDING)
