@@ -182,8 +182,11 @@ def test_a_black_area_has_a_picture_in_a_burst() -> None:
     assert np.isfinite(np.concatenate(list(render_burst_bands(merge_burst(frames))))).all()
 
 
-def test_a_value_that_is_not_finite_is_never_yielded() -> None:
+def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
     merged = merge_burst(shots(0.0, MOTIONS[:1]))
     merged.measured.luminance[40, 50] = np.nan
+    with pytest.raises(ConvergenceError, match="residual of nan"):
+        list(render_burst_bands(merged))
+    monkeypatch.setattr("offline.burst.render.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))

@@ -9,7 +9,7 @@ from offline import luminance as product
 from offline.luminance import fill, recover_luminance
 from offline.settings import LuminanceSettings
 from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import FloatArray
+from shared.arrays import DoubleArray, FloatArray
 from tests.offline.kernels.patterns import frames
 from tests.reference import luminance as reference
 from tests.reference.compare import assert_close
@@ -25,9 +25,14 @@ def mosaic_of(pattern: CfaPattern, shape: tuple[int, int], scale: float = 1.0, s
     return Mosaic(samples.astype(np.float32), pattern, SensorCalibration(pattern.channels))
 
 
+def start_of(mosaic: Mosaic) -> DoubleArray:
+    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
+    return reference.start(mosaic.signal.astype(np.float64), measured, len(mosaic.pattern.sites))
+
+
 def whole_plane(mosaic: Mosaic) -> FloatArray:
     holes = mosaic.pattern.filter_map(mosaic.shape) < len(mosaic.pattern.channels)
-    return fill(mosaic.signal, holes, THRESHOLDS)[0]
+    return fill(start_of(mosaic).astype(np.float32), holes, THRESHOLDS)[0]
 
 
 @pytest.mark.parametrize(("pattern", "shape"), frames(18, 330, seed=1))
@@ -40,7 +45,7 @@ def test_equals_the_whole_plane(pattern: CfaPattern, shape: tuple[int, int]) -> 
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = mosaic_of(pattern, shape)
     measured = pattern.panchromatic_mask(shape)
-    expected = reference.recover(mosaic.signal.astype(np.float64), measured, 50, SETTINGS.decay, SETTINGS.threshold)
+    expected = reference.recover(start_of(mosaic), measured, 50, SETTINGS.decay, SETTINGS.threshold)
     assert_close(recover_luminance(mosaic, SETTINGS), expected, FLOAT32)
 
 
@@ -49,7 +54,8 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int]) -> No
 def test_equals_the_reference_at_extreme_values(period: int, scale: float) -> None:
     pattern = CfaPattern.bayer(period, origin=(1, 3))
     mosaic = mosaic_of(pattern, (41, 64), scale)
-    expected = reference.recover(mosaic.signal.astype(np.float64), pattern.panchromatic_mask(mosaic.shape), 50, 2**-0.25, 1.0)
+    threshold = reference.first_threshold(mosaic.signal.astype(np.float64), 1.0)
+    expected = reference.recover(start_of(mosaic), pattern.panchromatic_mask(mosaic.shape), 50, 2**-0.25, threshold)
     assert_close(recover_luminance(mosaic, SETTINGS), expected, FLOAT32 * max(1.0, scale))
 
 
