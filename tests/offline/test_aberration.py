@@ -50,7 +50,7 @@ def test_more_than_half_of_the_lost_chrominance_comes_back(settings: RenderSetti
 
 @pytest.mark.parametrize(("name", "sigma"), [("linear/intel_tau_013.png", 0.01), ("raw/rose.dng", 0.0)])
 def test_so_it_does_in_photographs(name: str, sigma: float) -> None:
-    rgb = load_scene(str(photograph(name))).rgb
+    rgb = np.minimum(load_scene(str(photograph(name))).rgb, 1)  # brighter highlights of a few pixels would decide the whole
     lens = lens_aberration(1, -1, 3, (rgb.shape[0], rgb.shape[1]))
     shots = photographed(rgb, sigma, None), *known_and_unknown(rgb, sigma, lens)
     without, unknown, undone = (np.array(figures(render(shot).rgb, rgb)[MEDIAN : WHOLE + 1]) for shot in shots)
