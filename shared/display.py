@@ -141,6 +141,14 @@ class ColourTransform:
         result[places] += (lost[places, None] / np.float32(255)) * (brightest - rgb[places])
         return result
 
+    def saturated(self, rgb: FloatArray) -> ByteArray | None:
+        """How far each pixel is saturated, for `whitened`: uint8 (H, W), 255 = quite; None if highlights are restored.
+
+        rgb: (H, W, C), scene units.
+        """
+        share = None if self.weights is None else self._burnt_out(rgb.transpose(2, 0, 1), 1.0)
+        return None if share is None else np.rint(255 * share).astype(np.uint8)
+
     def apply(self, rgb: FloatArray, exposure: float = 0.0) -> FloatArray:
         """Transform a picture in scene units (H, W, C) to the space (H, W, 3), float32: 0..1 for display, unclipped when linear.
 

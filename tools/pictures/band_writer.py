@@ -65,7 +65,7 @@ def write_picture_bands(
     whole = written_shape(kind, shape, metadata)
     checked = partial(checked_picture, channels=len(calibration.channels))
     if kind.format == "dng":
-        main = linear_dng(map(checked, bands), shape, calibration, metadata, threads)
+        main = linear_dng(map(checked, bands), shape, calibration, metadata, threads, restored=restored)
         with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
             write_tiff(file, main, main.strips)
         return

@@ -185,7 +185,7 @@ def encode_picture(
     rgb = checked_picture(rgb, len(calibration.channels))
     check_output(kind, calibration, (rgb.shape[0], rgb.shape[1]), exposure)
     if kind.format == "dng":
-        return encode_tiff(linear_dng([rgb], (rgb.shape[0], rgb.shape[1]), calibration, metadata))
+        return encode_tiff(linear_dng([rgb], (rgb.shape[0], rgb.shape[1]), calibration, metadata, restored=restored))
     channels, icc, metadata, turn = labels(kind, calibration, metadata)
     samples = to_samples(upright(rgb, turn), kind, calibration, exposure, restored=restored)
     srgb = kind.space == "srgb"
@@ -253,7 +253,13 @@ def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: 
 
 
 def linear_dng(
-    bands: Iterable[FloatArray], shape: tuple[int, int], calibration: SensorCalibration, metadata: CaptureMetadata, threads: int = 1
+    bands: Iterable[FloatArray],
+    shape: tuple[int, int],
+    calibration: SensorCalibration,
+    metadata: CaptureMetadata,
+    threads: int = 1,
+    *,
+    restored: bool,
 ) -> Directory:
     """Return a linear DNG, to be written as a TIFF, with the colours and the white of our own rendering.
 
@@ -262,11 +268,13 @@ def linear_dng(
 
     bands: (rows, W, 3) scene units, any number of rows each. shape: (H, W) of the whole picture.
     threads: number of threads that compress.
+    restored: see `ColourTransform.to_space`; otherwise what is saturated gets the white level in every channel.
     """
-    shown = ColourTransform.to_space(calibration)
+    shown = ColourTransform.to_space(calibration, restored=restored)
     camera_to_xyz = shown.space.to_xyz @ np.array(shown.matrix)
 
     def encode(rgb: FloatArray) -> EncodedPart:
+        rgb = shown.whitened(rgb, shown.saturated(rgb))
         return encode_part(rgb, display_codes(rgb, shown, 8), shape)
 
     parts = list(ahead(encode, regrouped(bands, PART), threads))

@@ -50,11 +50,11 @@ def test_any_number_of_threads_writes_the_same_bytes(tmp_path: Path, kind: Pictu
     assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
 
 
-@pytest.mark.parametrize("name", ["tif", "jpg", "uhdr"])
+@pytest.mark.parametrize("name", ["tif", "jpg", "uhdr", "dng"])
 @pytest.mark.parametrize("restored", [True, False])
 def test_the_same_bytes_of_what_is_burnt_out(tmp_path: Path, name: str, restored: bool) -> None:
     rgb, kind = 4 * scene((70, 30)), PictureKind.of(name)
-    how: Any = {"calibration": CALIBRATION, "metadata": METADATA, "exposure": -3.0, "restored": restored}
+    how: Any = {"calibration": CALIBRATION, "metadata": METADATA, "exposure": 0.0 if name == "dng" else -3.0, "restored": restored}
     write_picture(tmp_path / "whole", rgb, kind, **how)
     for rows, threads in ((9, 1), (33, 3)):
         write_picture_bands(tmp_path / f"{rows}", cut(rgb, rows), (70, 30), kind, **how, threads=threads)

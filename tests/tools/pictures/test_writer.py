@@ -201,6 +201,23 @@ def test_dng_holds_the_scene_up_to_white(shape: tuple[int, int]) -> None:
     assert np.array_equal(codes, np.rint(rgb * np.float32(65535)).clip(0, 65535).astype(np.uint16))
 
 
+def test_a_dng_of_a_method_that_restores_nothing_is_white_where_it_is_saturated() -> None:
+    """There its colour is wrong: a raw developer, and the preview inside, showed green clouds and yellow lamps."""
+    calibration = replace(CALIBRATION, neutral=None, camera_to_xyz=None)
+    colours = np.array([(0.6, 1.8, 0.6), (1.8, 1.6, -0.4), (0.2, 0.3, 0.1)]) * (calibration.full_scale / 3)
+    rgb = np.repeat(colours.astype(np.float32)[:, None], 30, axis=0).repeat(40, axis=1)
+    data = encode_picture(
+        rgb, PictureKind.of("dng"), calibration=calibration, metadata=replace(METADATA, orientation=1), restored=False
+    )
+    with tifffile.TiffFile(io.BytesIO(data)) as tiff:
+        main = tiff.pages.first
+        assert main.pages is not None
+        shown, codes = main.asarray(), main.pages[0].asarray()
+    assert shown[:48].min() >= 250
+    assert (codes[:60] == 65535).all()
+    assert np.array_equal(codes[60:], np.rint(rgb[60:] * np.float32(65535)).clip(0, 65535).astype(np.uint16))
+
+
 def test_a_raw_developer_sees_the_white_we_see(tmp_path: Path) -> None:
     levels = np.linspace(0.1, 1.0, 32, dtype=np.float32)
     grey = np.full((24, 32, 3), (0.5, 1.0, 0.7), np.float32) * levels[:, None]
