@@ -158,6 +158,8 @@ class SensorCalibration:
                 rows = tuple(numbers("calibration: camera_to_xyz", row, count) for row in self.camera_to_xyz)
             except TypeError:
                 raise InputError(f"calibration: camera_to_xyz is {shown(self.camera_to_xyz)}, expected a list of rows") from None
+            if not rows:
+                raise InputError(f"calibration: camera_to_xyz is {shown(self.camera_to_xyz)}, expected 3 rows")
             matrix = np.array(rows)
             largest = np.abs(matrix).max(axis=0)
             if not all(_COLOUR[0] <= figure <= _COLOUR[1] for figure in largest[largest > 0]):
