@@ -96,6 +96,10 @@ class Observations:
             shots: dict[str, tuple[ShotMeasurement, ...]] = {"charts": (), "scenes": ()}
             if part := "gamma" if "gamma" in kept else "":
                 shots = {kind: tuple(_shot(given, calibration) for given in kept[part][kind]) for kind in shots}
+                if any(shot.places is None for shot in shots["charts"]) or not all(
+                    shot.fits for each in shots.values() for shot in each
+                ):
+                    raise ValueError
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, np.linalg.LinAlgError, InputError):
             raise InputError(f"camera: measured.{part}.{KEPT} is damaged; write a new camera file with --overwrite") from None
         return Observations(dark, flats, **shots)

@@ -365,6 +365,8 @@ def test_no_copy_of_an_old_file_is_ever_replaced(tmp_path: Path) -> None:
         {"gamma": 7},
         {"gamma": {"charts": [{}], "scenes": []}},
         {"gamma": {"charts": 1, "scenes": []}},
+        {"gamma": {"charts": [{"name": "x", "black_level": [256] * 4, "camera_to_xyz": None, "fits": []}], "scenes": []}},
+        {"gamma": {"charts": [], "scenes": [{"name": "x", "black_level": [256] * 4, "camera_to_xyz": None, "fits": []}]}},
         {"black_level": {"frames": -1}},
         {"black_level": {"frames": 2, **dict.fromkeys(("black", "black_error", "read", "read_error"), [1e308] * 4)}},
         {"noise": {"pairs": 1, "black_level": [0] * 4, "mean": [[]], "variance": [[]], "count": [[]]}},
