@@ -200,36 +200,36 @@ class FrameCheck:
     def _misread(self, frame: RawFrame, reading: Reading) -> InputError:
         layout = self._sensor.layout
         reading = refined(frame.data, layout, self._sensor.pattern, reading)
-        seen = (
-            f"its rows repeat every {reading.stride} bytes, not {layout.stride}"
-            if reading.stride != layout.stride
-            else "its samples"
-        )
+        seen = []
+        if reading.stride != layout.stride:
+            seen.append(f"its rows repeat every {reading.stride} bytes, not {layout.stride}")
         if reading.format == BIG_ENDIAN:
-            return _misfit(f"{seen} are words with the high byte first", "a source with little-endian words (swap the bytes)")
+            seen.append("its samples are words with the high byte first")
+            return _misfit(", and ".join(seen), "a source with little-endian words (swap the bytes)")
         if reading.format == BYTES:
-            return _misfit(
-                f"{seen} are single bytes",
-                "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U",
-            )
+            seen.append("its samples are single bytes")
+            remedy = "8 bits or a lossy compression; ask the camera for unpacked frames: rpicam-raw --mode W:H:12:U"
+            return _misfit(", and ".join(seen), remedy)
         if reading.format == RAW14:
-            return _misfit(f"{seen} are packed as {RAW14}", "a mode of the camera with 10, 12 or 16 bits")
+            seen.append(f"its samples are packed as {RAW14}")
+            return _misfit(", and ".join(seen), "a mode of the camera with 10, 12 or 16 bits")
         options = []
         if reading.format != layout.format:
-            seen += f" are packed as {reading.format}, not as {layout.format}"
+            seen.append(f"its samples are packed as {reading.format}, not as {layout.format}")
             options.append(f"--format {reading.format}")
         if reading.stride != layout.stride:
             options.append(f"--stride {reading.stride}")
         if reading.width < layout.width:
             options.append(f"--width {reading.width} or less")
         if reading.skipped:
-            seen += f" begin {reading.skipped} bytes (or whole groups of samples more) after the beginning of the frame"
+            bytes_ = f"{reading.skipped} bytes (or whole groups of samples more)"
+            seen.append(f"its samples begin {bytes_} after the beginning of the frame")
             options.append("a stream without a header")
         if not self._is_declared(reading.found) and not reading.skipped:
             if reading.found.period != self._sensor.pattern.period:
                 options.append(f"--period {reading.found.period}")
             options.append(self._origin(reading.found))
-        return _misfit(seen, " ".join(options))
+        return _misfit(", and ".join(seen or ["its samples lie elsewhere"]), " ".join(options))
 
     def _origin(self, found: Found) -> str:
         pattern = self._sensor.pattern

@@ -70,7 +70,9 @@ class Levels:
         seen = self._impossible(declared, bits)
         if not seen:
             return None
-        return seen, self._likely(bits) if in_right_format else "another --format, --stride, --bits, or --camera with its levels"
+        if in_right_format or self._seem_covered(bits):
+            return seen, self._likely(bits)
+        return seen, "another --format, --stride, --bits, or --camera with its levels"
 
     def lit(self) -> tuple[str, str] | None:
         """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""
@@ -128,8 +130,11 @@ class Levels:
         return len(ratios) > _PILE and bool(np.mean(ratios) - 4 * np.std(ratios) / len(ratios) ** 0.5 > _SAME)
 
     def _likely(self, bits: int) -> str:
-        if self._are_narrow(bits) and self._highest < self._black:
-            return "--dark, if the lens is covered, and --black N with the sensor's black level if it is known; or other --bits"
+        if self._seem_covered(bits):
+            return (
+                "--dark, if the lens is covered, and --black N with the sensor's black level if it is known; or another --format, "
+                "--stride or --bits"
+            )
         if self._shift >= _UNUSED:
             bits = _WORD
         elif bits < 12 and self._low > _HIGH * (1 << (bits - 4)):  # a sensor of 10 bits has its black at 64, one of 12 at 256
@@ -137,6 +142,10 @@ class Levels:
         if self._are_words and bits != self._calibration.bits:
             return f"--bits {bits}"
         return "--black N with the sensor's own black level, another --format, or --camera with its levels"
+
+    def _seem_covered(self, bits: int) -> bool:
+        """Whether they may be a dark frame's, of a sensor whose black level is lower."""
+        return self._are_narrow(bits) and self._highest < self._black
 
     def _are_narrow(self, bits: int) -> bool:
         return self._high - self._low < _NARROW * (1 << bits)

@@ -419,6 +419,12 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
     assert np.ptp(preview) < 0.05 * preview.mean()
 
 
+def test_what_is_wrong_with_rows_and_packing_is_one_sentence(out: Path) -> None:
+    done = piped(shown() * 2, "-o", str(out), *DESCRIBED, "--format", "raw10", "--wait")
+    assert done.returncode == 1
+    assert b"its rows repeat every 192 bytes, not 160, and its samples are packed as raw12, not as raw10; likely" in done.stderr
+
+
 def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out: Path) -> None:
     """`calibrate --dark` needs them; without the options the message names these."""
     levels = np.random.default_rng(0).normal(16, 3, SHOWN).round().clip(0).astype(np.uint16)
