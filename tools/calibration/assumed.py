@@ -7,7 +7,7 @@ and flat frames have measured them, wide if not. So intervals of gamma cover wha
 them narrower again.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,13 +35,13 @@ class Assumed:
 
     black: (C + 1,), black level, codes.
     black_measured: whether dark frames have measured it.
-    colour: in the corners, share of the light by which a channel may fall off otherwise than the panchromatic samples.
+    colour: (C,), in the corners, share of the light by which a channel may fall off otherwise than the panchromatic samples.
     tilt: share by which it may do so from one side to the middle.
     """
 
     black: DoubleArray
     black_measured: bool
-    colour: float
+    colour: DoubleArray
     tilt: float
 
     @classmethod
@@ -61,9 +61,19 @@ class Assumed:
         if errors is None and black_error is not None:
             errors = np.array([number("black_error", each) for each in black_error])  # type: ignore[attr-defined]
         wide = np.maximum(_UNKNOWN_BLACK * level, 4 * steady)
-        colour = (_KNOWN_COLOUR, _KNOWN_COLOUR) if even or calibration.shading else (_UNKNOWN_COLOUR, _UNKNOWN_TILT)
         black = wide if errors is None else np.hypot(errors, steady)
-        return cls(black, errors is not None, *colour)
+        known = cls(black, errors is not None, np.full(len(calibration.channels), _KNOWN_COLOUR), _KNOWN_COLOUR)
+        if calibration.shading:
+            # A lens that dims a colour, rather than the sensor that sees less of it, dims its share of panchromatic light too. Flat
+            # frames do not tell these apart, and with that share gamma itself changes towards the corners.
+            *colours, panchromatic = calibration.shading.sketch
+            falls = np.array([float(np.abs(panchromatic / each - 1).max()) for each in colours])
+            return replace(known, colour=np.hypot(known.colour, falls))
+        return known if even else known.uneven()
+
+    def uneven(self) -> "Assumed":
+        """What is assumed of shots whose shading was not undone."""
+        return replace(self, colour=np.full_like(self.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT)
 
     def precision(self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.

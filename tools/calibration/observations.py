@@ -125,6 +125,8 @@ _UNCERTAINTY: Mapping[str, Callable[[Any], float]] = {
 def _rebased(shot: ShotMeasurement, calibration: SensorCalibration, assumed: Assumed) -> ShotMeasurement:
     was, black = (np.array(each.black_level) for each in (shot.calibration, calibration))
     own = replace(shot.calibration, black_level=calibration.black_level)
+    if calibration.shading and not own.shading:  # flat frames have come later, and the shot's samples are as they were
+        assumed = assumed.uneven()
     fits = tuple(replace(fit.rebased(black), assumed=assumed) for fit in shot.fits)
     places = None if shot.places is None else shot.places.rebased(was, black, calibration.white_level)
     if places is not None:
@@ -135,6 +137,7 @@ def _rebased(shot: ShotMeasurement, calibration: SensorCalibration, assumed: Ass
 def _shot_to_json(shot: ShotMeasurement) -> dict[str, Any]:
     document: dict[str, Any] = {"name": shot.name, "black_level": list(shot.calibration.black_level)}
     document["camera_to_xyz"] = shot.calibration.camera_to_xyz
+    document["shading_undone"] = shot.calibration.shading is not None
     if shot.chart is not None and shot.places is not None:
         document |= {"corners": _listed(np.array(shot.chart.place.corners)), **_points_to_json(shot.places)}
         document["clipped"] = shot.places.clipped.tolist()
@@ -153,6 +156,8 @@ def _shot_to_json(shot: ShotMeasurement) -> dict[str, Any]:
 
 def _shot(given: Mapping[str, Any], calibration: SensorCalibration) -> ShotMeasurement:
     own = replace(calibration, black_level=given["black_level"], camera_to_xyz=given["camera_to_xyz"])
+    if not _truth(given["shading_undone"]):
+        own = replace(own, shading=None)
     fits = [_fit(each, own) for each in given["fits"]]
     if "corners" not in given:
         return ShotMeasurement(_text(given["name"]), own, tuple(fits))
