@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from itertools import chain
 
 from tools.host.console import one_line
 
@@ -70,13 +71,13 @@ def stroke_lines(figures: Figures) -> list[str]:
     if not figures.strokes:
         return []
     levels = [study.protocol.describe(level) for level in study.levels]
-    lines = [f"{STROKES}, %:", " " * 30 + "  ".join(f"{text:>16}" for text in levels)]
+    table = [("", levels)]
     for name, tile in dict.fromkeys((each.method, each.tile) for each in figures.strokes):
         found = {each.level: each.least for each in figures.strokes if (each.method, each.tile) == (name, tile)}
-        texts = (" ".join(f"{100 * part:.0f}" for part in found[level]) if level in found else "-" for level in study.levels)
-        title = methods()[name].title + (f", {tile.title}" if tile and len(study.tiles) > 1 else "")
-        lines.append(f"{title:30}" + "  ".join(f"{text:>16}" for text in texts))
-    return lines
+        texts = [" ".join(f"{100 * part:3.0f}" for part in found[level]) if level in found else "-" for level in study.levels]
+        table.append((methods()[name].title + (f", {tile.title}" if tile and len(study.tiles) > 1 else ""), texts))
+    wide, narrow = (max(map(len, texts)) for texts in ([title for title, _ in table], chain(*(texts for _, texts in table))))
+    return [f"{STROKES}, %:", *("  ".join([f"{title:{wide}}", *(f"{text:>{narrow}}" for text in texts)]) for title, texts in table)]
 
 
 def heading(figures: Figures, group: str) -> str:
