@@ -73,11 +73,12 @@ class Frame:
 def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
     """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is unknown in all of them.
 
-    A frame without a calibrated model has that of another frame. Where none is calibrated, frames of one sensitivity (ISO) share
-    one estimate. No model states so little noise that its frame would take all the weight, nor less than rounding to codes makes.
+    A frame without a calibrated model has that of another frame. Where none is calibrated, or only as free of noise, frames of one
+    sensitivity (ISO) share one estimate. No model states so little noise that its frame would take all the weight, nor less than
+    rounding to codes makes.
     """
     known = [mosaic.calibration.noise for mosaic in mosaics]
-    if settings.estimate and not any(known):
+    if settings.estimate and None in known and not any(model and any(model.shot + model.read) for model in known):
         speeds = [mosaic.metadata.iso for mosaic in mosaics]
         alike = {iso: [mosaic for mosaic, its in zip(mosaics, speeds, strict=True) if its == iso] for iso in speeds}
         estimates = {iso: estimate_noise(*group) for iso, group in alike.items()}

@@ -49,6 +49,11 @@ def test_a_frame_without_a_calibration_has_the_noise_of_the_others() -> None:
     assert noise_models([frame(1, 0.02), frame(2, 0.02, known)], PAPER.noise) == [known, known]
 
 
+def test_a_frame_that_is_said_to_be_free_of_noise_does_not_speak_for_those_that_say_nothing() -> None:
+    assert sigmas(frame(1, 0.02, model(0, 0)), frame(2, 0.02), frame(3, 0.02)) == pytest.approx([0.02] * 3, rel=0.1)
+    assert sigmas(frame(1, 0.02, model(0, 0)), frame(2, 0.02, model(0, 0))) == [0, 0]
+
+
 @pytest.mark.parametrize("odd", [model(0, 0), model(1e-4, 0), model(0, 1e-9)])
 def test_a_variance_is_never_0_beside_others(odd: NoiseModel) -> None:
     frames = [frame(1, 0.02, model(2e-4, 0.02)), frame(2, 0.02, odd), frame(3, 0.02, model(2e-4, 0.02))]
