@@ -22,10 +22,11 @@ MAY_IMPORT = {
 OURS = {*MAY_IMPORT, "panchroma", "tests"}  # the last two are at the top: nobody imports them
 # The rooms of `tools`, from the ground up. Rooms on one floor (rendering, calibration, evaluation, live, training) do not import
 # each other.
-_BELOW = {"host", "scenes", "pictures"}
+_BELOW = {"host", "scenes", "camera", "pictures"}
 ROOMS = {
     "host": {"host"},
     "scenes": {"scenes", "host"},
+    "camera": {"camera", "scenes"},
     "pictures": {"pictures", "scenes", "host"},
     "rendering": {"rendering", *_BELOW},
     "calibration": {"calibration", *_BELOW},

@@ -27,8 +27,8 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import Edges, find_edges
+from tools.camera.lens import lens_aberration, parsed_aberration
 from tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
-from tools.scenes.lens import lens_aberration, parsed_aberration
 from tools.scenes.load import load_scene
 
 PATTERN = CfaPattern.bayer(6)

@@ -24,7 +24,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.data import DATA
-from tools.scenes.burst import Burst, Frame, burst_frames
+from tools.camera.burst import Burst, Frame, burst_frames
 from tools.scenes.load import load_scene
 
 PATTERN, CALIBRATION = CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False)

@@ -34,6 +34,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive
 from tests.data import DATA
+from tools.camera.burst import Burst, burst_frames
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, quality, whole_psnr
@@ -43,7 +44,6 @@ from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.burst import render_bayer_burst
 from tools.evaluation.tiles import Tile
 from tools.host.versions import package_version
-from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.load import load_scene
 
 PERIOD, REDUCED, LEAST = 6, 2, 300

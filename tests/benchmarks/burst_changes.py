@@ -9,7 +9,7 @@ from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive
-from tools.scenes.burst import Burst, burst_frames
+from tools.camera.burst import Burst, burst_frames
 from tools.scenes.load import load_scene
 
 _SIGMAS = (0.0, 0.01, 0.03)

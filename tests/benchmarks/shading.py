@@ -25,8 +25,8 @@ from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
 from shared.colour_difference import delta_e_2000
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.calibration.shading import measure_shading
+from tools.camera.lens import lens_shading, parsed_shading
 from tools.evaluation.metrics import patch_psnr
-from tools.scenes.lens import lens_shading, parsed_shading
 from tools.scenes.load import load_scene
 
 PATTERN = CfaPattern.bayer(6)

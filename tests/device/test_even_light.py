@@ -9,8 +9,8 @@ from device import Preview
 from device.even_light import even_light
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.sensor import simulate_additive
+from tools.camera.lens import lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.lens import lens_shading
 
 SHAPE = (240, 360)
 LENS = lens_shading(2, 0.15, 4, SHAPE)

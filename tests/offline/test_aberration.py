@@ -17,8 +17,8 @@ from shared.sensor import simulate_additive
 from tests.benchmarks.aberration import figures, photographed
 from tests.data import photograph
 from tests.reference.aberration import changes
+from tools.camera.lens import lens_aberration, lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.lens import lens_aberration, lens_shading
 from tools.scenes.load import load_scene
 
 SHAPE = (240, 360)

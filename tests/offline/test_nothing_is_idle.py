@@ -18,7 +18,7 @@ from shared.arrays import FloatArray
 from shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
-from tools.scenes.lens import lens_aberration
+from tools.camera.lens import lens_aberration
 
 PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # Rounding does not move a picture as far as this; every setting and stage does.

@@ -11,8 +11,8 @@ from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.benchmarks.shading import figures, noisy, photographed
+from tools.camera.lens import lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.lens import lens_shading
 
 SHAPE = (240, 360)
 LENS = lens_shading(2, 0.15, 4, SHAPE)

@@ -10,7 +10,7 @@ import pytest
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.sensor import simulate_sensor
-from tools.scenes.lens import lens_aberration, lens_shading
+from tools.camera.lens import lens_aberration, lens_shading
 
 SHAPE = (61, 90)
 BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))

@@ -11,7 +11,7 @@ from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
 from shared.shading import basis
 from shared.white_balance import estimate_neutral
-from tools.scenes.lens import lens_shading
+from tools.camera.lens import lens_shading
 
 SHAPE = (61, 90)
 LENS = lens_shading(2, 0.15, 4, SHAPE)

@@ -22,6 +22,8 @@ from shared.dng import read_preview
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
+from tools.camera.burst import Burst, burst_frames
+from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
@@ -32,10 +34,8 @@ from tools.host.jobs import Job, output_folder, run_jobs
 from tools.host.processors import processors
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
-from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
-from tools.scenes.simulated_camera import SimulatedCamera
 
 if TYPE_CHECKING:
     from PIL.Image import Image

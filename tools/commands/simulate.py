@@ -25,18 +25,18 @@ from shared.calibration import BITS
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
+from tools.camera.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
+from tools.camera.filters import filters_for
+from tools.camera.lens import SimulatedLens
+from tools.camera.simulated_camera import BITS as DEFAULT_BITS
+from tools.camera.simulated_camera import TRUTH, SimulatedCamera
 from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import plan, search
 from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
-from tools.scenes.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
-from tools.scenes.filters import filters_for
-from tools.scenes.lens import SimulatedLens
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
-from tools.scenes.simulated_camera import BITS as DEFAULT_BITS
-from tools.scenes.simulated_camera import TRUTH, SimulatedCamera
 
 _MEASURED = PictureKind("tif", 32, "camera")
 

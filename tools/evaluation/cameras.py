@@ -8,7 +8,7 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
-from tools.scenes.filters import Filters
+from tools.camera.filters import Filters
 from tools.scenes.scene import RGB
 
 from .protocol import BayerShot, Protocol

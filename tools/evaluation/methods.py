@@ -29,7 +29,8 @@ _OPENCV = ("opencv-contrib-python-headless", "opencv-python-headless", "opencv-c
 # The code between the light of a scene and its figures: every result depends on it.
 MEASURING = (
     "shared",
-    *(f"tools/scenes/{name}.py" for name in ("scene", "filters")),
+    "tools/scenes/scene.py",
+    "tools/camera/filters.py",
     *(f"tools/evaluation/{name}.py" for name in ("protocol", "rivals/bayer", "tiles", "cameras")),
     *(f"tools/evaluation/{name}.py" for name in ("hue", "measures", "metrics", "ssim")),
 )

@@ -10,7 +10,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor, typical_noise
-from tools.scenes.filters import Filters
+from tools.camera.filters import Filters
 
 from .rivals.bayer import bayer_exposure, bayer_mosaic
 

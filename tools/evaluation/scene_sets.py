@@ -13,11 +13,11 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.series import frame_number
 from shared.tiff_check import PLAIN
+from tools.camera.simulated_camera import TRUTH
 from tools.host.folders import DNGS, search
 from tools.scenes.camera_colour import estimate_neutral
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import RGB, Scene
-from tools.scenes.simulated_camera import TRUTH
 
 from .metrics import BORDER, PATCH
 from .protocol import CROP, cut

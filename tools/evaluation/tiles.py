@@ -11,7 +11,7 @@ import numpy as np
 
 from shared import CfaPattern
 from shared.errors import InputError
-from tools.scenes.filters import Filters, filters_for
+from tools.camera.filters import Filters, filters_for
 from tools.scenes.scene import Scene
 
 from .protocol import ORDER

@@ -10,8 +10,8 @@ import numpy as np
 from device.capture import Sensor
 from device.frames import RawFrame
 from shared.sensor import simulate_sensor
+from tools.camera.filters import filters_for
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.filters import filters_for
 
 _SWING = 16  # the frame moves on a circle; its radius is the shorter side divided by this
 _FRAMES = range(4, 49)  # frames of one turn

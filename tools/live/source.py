@@ -19,10 +19,10 @@ from shared import CfaPattern, SensorCalibration
 from shared.calibration import BITS
 from shared.errors import InputError
 from shared.sensor import typical_noise
+from tools.camera.filters import filters_for
+from tools.camera.simulated_camera import SimulatedCamera
 from tools.host.options import add_camera, camera_of
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.filters import filters_for
-from tools.scenes.simulated_camera import SimulatedCamera
 
 _STREAM, _BUILTIN = "-", "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user

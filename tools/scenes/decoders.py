@@ -28,10 +28,9 @@ from shared.tiff_check import PLAIN, check_directories, check_pieces
 from tools.host.limited import run_limited
 
 from .exif_reading import picture_metadata, tiff_metadata
-from .filters import scene_channels
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
 from .png_chunks import picture_chunks
-from .scene import RGB, check_size
+from .scene import RGB, check_size, scene_channels
 
 _ICC_PROFILE = 34675  # TIFF tag
 _ALPHA = (1, 2)  # ExtraSamples: associated and unassociated

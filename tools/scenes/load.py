@@ -22,11 +22,10 @@ from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
 from .drawn.spectral import spectral_scene
-from .filters import scene_channels
 from .gehler_shi import gehler_shi_scene
 from .linear_dng import linear_dng_scene
 from .picture import picture_scene
-from .scene import RGB, Scene, check_size
+from .scene import RGB, Scene, check_size, scene_channels
 
 # Built-in scenes: prefix, and the function that draws them at width x height.
 _DRAWN: dict[str, Callable[[int, int], Scene]] = {

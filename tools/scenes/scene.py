@@ -11,6 +11,8 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 
 RGB = "RGB"
+BROADBAND = {"C": "GB", "M": "RB", "Y": "RG"}
+"""What cyan, magenta and yellow filters let through of red, green and blue."""
 MAX_EXPANSION = 200  # decoded bytes per byte of file: photographs stay below 50, decompression bombs reach 1000 and more
 # Pixels that are believed, of 8 bytes at most: even light and drawn charts are pictures, and compress as well as bombs. So many
 # take less than a second and 300 MB.
@@ -70,6 +72,17 @@ class Scene:
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
         return self.rgb.shape[0], self.rgb.shape[1]
+
+
+def scene_channels(channels: str) -> str:
+    """The channels of a scene from which filters with these letters are made.
+
+    >>> scene_channels("CMYN"), scene_channels("VGN")
+    ('RGBN', 'VGN')
+    """
+    if not set(channels) & set(BROADBAND):
+        return channels
+    return RGB + "".join(letter for letter in channels if letter not in (*RGB, *BROADBAND))
 
 
 def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 0, max_pixels: int = MAX_PIXELS) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
+from tools.camera.filters import Filters, filters_for
 from tools.evaluation.protocol import cut
-from tools.scenes.filters import Filters, filters_for
 from tools.scenes.scene import Scene
 
 

@@ -13,7 +13,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
 from shared.sensor import simulate_additive
-from tools.scenes.lens import lens_shading
+from tools.camera.lens import lens_shading
 
 from .scenes import SHAPE, light
 

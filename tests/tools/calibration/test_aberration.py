@@ -15,7 +15,7 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.calibration.aberration import AberrationResult, measure_aberration
 from tools.calibration.edges import fill_along_edges, find_edges
-from tools.scenes.lens import lens_aberration
+from tools.camera.lens import lens_aberration
 from tools.scenes.load import load_scene
 
 SHAPE = (400, 600)

@@ -15,8 +15,8 @@ from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
 from tools.calibration.gamma import GammaFit, check_determined, combined
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.scene_gamma import fit_scene_gamma
+from tools.camera.lens import lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.lens import lens_shading
 
 GAMMA = np.array(TRUTH.gamma)
 

@@ -12,7 +12,7 @@ from shared.arrays import DoubleArray
 from shared.errors import InputError
 from shared.sensor import simulate_sensor
 from tools.calibration.shading import measure_shading
-from tools.scenes.lens import lens_shading
+from tools.camera.lens import lens_shading
 
 SHAPE = (300, 450)
 PATTERN = CfaPattern.bayer(6)

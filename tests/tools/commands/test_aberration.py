@@ -8,7 +8,7 @@ import tifffile
 
 from shared import Mosaic, read_dng, write_dng
 from tests.tools.command import run
-from tools.scenes.lens import lens_aberration
+from tools.camera.lens import lens_aberration
 
 SIZE, SHAPE = "450x300", (300, 450)
 

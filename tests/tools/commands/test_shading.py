@@ -10,7 +10,7 @@ import tifffile
 
 from shared import CaptureMetadata, Mosaic, read_camera, read_dng, write_dng
 from tests.tools.command import Outcome, run
-from tools.scenes.lens import lens_shading
+from tools.camera.lens import lens_shading
 
 SIZE, SHAPE = "450x300", (300, 450)
 

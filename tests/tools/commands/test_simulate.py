@@ -22,8 +22,8 @@ from shared.arrays import FloatArray
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.tools.command import assert_refused, file_limit, names, run, spawn
+from tools.camera.burst import Burst, burst_frames
 from tools.commands.simulate import noise_of
-from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.drawn.builtin import builtin_scene
 
 SOURCE = "builtin:24x18"

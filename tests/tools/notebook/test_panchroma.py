@@ -20,8 +20,8 @@ from panchroma.wording import for_notebooks
 from shared import Aberration, Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
+from tools.camera.lens import lens_aberration, lens_shading
 from tools.pictures.writer import POSSIBLE, PictureKind
-from tools.scenes.lens import lens_aberration, lens_shading
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)

@@ -9,10 +9,10 @@ from shared import CfaPattern
 from shared.arrays import CodeArray, FloatArray
 from shared.display import ColourTransform
 from tests.tools.scenes.test_camera_raw import LINEAR_RAW, RATIONAL, SHORT, rationals, write_dng
+from tools.camera.simulated_camera import SimulatedCamera
 from tools.scenes.clipped import saturation, with_white_highlights
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
-from tools.scenes.simulated_camera import SimulatedCamera
 
 NEUTRAL = (0.5, 1.0, 0.625)
 TOP = 4000

@@ -13,13 +13,13 @@ from shared import CfaPattern, read_camera
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
+from tools.camera.filters import filters_for
+from tools.camera.lens import SimulatedLens
+from tools.camera.simulated_camera import SimulatedCamera
 from tools.scenes.decoders import Decoded, decode_array
-from tools.scenes.filters import filters_for
-from tools.scenes.lens import SimulatedLens
 from tools.scenes.load import load_scene
 from tools.scenes.picture import picture_scene
 from tools.scenes.scene import Scene
-from tools.scenes.simulated_camera import SimulatedCamera
 
 from .pictures import Picture
 from .shots import Shot, told

@@ -5,12 +5,12 @@ import pytest
 
 from offline.burst import Motion
 from shared.arrays import FloatArray
+from tools.camera.burst import Burst, burst_frames
 from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals.bayer import bayer_mosaic, sample_bayer
 from tools.evaluation.rivals.burst import render_bayer_burst
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from tools.host.versions import package_version
-from tools.scenes.burst import Burst, burst_frames
 from tools.scenes.drawn.builtin import builtin_scene
 
 NEUTRAL = 0.6, 1.0, 0.5

@@ -5,9 +5,9 @@ import pytest
 
 from shared import CfaPattern
 from shared.colorimetry import D50
+from tools.camera.filters import Filters, filters_for
 from tools.scenes.drawn.builtin import ASPECT, GAP, HEIGHT
 from tools.scenes.drawn.spectral import BANDS, CHARTS, MIXTURES, PATCHES, light, metamers, spectral_scene
-from tools.scenes.filters import Filters, filters_for
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 

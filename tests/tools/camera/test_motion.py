@@ -5,7 +5,7 @@ import pytest
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from tools.scenes.motion import MOST_DEGREES, Motion, displaced, reach
+from tools.camera.motion import MOST_DEGREES, Motion, displaced, reach
 
 SHAPE = (150, 171)
 ACCURATE = 2e-3  # of waves up to 0.7 of the highest frequency, whose sum is between 0 and 2

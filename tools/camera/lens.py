@@ -75,7 +75,7 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     planes: number of channels, and one.
     shape: (rows, columns) of the frame.
 
-    >>> from tools.scenes.lens import lens_shading
+    >>> from tools.camera.lens import lens_shading
     >>> lens = lens_shading(2, 0.15, 4, (600, 900))
     >>> [round(float(lens.of_plane((600, 900), plane)[0, 0]), 2) for plane in range(4)]
     [4.68, 3.99, 3.46, 3.99]
@@ -113,7 +113,7 @@ def lens_aberration(first: float, last: float, channels: int, shape: tuple[int, 
     shape: (rows, columns) of the frame.
     Raises InputError when the frame is too small for such displacements.
 
-    >>> from tools.scenes.lens import lens_aberration
+    >>> from tools.camera.lens import lens_aberration
     >>> [round(each, 2) for each in lens_aberration(1, -0.5, 3, (600, 900)).corner((600, 900))]
     [1.0, 0.0, -0.5]
     """

@@ -10,9 +10,9 @@ from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
 from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.sensor import sample, typical_noise
-from tools.scenes import filters as module
-from tools.scenes.filters import Filters, filters_for, scene_channels
-from tools.scenes.scene import Scene
+from tools.camera import filters as module
+from tools.camera.filters import Filters, filters_for
+from tools.scenes.scene import Scene, scene_channels
 
 RNG = np.random.default_rng(5)
 

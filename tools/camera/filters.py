@@ -14,10 +14,8 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import Matrix, as_rows, nominal_to_xyz
 from shared.errors import InputError
 from shared.sensor import TYPICAL_READ, TYPICAL_SHOT
+from tools.scenes.scene import BROADBAND, RGB, Scene
 
-from .scene import RGB, Scene
-
-_BROADBAND = {"C": "GB", "M": "RB", "Y": "RG"}  # what each lets through
 _DIGITS = 12  # of gamma: the last bits of a least-squares solution depend on the processor
 _LEAST = 1e-6  # smaller weights and differences are rounding
 
@@ -106,20 +104,9 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
 
 def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
     """What filters that the scene does not have let through of its channels, (N,) by letter."""
-    broadband = _BROADBAND if set(RGB) <= set(scene.channels) else {}
+    broadband = BROADBAND if set(RGB) <= set(scene.channels) else {}
     passed = {letter: tuple(float(each in through) for each in scene.channels) for letter, through in broadband.items()}
     return {letter: np.array(each) for letter, each in (passed | dict(scene.mixtures)).items() if letter not in scene.channels}
-
-
-def scene_channels(channels: str) -> str:
-    """The channels of a scene from which filters with these letters are made.
-
-    >>> scene_channels("CMYN"), scene_channels("VGN")
-    ('RGBN', 'VGN')
-    """
-    if not set(channels) & set(_BROADBAND):
-        return channels
-    return RGB + "".join(letter for letter in channels if letter not in (*RGB, *_BROADBAND))
 
 
 def _weights(channels: str, passed: DoubleArray, there: str) -> tuple[tuple[float, ...], tuple[str, ...]]:

@@ -8,10 +8,10 @@ import numpy as np
 from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
+from tools.scenes.scene import Scene
 
 from .filters import Filters, filters_for
 from .lens import NO_LENS, SimulatedLens
-from .scene import Scene
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""

@@ -11,11 +11,11 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.metadata import CaptureField
 from shared.tiff import FieldType
-from tools.scenes import burst as module
-from tools.scenes import motion, moving_thing
-from tools.scenes.burst import Burst, burst_frames, motion_text, reduced, tremor
+from tools.camera import burst as module
+from tools.camera import motion, moving_thing
+from tools.camera.burst import Burst, burst_frames, motion_text, reduced, tremor
+from tools.camera.motion import Motion
 from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.motion import Motion
 
 HAND = Burst(5, pixels=3, degrees=0.3)
 
