@@ -25,7 +25,7 @@ OURS = {*MAY_IMPORT, "panchroma", "tests"}  # the last two are at the top: nobod
 _BELOW = {"host", "scenes", "camera", "pictures"}
 ROOMS = {
     "host": {"host"},
-    "scenes": {"scenes", "host"},
+    "scenes": {"scenes"},
     "camera": {"camera", "scenes"},
     "pictures": {"pictures", "scenes", "host"},
     "rendering": {"rendering", *_BELOW},
@@ -109,12 +109,14 @@ def test_the_house_can_be_drawn_on_a_page() -> None:
     """Few rooms, few arrows between them, and an order of floors in which every arrow points down."""
     arrows: dict[str, set[str]] = {}
     for module, text in sources():
+        if module == "tools.__init__":
+            continue
         targets = {room(name) for name in imported(module, text) if name.partition(".")[0] in OURS}
         arrows.setdefault(room(module), set()).update(targets - {room(module), "__init__"})
     floors = list(TopologicalSorter(arrows).static_order())  # raises CycleError where an arrow points up
     assert len(floors) <= 15
     arrows.pop("notebook")  # the roof, which lies on everything
-    assert sum(map(len, arrows.values())) <= 50
+    assert sum(map(len, arrows.values())) <= 51
 
 
 def test_the_walk_sees_the_sources() -> None:
@@ -146,6 +148,7 @@ def test_the_walk_sees_the_sources() -> None:
         ("shared.pattern", "import importlib\nimportlib.import_module('offline.render')"),
         ("device.preview", "__import__('scipy')"),
         ("tools.host.console", "from tools.scenes import load"),
+        ("tools.scenes.load", "from tools.host.console import fault"),
         ("tools.scenes.load", "from ..pictures.writer import PictureKind"),
         ("tools.rendering.run", "from tools.evaluation.study import Study"),
         ("tools.evaluation.team", "def later():\n    import tools.rendering.run"),

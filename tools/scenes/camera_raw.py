@@ -23,13 +23,13 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_reading import StoredDirectories, StoredFields
 from shared.white_balance import clipped_share, normalised
-from tools.host.limited import run_limited
 
 from .camera_colour import as_shot_or_estimated, camera_to_xyz
 from .ciff import crw_metadata
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoders import guarded
 from .exif_reading import raw_directories
+from .limited import run_limited
 from .scene import Scene, check_size
 
 _CHANNELS = "RGB"

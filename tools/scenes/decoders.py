@@ -25,10 +25,10 @@ from shared.errors import InputError
 from shared.jpeg_check import read_header
 from shared.reading import MAX_PIXELS, data_bytes
 from shared.tiff_check import PLAIN, check_directories, check_pieces
-from tools.host.limited import run_limited
 
 from .exif_reading import picture_metadata, tiff_metadata
 from .icc_reading import LINEAR, SRGB, Encoding, power_curve, read_profile
+from .limited import run_limited
 from .png_chunks import picture_chunks
 from .scene import RGB, check_size, scene_channels
 

@@ -24,7 +24,7 @@ R = TypeVar("R")
 _SECONDS, _SECONDS_PER_BYTE = 0.25, 0.5e-6  # a camera's RAW takes 0.05 seconds per megabyte
 _BYTES, _BYTES_PER_BYTE = 192 << 20, 40  # a RAW of 24 megapixels takes 300 MB, and has at least 10
 _BYTES_PER_THREAD = 10 << 20  # stacks of the threads that a library starts, one per processor
-_START = "import sys; sys.path[:] = {path!r}; from tools.host.limited import serve; serve()"
+_START = "import sys; sys.path[:] = {path!r}; from tools.scenes.limited import serve; serve()"
 
 
 def run_limited(file: Path, modules: tuple[str, ...], function: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:

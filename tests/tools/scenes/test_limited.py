@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from shared.errors import InputError
-from tools.host.limited import run_limited
+from tools.scenes.limited import run_limited
 
 
 def _answer(path: Path, what: str) -> str:
