@@ -1,5 +1,5 @@
 """The software of the camera: a fast preview of a mosaic, and capture. README.md in this folder explains both."""
 
-from .preview import Preview
+from .preview.preview import Preview
 
 __all__ = ["Preview"]

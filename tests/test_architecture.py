@@ -42,7 +42,7 @@ CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
 # Packages that only these modules, and what is below them, may import.
 ONLY_IN = {
-    "onnx": ("device.graph", "device.nodes", "tools"),
+    "onnx": ("device.preview.graph", "device.preview.nodes", "tools"),
     "numba": ("offline.kernels",),
     "llvmlite": ("offline.kernels",),
     "onnxruntime": ("shared.runtime",),
@@ -137,8 +137,8 @@ def test_the_walk_sees_the_sources() -> None:
         ("tools.cli", "import tests.reference"),
         ("offline.kernels.solver", "from tests.reference import affinity"),
         ("shared.pattern", "import scipy.ndimage"),
-        ("device.preview", "if True:\n    import cv2"),
-        ("device.preview", "from onnx import helper"),
+        ("device.preview.preview", "if True:\n    import cv2"),
+        ("device.preview.preview", "from onnx import helper"),
         ("device.graphs", "import onnx"),
         ("offline.affinity", "from numba import njit"),
         ("tools.commands.bench", "import numba"),
@@ -169,11 +169,11 @@ def test_a_planted_import_is_caught(module: str, text: str) -> None:
     ("module", "text"),
     [
         ("shared.dng.codec", "from ..mosaic import Mosaic\nfrom . import tags\nimport numpy as np\nimport tifffile"),
-        ("device.graph", "import onnx\nfrom onnx import helper\nfrom shared import Mosaic"),
+        ("device.preview.graph", "import onnx\nfrom onnx import helper\nfrom shared import Mosaic"),
         ("shared.runtime", "import onnxruntime"),
         ("offline.affinity", "import scipy.sparse\nfrom shared.arrays import FloatArray\nfrom .kernels import solver"),
         ("offline.kernels.solver", "import numba\nfrom numba import njit"),
-        ("tools.cli", "import rich, rawpy\nimport device.graph, offline, shared\nimport onnx"),
+        ("tools.cli", "import rich, rawpy\nimport device.preview.graph, offline, shared\nimport onnx"),
         ("tools.evaluation.page.page", "from ..figures import Figures\nfrom tools.host.console import Console"),
         ("tools.commands.render", "from tools.rendering.run import render_shots\nfrom tools.live import source"),
         ("tools.notebook.panchroma.shots", "from .pictures import Image\nfrom tools.evaluation.measures import Measures"),

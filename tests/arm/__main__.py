@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from device.graph import build_preview
+from device.preview.graph import build_preview
 from shared.errors import InputError, OutputError, PanchromaError
 from tests.arm.probe import PATTERNS, graph_name, graphs
 from tests.data import ROOT

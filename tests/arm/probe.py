@@ -12,8 +12,8 @@ import onnxruntime
 
 from device import Preview
 from device.capture import Sensor
-from device.frames import FrameLayout, RawFrame
-from device.geometry import Geometry
+from device.capture.frames import FrameLayout, RawFrame
+from device.preview.geometry import Geometry
 from shared import CfaPattern, NoiseModel, SensorCalibration
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.dng import decode_dng, encode_dng

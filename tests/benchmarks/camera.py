@@ -27,8 +27,8 @@ import numpy as np
 
 from device import Preview
 from device.capture import Sensor
-from device.frames import FORMATS, FrameLayout, RawFrame
-from device.white_balance import SteadyWhite
+from device.capture.frames import FORMATS, FrameLayout, RawFrame
+from device.capture.white_balance import SteadyWhite
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import ByteArray, CodeArray
 from shared.dng import encode_dng

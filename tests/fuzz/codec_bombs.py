@@ -13,7 +13,7 @@ import OpenEXR
 from onnx import TensorProto, helper
 from PIL import Image
 
-from device import contract
+from device.preview import contract
 from shared import CfaPattern
 from shared.dng import encode_dng
 from shared.tiff import Directory, FieldType, encode_tiff

@@ -13,8 +13,8 @@ import tifffile
 
 from device import Preview
 from device.capture import Sensor
-from device.frames import FrameLayout, RawFrame, read_frames
-from device.preview import find_model
+from device.capture.frames import FrameLayout, RawFrame, read_frames
+from device.preview.preview import find_model
 from offline import PAPER, render
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.dng import encode_dng, read_preview

@@ -1,6 +1,6 @@
 """The camera's preview, pixel by pixel and block by block, in double precision and scene units. Slow and literal.
 
-It takes the weights of interpolation from `device.geometry`, which has tests of its own, and the constants from `device.graph`.
+The weights of interpolation come from `device.preview.geometry`, which has its own tests; constants from `device.preview.graph`.
 """
 
 from collections.abc import Callable
@@ -8,8 +8,8 @@ from itertools import product
 
 import numpy as np
 
-from device import graph
-from device.geometry import Geometry
+from device.preview import graph
+from device.preview.geometry import Geometry
 from shared import Mosaic, site_errors
 from shared.arrays import DoubleArray
 from shared.display import SATURATED

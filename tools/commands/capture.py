@@ -14,9 +14,9 @@ from itertools import islice
 from pathlib import Path
 
 from device.capture import Refused, Saved, capture, capture_burst
-from device.frame_queue import FrameQueue
-from device.frames import FrameLayout
-from device.shots import ShotFolder
+from device.capture.frame_queue import FrameQueue
+from device.capture.frames import FrameLayout
+from device.capture.shots import ShotFolder
 from shared.errors import InputError, OutputError
 from tools.host import options
 from tools.host.console import Console

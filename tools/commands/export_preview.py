@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def shipped() -> Iterator[tuple[str, "ModelProto"]]:
     """(file name, graph) of everything in device/models: Bayer blocks, periods 4, 6 and 8, every scale below the period."""
-    from device.contract import file_name
-    from device.geometry import Geometry
+    from device.preview.contract import file_name
+    from device.preview.geometry import Geometry
 
     for period in _SHIPPED_PERIODS:
         for order in BAYER_ORDERS:
@@ -75,7 +75,7 @@ def _pattern(arguments: argparse.Namespace) -> CfaPattern:
 
 def _build(pattern: CfaPattern, scale: int, *, linear: bool) -> "ModelProto":
     try:
-        from device.graph import build_preview
+        from device.preview.graph import build_preview
     except ImportError:
         raise InputError("graphs are built with the package onnx, which is not installed: pip install -e '.[all]'") from None
     return build_preview(pattern, scale, linear=linear)

@@ -9,9 +9,9 @@ import argparse
 import threading
 from pathlib import Path
 
-from device.frame_queue import FrameQueue
-from device.geometry import Geometry
-from device.shots import ShotFolder
+from device.capture.frame_queue import FrameQueue
+from device.capture.shots import ShotFolder
+from device.preview.geometry import Geometry
 from shared import CfaPattern
 from shared.errors import InputError
 from tools.host import options

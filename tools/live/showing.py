@@ -6,8 +6,8 @@ from threading import Lock
 from types import TracebackType
 
 from device.capture import PreviewMaker, Sensor
-from device.frames import RawFrame
-from device.white_balance import SteadyWhite
+from device.capture.frames import RawFrame
+from device.capture.white_balance import SteadyWhite
 from shared.errors import InputError
 
 from .viewfinder import Viewfinder

@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 
 from device.capture import Sensor
-from device.frames import RawFrame
+from device.capture.frames import RawFrame
 from shared.sensor import simulate_sensor
 from tools.camera.filters import filters_for
 from tools.scenes.drawn.builtin import builtin_scene

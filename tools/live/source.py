@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from device.capture import Sensor
-from device.frame_check import checked
-from device.frame_folder import watch_folder
-from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from device.capture.checks.frame_check import checked
+from device.capture.frame_folder import watch_folder
+from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import CfaPattern, SensorCalibration
 from shared.calibration import BITS
 from shared.errors import InputError

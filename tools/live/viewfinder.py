@@ -13,7 +13,7 @@ import imagecodecs
 import numpy as np
 
 from device.capture import Saved
-from device.shots import ShotFolder
+from device.capture.shots import ShotFolder
 from shared import Mosaic
 from shared.arrays import ByteArray
 from shared.errors import InputError

@@ -72,7 +72,7 @@ class Previews:
     def __call__(self, mosaic: Mosaic) -> ByteArray:
         """Return the picture, uint8 sRGB (h, w, 3), oriented like the samples. Raises InputError if no graph fits the pattern."""
         from device import Preview
-        from device.contract import tile_name
+        from device.preview.contract import tile_name
 
         if self._given:
             return cast(ByteArray, self._given.run(mosaic))

@@ -11,7 +11,7 @@ import imagecodecs
 import numpy as np
 import pytest
 
-from device import frame_folder
+from device.capture import frame_folder
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from device import Preview
-from device.graph import build_preview
+from device.preview.graph import build_preview
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from tests.tools.command import names, run
 from tools.commands.export_preview import shipped
@@ -83,7 +83,7 @@ def test_a_graph_is_not_replaced_unasked(tmp_path: Path) -> None:
 
 
 def test_without_onnx(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "device.graph", None)
+    monkeypatch.setitem(sys.modules, "device.preview.graph", None)
     outcome = run("export-preview", "-o", tmp_path / "g.onnx")
     assert outcome.code == 2
     assert "onnx, which is not installed" in outcome.errors[0]

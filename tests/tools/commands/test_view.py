@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 from device.capture import PreviewMaker, Sensor
-from device.frames import FrameLayout, RawFrame
-from device.shots import ShotFolder
+from device.capture.frames import FrameLayout, RawFrame
+from device.capture.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview

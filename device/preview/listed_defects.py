@@ -37,7 +37,7 @@ def without_defects(
     grey: light of a channel over panchromatic light in a grey scene, for a frame without a good sample of a channel.
 
     >>> import numpy as np
-    >>> from device.listed_defects import without_defects
+    >>> from device.preview.listed_defects import without_defects
     >>> from shared import CfaPattern
     >>> codes = np.full((12, 12), 100, np.uint16)
     >>> codes[5, 5] = 4095

@@ -3,7 +3,7 @@ import io
 import numpy as np
 import pytest
 
-from device.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
+from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared.errors import InputError
 from tests.device.packer import pack, random_codes
 

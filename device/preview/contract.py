@@ -5,7 +5,7 @@ side, and returns the picture of the patches. The tile in it begins at the first
 origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
 
 Inputs, for a pattern of C channels; all but the first are float32:
-    mosaic  uint16 (rows, columns)  sensor codes, or finer ones without shading (`device.even_light`)
+    mosaic  uint16 (rows, columns)  sensor codes, or finer ones without shading (`device.preview.even_light`)
     black   (C + 1,)                black level per plane (the channels, then panchromatic), such codes
     scale   (C + 1,)                scene units per code of each plane
     gamma   (C,)                    weights of Eq. 7
@@ -43,7 +43,7 @@ class Description:
     scale: sensor pixels per picture pixel, each way.
     linear: scene units instead of a picture for a screen.
     halo: pixels above, below, left and right of the patches that the graph reads.
-    builder: version of `device.graph` that wrote it.
+    builder: version of `device.preview.graph` that wrote it.
     """
 
     tile: str

@@ -3,8 +3,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from device.frame_queue import FrameQueue
-from device.frames import RawFrame
+from device.capture.frame_queue import FrameQueue
+from device.capture.frames import RawFrame
 from shared.errors import InputError
 
 

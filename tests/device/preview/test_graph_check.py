@@ -5,8 +5,8 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from device import Preview
-from device.graph import build_preview
-from device.graph_check import OPERATORS, check_graph
+from device.preview.graph import build_preview
+from device.preview.graph_check import OPERATORS, check_graph
 from shared import CfaPattern
 from shared.errors import InputError
 

@@ -1,4 +1,4 @@
-"""A small builder of preview graphs in ONNX, which names and collects nodes and constants. Needs `onnx`, like `device.graph`."""
+"""A small builder of preview graphs in ONNX, which names and collects nodes and constants. Needs `onnx`, like `graph`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from device import Preview
-from device.graph import build_preview
+from device.preview.graph import build_preview
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive

@@ -10,9 +10,9 @@ import pytest
 
 from device import Preview
 from device.capture import Refused, Saved, Sensor, capture, capture_burst
-from device.frame_queue import FrameQueue
-from device.frames import FrameLayout, RawFrame
-from device.shots import ShotFolder
+from device.capture.frame_queue import FrameQueue
+from device.capture.frames import FrameLayout, RawFrame
+from device.capture.shots import ShotFolder
 from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.arrays import ByteArray
 from shared.dng import read_preview

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from device.white_balance import SteadyWhite
+from device.capture.white_balance import SteadyWhite
 from shared import Mosaic, SensorCalibration
 from shared.colorimetry import SRGB_TO_XYZ
 from tests.shared.test_white_balance import LIGHT, shot

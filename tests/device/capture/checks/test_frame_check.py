@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from device.capture import Sensor
-from device.frame_check import checked
-from device.frames import FORMATS, FrameLayout, RawFrame
+from device.capture.checks.frame_check import checked
+from device.capture.frames import FORMATS, FrameLayout, RawFrame
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import CodeArray
 from shared.errors import InputError

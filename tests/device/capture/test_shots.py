@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from device.shots import ShotFolder
+from device.capture.shots import ShotFolder
 from shared import read_dng
 from shared.errors import InputError, OutputError
 from tests.shared.dng.examples import mosaic, preview, same

@@ -3,7 +3,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from device.border import ExtendedFrame
+from device.preview.border import ExtendedFrame
 from shared import CfaPattern
 from shared.arrays import CodeArray
 

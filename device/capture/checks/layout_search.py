@@ -9,7 +9,7 @@ import numpy as np
 from shared.arrays import CodeArray
 from shared.pattern import PERIODS, CfaPattern
 
-from .frames import FORMATS, FrameLayout
+from ..frames import FORMATS, FrameLayout
 from .pattern_search import Found, find_pattern
 
 BIG_ENDIAN, BYTES, RAW14 = "big-endian u16", "8 bits", "raw14"

@@ -20,7 +20,7 @@ def even_light(mosaic: Mosaic) -> tuple[CodeArray, dict[str, FloatArray]]:
     Its own codes, and no inputs, where it has no shading.
 
     >>> import numpy as np
-    >>> from device.even_light import even_light
+    >>> from device.preview.even_light import even_light
     >>> from shared import CfaPattern, Mosaic, SensorCalibration, Shading
     >>> calibration = SensorCalibration.of_bits(12, shading=Shading(np.ones((4, 4, 4)).tolist(), (12, 18)))
     >>> codes, levels = even_light(Mosaic(np.full((12, 18), 3839, np.uint16), CfaPattern.bayer(6), calibration))

@@ -1,4 +1,4 @@
-"""The last stages of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `device.graph`."""
+"""The last stages of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `graph`."""
 
 from typing import TYPE_CHECKING
 

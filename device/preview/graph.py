@@ -8,7 +8,7 @@ colour site is a plane, and no stage needs to find out the filter of a pixel.
 
 Every operation rounds once, as IEEE 754 prescribes, and the order of every sum is either irrelevant or fixed in the graph, so that
 all processors give the same bytes. This rules out the operators for reciprocals, powers, exponentials and reductions, and allows
-convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the colour matrix (`device.picture`).
+convolutions only for exact sums (`measure_blocks`, `mean_light`) and for the colour matrix (`device.preview.picture`).
 """
 
 import numpy as np
@@ -56,7 +56,7 @@ _SPREAD = 0.5
 
 
 def build_preview(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> onnx.ModelProto:
-    """Build the graph for all mosaics of a pattern; `device.contract` describes its inputs and outputs.
+    """Build the graph for all mosaics of a pattern; `device.preview.contract` describes its inputs and outputs.
 
     pattern: the filter pattern; its origin does not matter.
     scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.

@@ -15,16 +15,16 @@ import numpy as np
 from shared.arrays import CodeArray
 from shared.errors import InputError
 
+from ..frames import RawFrame
 from .block_order import greens_are_on_their_diagonal
 from .colour_places import likely_place
-from .frames import RawFrame
 from .layout_search import BIG_ENDIAN, BYTES, CLEARER, PLAIN, RAW14, Reading, best_reading, refined
 from .level_check import Levels, columns_of_light
 from .pattern_search import Found, find_pattern
 from .stride_search import likely_strides
 
 if TYPE_CHECKING:
-    from .capture import Sensor
+    from ..sensor import Sensor
 
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"

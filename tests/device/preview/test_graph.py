@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from onnx import numpy_helper
 
-from device import Preview, contract, graph, picture
-from device.graph import build_preview
+from device import Preview
+from device.preview import contract, graph, picture
+from device.preview.graph import build_preview
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.colorimetry import SRGB_TO_XYZ

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from device import frame_folder
-from device.frame_folder import watch_folder
-from device.frames import FrameLayout, RawFrame
+from device.capture import frame_folder
+from device.capture.frame_folder import watch_folder
+from device.capture.frames import FrameLayout, RawFrame
 from shared.errors import InputError
 
 LAYOUT = FrameLayout(2, 2, "u16")

@@ -3,7 +3,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from device.geometry import REACH, Geometry
+from device.preview.geometry import REACH, Geometry
 from shared import CfaPattern
 from shared.errors import InputError
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from device import Preview
-from device.listed_defects import without_defects
+from device.preview.listed_defects import without_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import sample

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from device.contract import Description, file_name, parse, tile_name
+from device.preview.contract import Description, file_name, parse, tile_name
 from shared import CfaPattern
 from shared.errors import InputError
 

@@ -1,7 +1,7 @@
 """Checking an untrusted preview graph before onnxruntime sees it.
 
 onnxruntime computes the constant parts of a graph when it loads it, loops and tensors of any size among them, and opens the files
-that it names as external data. So only what `device.graph` writes is let through, and no tensor that is larger than the frame
+that it names as external data. So only what `graph` writes is let through, and no tensor that is larger than the frame
 explains. The reader understands as much of the ONNX format
 (onnx.proto) and of its encoding (Protocol Buffers) as that takes: a camera has no `onnx`.
 """
@@ -44,7 +44,7 @@ OPERATORS = frozenset(
         "Unsqueeze",
     ]
 )
-"""The operators of `device.graph`."""
+"""The operators of `device.preview.graph`."""
 
 ATTRIBUTES = frozenset(["axis", "end", "perm", "start", "strides", "to"])
 """The attributes of its nodes."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from device import Preview
-from device.even_light import even_light
+from device.preview.even_light import even_light
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.sensor import simulate_additive
 from tools.camera.lens import lens_shading

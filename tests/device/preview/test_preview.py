@@ -8,9 +8,9 @@ import pytest
 from scipy.ndimage import uniform_filter
 
 from device import Preview
-from device import preview as runtime
-from device.graph import build_preview
-from device.preview import find_model
+from device.preview import preview as runtime
+from device.preview.graph import build_preview
+from device.preview.preview import find_model
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
 from shared.colorimetry import encode_srgb
@@ -162,7 +162,7 @@ def test_any_other_is_built_where_onnx_is() -> None:
 
 
 def test_without_onnx_it_says_how_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "device.graph", None)
+    monkeypatch.setitem(sys.modules, "device.preview.graph", None)
     assert isinstance(find_model(CfaPattern.bayer(6), 1, linear=False), Path)
     with pytest.raises(InputError, match=r"RGWWW/GBWWW/WWWWW/WWWWW/WWWWW at scale 1.* pip install onnx, .*--graph"):
         find_model(CfaPattern.bayer(5), 1, linear=False)
@@ -232,8 +232,8 @@ def test_memory_does_not_grow() -> None:
 
 def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
     script = (
-        "import gc, threading\nfrom device import Preview\nfrom device.preview import find_model\nfrom shared import CfaPattern\n"
-        "from tests.device.test_preview import shot\nmosaic = shot()\n"
+        "import gc, threading\nfrom device import Preview\n"
+        "from tests.device.preview.test_preview import shot\nmosaic = shot()\n"
         "for _ in range(5):\n    Preview.for_mosaic(mosaic, threads=3).run(mosaic)\n    gc.collect()\n"
         "print(sum(each.name.startswith('preview') and each.is_alive() for each in threading.enumerate()))"
     )

@@ -1,0 +1,6 @@
+"""Capture: raw frames -> DNG files with previews. README.md in the folder above explains it."""
+
+from .loop import PreviewMaker, Refused, Saved, capture, capture_burst
+from .sensor import Sensor
+
+__all__ = ["PreviewMaker", "Refused", "Saved", "Sensor", "capture", "capture_burst"]

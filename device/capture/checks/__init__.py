@@ -1,0 +1,1 @@
+"""Comparison of raw frames with the description of their sensor."""
