@@ -6,10 +6,15 @@ from collections.abc import Iterable
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from shared.arrays import ByteArray
 from tools.host.console import one_line
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+
+_WIDEST = 1200  # pixels of a picture on a page
 
 
 def bullets(sentences: Iterable[str], kind: str = "") -> str:
@@ -50,6 +55,26 @@ def data_address(image: "Image", format_: str, **options: Any) -> str:
     file = io.BytesIO()
     image.save(file, format_, **options)
     return f"data:image/{format_.lower()};base64,{base64.b64encode(file.getvalue()).decode()}"
+
+
+def figure(content: str, caption: str = "") -> str:
+    """Return a figure. content: HTML; caption: text."""
+    return f"<figure>{content}" + (f"<figcaption>{escape(caption)}</figcaption>" if caption else "") + "</figure>"
+
+
+def picture(image: "Image", description: str) -> str:
+    """Return a picture inside the page, as JPEG."""
+    address = data_address(image, "JPEG", quality=88, subsampling=0)
+    return f'<img src="{address}" alt="{escape(description)}" width="{image.width}" height="{image.height}">'
+
+
+def reduced(pixels: ByteArray) -> "Image":
+    """Return uint8 RGB (H, W, 3) as an image, reduced if it is larger than a page."""
+    from PIL import Image
+
+    image = Image.fromarray(np.ascontiguousarray(pixels))
+    image.thumbnail((_WIDEST, _WIDEST))
+    return image
 
 
 def encode_page(page: str) -> bytes:

@@ -52,6 +52,13 @@ class Plot:
             self.add(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{self.top:g}" y2="{self.bottom:g}"/>')
             self.text(x, self.bottom + 16, f"{value:g}")
 
+    def name_axes(self, across: str, up: str) -> None:
+        """Write the names of both axes below and beside the frame."""
+        self.text((self.left + self.right) / 2, self._size[1] - 8, across)
+        self.add(f'<g transform="translate(14 {(self.top + self.bottom) / 2}) rotate(-90)">')
+        self.text(0, 0, up)
+        self.add("</g>")
+
     def line(self, points: Iterable[Span], kind: str, element: str = "polyline") -> None:
         """Draw a line of CSS class `kind` through points; element: or "polygon", the area inside."""
         path = " ".join("{:.1f},{:.1f}".format(*self.at(*point)) for point in points)

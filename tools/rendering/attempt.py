@@ -8,11 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
-from itertools import count
 from pathlib import Path
 
 from shared.errors import ForeignFileError, InputError, OutputError
-from shared.writing import write_durably
+from shared.writing import keep_old, write_durably
 from tools.host.compilation import announced_compilation, compile_ahead, load_compiled
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
@@ -139,7 +138,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
         mosaic = subject.mosaic
         for each, path in zip(existing, shot.outputs, strict=True):
             if each.changed:
-                note(f"{path}: has changed since it was made; it is kept as {_set_aside(path).name}")
+                note(f"{path}: has changed since it was made; it is kept as {keep_old(path).name}")
 
         def note_made(made: Path, part: Path) -> None:
             absolute = os.path.abspath(source)  # noqa: PTH100 (without following links)
@@ -223,20 +222,3 @@ def _both_there(one: str, other: str) -> bool:
     """Whether these are two existing files, rather than one that was moved."""
     first, second = identity(one), identity(other)
     return bool(first and second) and first != second
-
-
-def _set_aside(path: Path) -> Path:
-    """Give a file a second name, the first free one of NAME.bak, NAME.bak2, ..., and return that."""
-    for number in count(1):
-        spare = path.with_name(f"{path.name}.bak{number if number > 1 else ''}")
-        try:
-            os.link(path, spare)
-        except FileExistsError:
-            if spare.is_symlink() or not spare.samefile(path):  # a link to the picture would lead to the new one
-                continue
-        except OSError:  # no hard links here (FAT, some network shares)
-            if os.path.lexists(spare):
-                continue
-            path.rename(spare)
-        break
-    return spare

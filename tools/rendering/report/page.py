@@ -1,16 +1,15 @@
 """The page: the picture beside one frame's, the places that differ most, what was merged where, and how the frames lie."""
 
 from collections.abc import Sequence
-from html import escape
 from math import degrees, log2
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shared.arrays import ByteArray, FloatArray
-from tools.pictures.html import bullets, cell, data_address, encode_page, row, row_title, table
+from tools.pictures.html import cell, figure, picture, reduced, row, row_title, table
+from tools.pictures.page import report
 
 from ..frames import Frame
 from .plots import shift_plot, turn_plot
@@ -19,8 +18,7 @@ from .shown import CELL, Shown, most_different
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-_TEMPLATE = Path(__file__).with_name("page.html")
-_WIDEST = 1200  # pixels of a picture
+_STYLE = Path(__file__).with_name("page.css")
 _PLACES, _ENLARGED = 4, 4
 _ALONE = 0.97  # of the variance of one frame: from there on it is one frame
 _ONE, _ALL = np.array((232, 93, 4), np.float32), np.array((10, 77, 104), np.float32)  # colours of the map, as in page.html
@@ -53,35 +51,39 @@ def page(frames: Sequence[Frame], reference: int, shares: FloatArray | None, alo
         sections["Where frames were merged"] = _map(shares, merged, len(used))
     if sum(frame.judged is not None and frame.judged.motion is not None for frame in frames) > 1:
         sections["Motion"] = (
-            f'<div class="pair"><figure>{shift_plot(frames, reference)}<figcaption>Where the scene lies in each frame, compared '
-            f"with the reference (blue); red: left out.</figcaption></figure><figure>{turn_plot(frames)}<figcaption>By how much it "
-            "is rotated; counter-clockwise is positive.</figcaption></figure></div>"
+            '<div class="pair">'
+            + figure(
+                shift_plot(frames, reference),
+                "Where the scene lies in each frame, compared with the reference (blue); red: left out.",
+            )
+            + figure(turn_plot(frames), "By how much it is rotated; counter-clockwise is positive.")
+            + "</div>"
         )
     sections["Frames"] = _table(frames, reference)
     name = Path(frames[reference].name).name
-    return encode_page(
-        Template(_TEMPLATE.read_text("utf-8")).substitute(
-            title=escape(f"Burst of {len(frames)} frames"),
-            made=escape(f"The picture shows what {name} shows."),
-            kind=tone,
-            verdict=escape(f"{len(used)} of {len(frames)} frames are in the picture"),
-            why="".join(f"<p>{escape(fact)}</p>" for fact in facts) + bullets(refused),
-            sections="\n".join(f"<section><h2>{escape(title)}</h2>{body}</section>" for title, body in sections.items()),
-        )
+    return report(
+        f"Burst of {len(frames)} frames",
+        f"The picture shows what {name} shows.",
+        f"{len(used)} of {len(frames)} frames are in the picture",
+        tone,
+        sections,
+        facts=facts,
+        remarks=refused,
+        css=_STYLE.read_text("utf-8"),
     )
 
 
 def _beside(alone: ByteArray, merged: ByteArray) -> str:
     """Both pictures, and the places where they differ most."""
     places = most_different(alone, merged, _PLACES)
-    marked = [_marked(picture, places) for picture in (alone, merged)]
+    marked = [_marked(pixels, places) for pixels in (alone, merged)]
     names = "One frame", "The burst"
     whole = "".join(_figure(image, name) for name, image in zip(names, marked, strict=True))
     parts = []
     for number, (top, left) in enumerate(places, 1):
         twins = []
-        for name, picture in zip(names, (alone, merged), strict=True):
-            part = _image(picture[top : top + CELL, left : left + CELL])
+        for name, pixels in zip(names, (alone, merged), strict=True):
+            part = reduced(pixels[top : top + CELL, left : left + CELL])
             part = part.resize((_ENLARGED * part.width, _ENLARGED * part.height), 0)  # pixels as squares
             twins.append(_figure(part, f"{name}, place {number}: row {top}, column {left}"))
         parts.append(f'<div class="twins">{"".join(twins)}</div>')
@@ -89,12 +91,12 @@ def _beside(alone: ByteArray, merged: ByteArray) -> str:
     return f'<div class="pair">{whole}</div>{most}<div class="pair">{"".join(parts)}</div>'
 
 
-def _marked(picture: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
+def _marked(pixels: ByteArray, places: Sequence[tuple[int, int]]) -> "Image":
     """A picture of the page's width with numbered frames around places."""
     from PIL import ImageDraw, ImageFont
 
-    image = _reduced(picture)
-    scale = image.width / picture.shape[1]
+    image = reduced(pixels)
+    scale = image.width / pixels.shape[1]
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(max(14, image.width / 40))
     for number, (top, left) in enumerate(places, 1):
         box = [round(scale * side) for side in (left, top, left + CELL, top + CELL)]
@@ -112,7 +114,7 @@ def _map(shares: FloatArray, merged: Shown, frames: int) -> str:
     coloured = (1 - _SEEN) * (_ONE + (_ALL - _ONE) * many) + _SEEN * grey
     legend = f'<div class="legend"><span>1 frame</span><i></i><span>{frames} frames</span></div>'
     caption = "By the noise that is left. Where things moved, were hidden, or lie outside the other frames, the reference is alone."
-    return f'<div class="map">{legend}{_figure(_reduced(coloured.astype(np.uint8)), caption)}</div>'
+    return f'<div class="map">{legend}{_figure(reduced(coloured.astype(np.uint8)), caption)}</div>'
 
 
 def _table(frames: Sequence[Frame], reference: int) -> str:
@@ -141,19 +143,5 @@ def _table(frames: Sequence[Frame], reference: int) -> str:
     return table(_HEAD, rows) + f'<p class="made">{note}</p>'
 
 
-def _reduced(picture: ByteArray) -> "Image":
-    image = _image(picture)
-    image.thumbnail((_WIDEST, _WIDEST))
-    return image
-
-
-def _image(pixels: ByteArray) -> "Image":
-    from PIL import Image
-
-    return Image.fromarray(np.ascontiguousarray(pixels))
-
-
 def _figure(image: "Image", caption: str) -> str:
-    address, text = data_address(image, "JPEG", quality=88, subsampling=0), escape(caption)
-    picture = f'<img src="{address}" alt="{text}" width="{image.width}" height="{image.height}">'
-    return f"<figure>{picture}<figcaption>{text}</figcaption></figure>"
+    return figure(picture(image, caption), caption)

@@ -19,7 +19,7 @@ def shift_plot(frames: Sequence[Frame], reference: int) -> str:
     steps = ticks((-reach, reach), round_step(2 * reach, 8))
     plot.columns(steps)
     plot.rows(steps)
-    _name_axes(plot, _SIZE, "pixels to the right", "pixels down")
+    plot.name_axes("pixels to the right", "pixels down")
     plot.line([(right, down) for _, right, down, _ in places], "path")
     for index, right, down, _ in places:
         text = f"frame {index + 1}: {right:+.2f} pixels to the right, {down:+.2f} down"
@@ -37,7 +37,7 @@ def turn_plot(frames: Sequence[Frame]) -> str:
     plot = Plot((0.4, len(frames) + 0.6), (-reach, reach), _TURNS, _MARGINS)
     plot.columns(ticks((1, len(frames)), max(1, round_step(max(len(frames) - 1, 1), 12))))
     plot.rows(ticks((-reach, reach), round_step(2 * reach, 4)))
-    _name_axes(plot, _TURNS, "frame", "degrees")
+    plot.name_axes("frame", "degrees")
     for index, *_, angle in places:
         style = "fill:var(--bad)" if frames[index].reason else "fill:var(--mark)"
         plot.bar(index + 1, angle, 0.6, f"frame {index + 1}: {angle:+.3f} degrees", style)
@@ -48,10 +48,3 @@ def _places(frames: Sequence[Frame]) -> list[tuple[int, float, float, float]]:
     """(index, right, down, degrees) of the frames whose motion is known."""
     motions = [(index, frame.judged.motion) for index, frame in enumerate(frames) if frame.judged is not None]
     return [(index, motion.shift[1], motion.shift[0], degrees(motion.angle)) for index, motion in motions if motion is not None]
-
-
-def _name_axes(plot: Plot, size: tuple[float, float], across: str, up: str) -> None:
-    plot.text((plot.left + plot.right) / 2, size[1] - 8, across)
-    plot.add(f'<g transform="translate(14 {(plot.top + plot.bottom) / 2}) rotate(-90)">')
-    plot.text(0, 0, up)
-    plot.add("</g>")
