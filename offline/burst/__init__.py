@@ -1,10 +1,11 @@
 """A hand-held series of frames of one scene: where they lie against one of them."""
 
+from shared.motion import Motion
+
 from .alignment import Alignment, align
 from .copies import copies
 from .judging import Judged
 from .memory import burst_memory
-from .motion import Motion
 from .render import MergedBurst, merge_burst, render_burst_bands
 
 __all__ = ["Alignment", "Judged", "MergedBurst", "Motion", "align", "burst_memory", "copies", "merge_burst", "render_burst_bands"]

@@ -14,10 +14,10 @@ import numpy as np
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
+from shared.motion import Motion
 
 from . import fits
 from .levels import SPREAD, Level, levels
-from .motion import Motion
 from .tiles import Tiles, measure
 
 _CORRELATED = 128  # pixels: the longer side of the planes that are correlated, or less

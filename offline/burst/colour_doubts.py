@@ -12,13 +12,13 @@ from scipy.ndimage import grey_opening, map_coordinates, maximum_filter, minimum
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
+from shared.motion import Motion
 
 from ..blocks import block_sites
 from ..gaussian import gaussian, smoothed
 from ..sites import gathered
 from .frames import Frame, scaled, variance
 from .frames import smoothed as smoothed_plane
-from .motion import Motion
 
 _BLOCK, _AROUND = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood
 _WIDTH = 1.5  # blocks: standard deviation of that neighbourhood

@@ -7,6 +7,7 @@ import numpy as np
 
 from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
 from shared.mosaic import Mosaic
+from shared.motion import Motion
 from shared.progress import Progress
 
 from ..defects import mend_defects
@@ -21,7 +22,6 @@ from .agreement import unclipped
 from .colour_doubts import block_colours
 from .frames import Frame, limit_of, noise_models, prepared
 from .judging import Judged, judged, misfit
-from .motion import Motion
 
 _CANDIDATES = 3  # frames that are tried as the reference
 _ALIKE = 0.02  # of all pixels: frames whose usable ones differ by less are told apart by their sharpness

@@ -9,13 +9,13 @@ from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
+from shared.motion import Motion
 
 from ..kernels.merging import displace
 from .agreement import agreement, sure
 from .alignment import REMEDY, align
 from .colour_doubts import BlockColours, colour_doubts, on_pixels
 from .frames import Frame, detail, scaled, tiles
-from .motion import Motion
 from .tiles import weighted_median
 
 _LEAST_AGREEMENT = 0.2

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, IndexArray
+from shared.motion import Motion
 
 from ..gaussian import smoothed
-from .motion import Motion
 
 BLUR = 1.2
 """Pixels of a level: standard deviation of the Gaussian that takes away what sampling and filled pixels add to fine texture."""

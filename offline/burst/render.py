@@ -15,6 +15,7 @@ from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
+from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..blocks import block_sites
@@ -36,7 +37,6 @@ from .comparing import Comparison, compared, relit_sites
 from .copies import copies
 from .frames import Frame, scaled
 from .judging import Judged, as_arrays
-from .motion import Motion
 from .samples import ColourSamples
 
 _NOTHING = np.empty((0, 0), np.float32)

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
+from shared.motion import Motion
 
 from ..kernels.displacement import SUMS, displacement_sums
 from .levels import BLUR, SPREAD, Level, tile_edges
-from .motion import Motion
 
 _STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
 _DEVIATIONS = 3.0  # by which gradients must exceed those of noise alone

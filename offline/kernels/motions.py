@@ -1,13 +1,14 @@
-"""Where the points of one frame of a burst lie in another: `burst.Motion` inside kernels."""
+"""Where the points of one frame of a burst lie in another: `shared.motion.Motion` inside kernels."""
 
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
+from shared.motion import ROUNDS
 
 from .compile import kernel
 
 Motions = tuple[DoubleArray, DoubleArray, FloatArray]
-"""(turns, starts, shifts) of F frames, (F, 2, 2), (F, 2), (F, node rows, node columns, 2), as `burst.Motion` has them."""
+"""(turns, starts, shifts) of F frames, (F, 2, 2), (F, 2), (F, node rows, node columns, 2), as `Motion` has them."""
 Area = tuple[int, int, int, int]
 """First and end row, first and end column."""
 
@@ -25,14 +26,14 @@ def there(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, in
 
 @kernel
 def back(motions: Motions, frame: int, y: float, x: float, shape: tuple[int, int, int]) -> tuple[float, float]:
-    """Where a point of a frame lies in the reference. Local shifts change slowly: three rounds are exact to a thousandth of one."""
+    """Where a point of a frame lies in the reference."""
     turns, starts, shifts = motions
     down, across = y - starts[frame, 0], x - starts[frame, 1]
     at_y = turns[frame, 0, 0] * down + turns[frame, 1, 0] * across
     at_x = turns[frame, 0, 1] * down + turns[frame, 1, 1] * across
     if shifts.shape[1] < 2:
         return at_y, at_x
-    for _ in range(3):
+    for _ in range(ROUNDS):
         local = _shift(shifts, frame, at_y, at_x, shape)
         at_y = turns[frame, 0, 0] * (down - local[0]) + turns[frame, 1, 0] * (across - local[1])
         at_x = turns[frame, 0, 1] * (down - local[0]) + turns[frame, 1, 1] * (across - local[1])

@@ -1,4 +1,4 @@
-"""How one frame of a hand-held series lies against another: a shift, a small rotation, and local shifts (parallax)."""
+"""How one frame of a hand-held series lies against another: a shift, a rotation, and local shifts (parallax)."""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -9,7 +9,8 @@ from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.errors import InputError
 
 _ONE = np.float32(1)
-_ROUNDS = 5  # of `back`: each divides its error by 10 or more, since local shifts differ by less than 0.1 from pixel to pixel
+ROUNDS = 5
+"""Iterations that invert local shifts. Those differ by less than 0.1 from pixel to pixel: each divides the error by 10 or more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +24,17 @@ class Motion:
     where centre is ((H - 1) / 2, (W - 1) / 2).
 
     shift: (down, across), pixels.
-    angle: radians; positive turns the scene counter-clockwise, as one sees the picture.
+    angle: radians; positive turns the picture counter-clockwise on a screen.
     local: (node rows, node columns, 2), pixels (down, across), two or more nodes along each side; None: none. The nodes are a
         regular grid, the outermost on the outermost pixels of the frame; shifts are bilinear between them.
 
     Raises InputError for figures that are not finite, and for another shape of `local`.
+
+    >>> import numpy as np
+    >>> from shared.motion import Motion
+    >>> down, across = Motion((2.0, -1.0)).places(slice(10, 11), (101, 101))
+    >>> float(down[0, 20]), float(across[0, 20])
+    (12.0, 19.0)
     """
 
     shift: tuple[float, float] = (0.0, 0.0)
@@ -67,13 +74,23 @@ class Motion:
         turn, start = self.affine(shape)
         down, across = y - start[0], x - start[1]
         there = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             if self.local is None:
                 break
             local = _at(self.local, *there, shape)
             down, across = y - start[0] - local[0], x - start[1] - local[1]
             there = turn[0, 0] * down + turn[1, 0] * across, turn[0, 1] * down + turn[1, 1] * across
         return there[0].astype(np.float32), there[1].astype(np.float32)
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing has moved."""
+        return self.shift == (0, 0) and self.angle == 0 and self.local is None
+
+    def times(self, factor: float) -> "Motion":
+        """The same motion for a frame with `factor` times as many pixels a side."""
+        local = None if self.local is None else self.local * np.float32(factor)
+        return Motion((self.shift[0] * factor, self.shift[1] * factor), self.angle, local)
 
     def affine(self, shape: tuple[int, int]) -> tuple[DoubleArray, DoubleArray]:
         """(turn (2, 2), start (2,)): without local shifts the pixel p = (row, column) lies at turn @ p + start. shape: (H, W)."""

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from offline.burst import Motion
 from shared.errors import InputError
-from tests.offline.burst.scenes import pixels
+from shared.motion import Motion
 
 SHAPE = (41, 60)
 EXACT = 2e-5  # pixels: rounding of places in a frame of this size to float32
@@ -27,7 +26,7 @@ def test_local_shifts_are_bilinear_between_nodes_and_end_on_the_outermost_pixels
     local = np.zeros((2, 3, 2), np.float32)
     local[0, 0], local[1, 2] = (1, 2), (4, 0)
     down, across = Motion(local=local).places(slice(None), (11, 21))
-    y, x = pixels((11, 21))
+    y, x = np.indices((11, 21))
     np.testing.assert_allclose(
         down - y, (1 - y / 10) * np.maximum(1 - x / 10, 0) + 4 * y / 10 * np.maximum(x / 10 - 1, 0), atol=EXACT
     )
@@ -37,8 +36,16 @@ def test_local_shifts_are_bilinear_between_nodes_and_end_on_the_outermost_pixels
 @pytest.mark.parametrize("motion", [Motion((2.3, -7.1)), Motion((-0.4, 1.2), 0.03), Motion((1.5, 0.25), -0.01, LOCAL)])
 def test_back_is_the_way_back(motion: Motion) -> None:
     places = motion.places(slice(None), SHAPE)
-    for found, true in zip(motion.back(*places, SHAPE), pixels(SHAPE), strict=True):
+    for found, true in zip(motion.back(*places, SHAPE), np.indices(SHAPE), strict=True):
         np.testing.assert_allclose(found, true, atol=EXACT)
+
+
+def test_a_frame_of_larger_pixels_moves_by_fewer() -> None:
+    motion, half = Motion((1.5, 0.25), -0.01, LOCAL), Motion((0.75, 0.125), -0.01, LOCAL * np.float32(0.5))
+    for found, expected in zip(motion.times(0.5).places(slice(None), SHAPE), half.places(slice(None), SHAPE), strict=True):
+        assert np.array_equal(found, expected)
+    assert Motion().none
+    assert not any(each.none for each in (motion, Motion((0.0, 1.0)), Motion(angle=0.1), Motion(local=LOCAL)))
 
 
 def test_rows_are_parts_of_the_whole() -> None:
