@@ -2,9 +2,9 @@
 
 from .ahead import compile_kernel, kernels_to_compile
 from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
-from .learned import network_name
 from .memory import rendering_memory
 from .render import Rendering, render, render_bands, warm_up
+from .rows.learned import network_name
 from .settings import BEST, PAPER, RenderSettings
 from .solvers import Solved, SolverLog
 

@@ -2,9 +2,9 @@
 
 from shared.mosaic import Mosaic
 
-from .learned import model_for, rows_held
-from .pinning import rows_pinned
-from .refinement import reach
+from .rows.learned import model_for, rows_held
+from .rows.pinning import rows_pinned
+from .rows.refinement import reach
 from .settings import BEST, RenderSettings
 from .tiling import bands
 

@@ -19,26 +19,26 @@ from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from .affinity import solve_affinities
-from .chromaticity import estimate_chromaticities
-from .defects import mend_defects
-from .denoising import denoise_luminance
-from .highlights import clipping_level, restore_highlights
 from .kernels.aberration import undo_aberration
 from .kernels.mixing import colour
-from .learned import learner_for
-from .luminance import recover_luminance
-from .noise import noise_of
-from .pinning import Pinning
-from .pooling import pool_blocks
-from .propagation import propagate
-from .refinement import noise_level, reach, refine
+from .rows.affinity import solve_affinities
+from .rows.learned import learner_for
+from .rows.pinning import Pinning
+from .rows.propagation import propagate
+from .rows.refinement import noise_level, reach, refine
 from .settings import BEST, LearnedSettings, RenderSettings, SiteSettings
 from .sites import SiteSamples, correct_sites, settle_luminance, site_samples, unclipped_blocks
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
-from .trust import trust_in_blocks, with_trusted_colour
 from .units import check_finite, in_scene_units, own_unit, scaled
+from .whole.chromaticity import estimate_chromaticities
+from .whole.defects import mend_defects
+from .whole.denoising import denoise_luminance
+from .whole.highlights import clipping_level, restore_highlights
+from .whole.luminance import recover_luminance
+from .whole.noise import noise_of
+from .whole.pooling import pool_blocks
+from .whole.trust import trust_in_blocks, with_trusted_colour
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,14 +10,14 @@ from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import Progress
 
-from ..defects import mend_defects
-from ..highlights import restore_highlights
-from ..luminance import recover_luminance
 from ..render import registered
 from ..settings import RenderSettings
 from ..sites import unclipped_blocks
 from ..solvers import SolverLog
-from ..trust import trust_in_blocks
+from ..whole.defects import mend_defects
+from ..whole.highlights import restore_highlights
+from ..whole.luminance import recover_luminance
+from ..whole.trust import trust_in_blocks
 from .agreement import unclipped
 from .colour_doubts import block_colours
 from .frames import Frame, limit_of, noise_models, prepared

@@ -11,15 +11,15 @@ from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
 from ..blocks import block_sites
-from ..defects import mend_defects
 from ..gaussian import gaussian
-from ..highlights import clipping_level
 from ..kernels.smoothing import smooth
-from ..luminance import recover_luminance
-from ..noise import estimate_noise
 from ..render import registered
 from ..settings import NoiseSettings, RenderSettings
 from ..sites import gathered
+from ..whole.defects import mend_defects
+from ..whole.highlights import clipping_level
+from ..whole.luminance import recover_luminance
+from ..whole.noise import estimate_noise
 
 _FINE, _COARSE = 0.8, 1.6  # pixels: Gaussians whose difference shows detail that a soft frame has lost
 _KEPT = 0.0568  # of the variance of white noise, after that difference

@@ -19,20 +19,20 @@ from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
 from ..blocks import block_sites
-from ..chromaticity import estimate_chromaticities
-from ..denoising import denoise_luminance
 from ..kernels.merging import displace, merge
 from ..kernels.mixing import colour
 from ..kernels.spreading import HALO, TILE, TOLERANCE, spread_samples, tiles_of
-from ..pooling import pool_blocks
 from ..render import Measured, finish
 from ..settings import BEST, RenderSettings
 from ..sites import gathered, settle_luminance, site_samples
 from ..solvers import report
 from ..tiling import Part, windows
-from ..trust import with_trusted_colour
 from ..units import check_finite, in_scene_units, own_unit
 from ..units import scaled as in_unit
+from ..whole.chromaticity import estimate_chromaticities
+from ..whole.denoising import denoise_luminance
+from ..whole.pooling import pool_blocks
+from ..whole.trust import with_trusted_colour
 from .comparing import Comparison, compared, relit_sites
 from .copies import copies
 from .frames import Frame, scaled

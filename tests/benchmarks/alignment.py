@@ -18,7 +18,7 @@ import numpy as np
 
 from offline import BEST
 from offline.burst import Motion, align
-from offline.luminance import recover_luminance
+from offline.whole.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError

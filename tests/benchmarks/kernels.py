@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from offline import PAPER
-from offline.affinity import solve_affinities
-from offline.chromaticity import block_sums, estimate_chromaticities, oriented_medians, solve_constrained
 from offline.kernels.functions import zeros
-from offline.luminance import fill, recover_luminance
-from offline.propagation import propagate
-from offline.refinement import noise_level, refine
+from offline.rows.affinity import solve_affinities
+from offline.rows.propagation import propagate
+from offline.rows.refinement import noise_level, refine
 from offline.tiling import Band
+from offline.whole.chromaticity import block_sums, estimate_chromaticities, oriented_medians, solve_constrained
+from offline.whole.luminance import fill, recover_luminance
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
 from tests.offline.kernels.from_python import callable_kernel

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from offline import BEST, PAPER, render
-from offline.luminance import recover_luminance
+from offline.whole.luminance import recover_luminance
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.evaluation.cameras import CameraPair

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from offline.affinity import solve_affinities
+from offline.rows.affinity import solve_affinities
 from offline.settings import AffinitySettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from offline.chromaticity import estimate_chromaticities
 from offline.settings import ChromaticitySettings
+from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot

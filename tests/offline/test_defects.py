@@ -7,8 +7,8 @@ import pytest
 
 from offline import BEST, PAPER, render
 from offline.blocks import gather
-from offline.defects import mend_defects
 from offline.settings import ChromaticitySettings, DefectSettings
+from offline.whole.defects import mend_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline import denoising as product
-from offline.denoising import denoise_luminance
 from offline.settings import BEST
+from offline.whole import denoising as product
+from offline.whole.denoising import denoise_luminance
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray
 from tests.offline.scenes import gamma_of, materials

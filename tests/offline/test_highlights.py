@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.highlights import clipping_level, replace_dark, restore_highlights, unclipped, unmeasured
+from offline.whole.highlights import clipping_level, replace_dark, restore_highlights, unclipped, unmeasured
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
-from offline.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, _session, model_for
+from offline.rows.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, _session, model_for
 from offline.sites import SiteSamples, site_samples, unclipped_blocks
 from offline.tiling import Part
 from shared import CfaPattern, Mosaic, SensorCalibration

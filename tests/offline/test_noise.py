@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.noise import estimate_noise, noise_of
 from offline.settings import NoiseSettings
+from offline.whole.noise import estimate_noise, noise_of
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import sample

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, render
-from offline.pinning import Pinning
+from offline.rows.pinning import Pinning
 from offline.sites import SiteSamples, site_samples, unclipped_blocks
 from offline.tiling import Part, windows
 from shared import CfaPattern, Mosaic, SensorCalibration

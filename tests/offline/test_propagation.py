@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from offline.propagation import propagate
+from offline.rows.propagation import propagate
 from offline.settings import PropagationSettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.refinement import noise_level, reach, refine
+from offline.rows.refinement import noise_level, reach, refine
 from offline.settings import RefinementSettings
 from offline.tiling import Band
 from shared import CfaPattern, Mosaic, NoiseModel

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.chromaticity import estimate_chromaticities
 from offline.settings import BEST, ChromaticitySettings, SiteSettings
 from offline.sites import correct_sites, settle_luminance, site_samples, unclipped_blocks
 from offline.tiling import Part
+from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.scenes import every_case, gamma_of, materials, shot

@@ -5,8 +5,8 @@ import pytest
 
 from offline import BEST, PAPER
 from offline.blocks import gather, sum_noise
-from offline.highlights import clipping_level
-from offline.trust import trust_in_blocks, with_trusted_colour
+from offline.whole.highlights import clipping_level
+from offline.whole.trust import trust_in_blocks, with_trusted_colour
 from shared import CfaPattern, NoiseModel
 from tests.offline.scenes import every_case, shot
 from tests.offline.test_highlights import NEUTRAL, exposed

@@ -6,7 +6,7 @@ import numpy as np
 import pywt
 from scipy.signal import convolve2d, correlate2d
 
-from offline import luminance as constants
+from offline.whole import luminance as constants
 from shared.arrays import BoolArray, DoubleArray
 from tests.reference.gaussian import blur
 

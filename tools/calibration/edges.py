@@ -11,8 +11,8 @@ import numpy as np
 from scipy import ndimage
 
 from offline import PAPER
-from offline.luminance import recover_luminance
-from offline.noise import estimate_noise
+from offline.whole.luminance import recover_luminance
+from offline.whole.noise import estimate_noise
 from shared import Mosaic, SensorCalibration
 from shared.aberration import half_diagonal
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray

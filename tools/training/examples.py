@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from offline.learned import UNKNOWN, Cells, Inputs
 from offline.render import measure, spread
+from offline.rows.learned import UNKNOWN, Cells, Inputs
 from offline.settings import BEST
 from offline.sites import correct_sites
 from offline.solvers import SolverLog
@@ -37,7 +37,7 @@ class Example:
 
     picture: float16 (3, h K, w K), gamma times red, green and blue, rendered without the network.
     truth: float16, the same of the scene.
-    error: float16 (4, h, w). variance: float32 (1, h, w). See `offline.learned.Inputs`.
+    error: float16 (4, h, w). variance: float32 (1, h, w). See `offline.rows.learned.Inputs`.
     """
 
     picture: FloatArray

@@ -23,7 +23,7 @@ share of mean luminance below which a pixel's own chromaticity tells little."""
 
 
 class Corrector(nn.Module):  # type: ignore[misc]
-    """What a file computes: from `offline.learned.Inputs`, a correction of gamma_i times channel i, (1, 3, TILE K, TILE K)."""
+    """What a file computes: from `offline.rows.learned.Inputs`, a correction of gamma_i times channel i, (1, 3, TILE K, TILE K)."""
 
     def __init__(self, network: Network) -> None:
         super().__init__()

@@ -57,7 +57,7 @@ class Network(nn.Module):  # type: ignore[misc]
 def features(light: Any, colour: Any, error: Any, variance: Any, gate: float = NOISE) -> tuple[Any, Any]:
     """(inputs of the network, bounded activity), two cells less on each side.
 
-    light, colour: from `cells_of`. error: (N, 4, h, w), variance: (N, 1, h, w), from `offline.learned.Inputs`.
+    light, colour: from `cells_of`. error: (N, 4, h, w), variance: (N, 1, h, w), from `offline.rows.learned.Inputs`.
     gate: multiple of the noise variance that is taken off the contrast of colour.
     """
     pixels = light.shape[1]

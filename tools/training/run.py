@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from offline.learned import ORDER
+from offline.rows.learned import ORDER
 from offline.version import ALGORITHM
 from shared.errors import InputError
 from shared.progress import Progress

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from offline.burst import Motion, align, levels
-from offline.luminance import recover_luminance
 from offline.settings import BEST
+from offline.whole.luminance import recover_luminance
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from offline.denoising import cosines
 from offline.kernels.compile import available_threads
 from offline.kernels.denoising import denoise
+from offline.whole.denoising import cosines
 from shared.arrays import BoolArray, FloatArray
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from offline.affinity import derivative_filters
 from offline.kernels.edges import transmission
 from offline.kernels.lanes import WIDTH
+from offline.rows.affinity import derivative_filters
 from shared.arrays import DoubleArray, FloatArray
 from tests.offline.kernels.from_python import callable_kernel
 from tests.reference import affinity as reference

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline import affinity as product
-from offline.affinity import solve_affinities
+from offline.rows import affinity as product
+from offline.rows.affinity import solve_affinities
 from offline.settings import AffinitySettings
 from offline.tiling import Band, core_patches
 from shared import CfaPattern

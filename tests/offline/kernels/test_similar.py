@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from offline.denoising import half_window
 from offline.kernels.compile import available_threads
 from offline.kernels.similar import SURROUNDINGS, average_similar
+from offline.whole.denoising import half_window
 from shared.arrays import BoolArray, FloatArray
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.learned import Learner
+from offline.rows.learned import Learner
 from shared import CfaPattern
 from shared.errors import InputError
 from shared.progress import SILENT

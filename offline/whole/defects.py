@@ -17,9 +17,9 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from .blocks import BlockSamples, gather, sum_noise, tile
-from .kernels.outliers import find_outliers, mend_panchromatic
-from .settings import DefectSettings
+from ..blocks import BlockSamples, gather, sum_noise, tile
+from ..kernels.outliers import find_outliers, mend_panchromatic
+from ..settings import DefectSettings
 
 _LEAST_LIGHT = 1e-4  # scene units: darker blocks hold no information about chromaticity
 _FEWEST = 3  # neighbouring blocks that it takes to judge a block

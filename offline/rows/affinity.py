@@ -15,12 +15,12 @@ from shared.arrays import BoolArray, FloatArray, IndexArray
 from shared.pattern import BlockGrid, CfaPattern
 from shared.progress import SILENT, Progress
 
-from .kernels.compile import threads
-from .kernels.fields import solve_regions
-from .kernels.lanes import WIDTH
-from .settings import AffinitySettings
-from .solvers import report
-from .tiling import HALO, Band, core_patches, domain_places
+from ..kernels.compile import threads
+from ..kernels.fields import solve_regions
+from ..kernels.lanes import WIDTH
+from ..settings import AffinitySettings
+from ..solvers import report
+from ..tiling import HALO, Band, core_patches, domain_places
 
 _TRUNCATE = 4  # standard deviations at which the filters end
 _CLASSES = 4

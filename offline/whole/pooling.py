@@ -13,11 +13,11 @@ from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid
 from shared.progress import SILENT, Progress
 
-from .blocks import block_sites, curvature
+from ..blocks import block_sites, curvature
+from ..gaussian import smoothed
+from ..kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
+from ..settings import PoolingSettings
 from .chromaticity import solve_constrained
-from .gaussian import smoothed
-from .kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
-from .settings import PoolingSettings
 
 _LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
 _LEAST_PRECISION = 1e-6  # of a chromaticity

@@ -11,7 +11,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray
 
-from .gaussian import smoothed
+from ..gaussian import smoothed
 
 _WIDTH = 2.0  # blocks: standard deviation of the neighbourhood that is compared
 _TINY = 1e-30

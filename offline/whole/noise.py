@@ -12,7 +12,7 @@ from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
-from .settings import NoiseSettings
+from ..settings import NoiseSettings
 
 _FILTER = np.array([1, -4, 6, -4, 1], np.float32) / np.float32(70**0.5)  # blind to cubic shading; keeps the variance of noise
 _LINES, _LENGTH = 8, 16  # rows and columns of a tile

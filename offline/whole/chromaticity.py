@@ -7,11 +7,11 @@ from shared.mosaic import Mosaic
 from shared.pattern import BlockGrid
 from shared.progress import SILENT, Progress
 
-from .blocks import block_sites
+from ..blocks import block_sites
+from ..kernels.medians import SLACK, oriented_median
+from ..settings import ChromaticitySettings
+from ..sites import solve_jointly
 from .detail import give_back
-from .kernels.medians import SLACK, oriented_median
-from .settings import ChromaticitySettings
-from .sites import solve_jointly
 
 # Least sigma_z of the regularisation, scene units: makes a block without light grey, and changes no other.
 _LEAST_SIGMA = 1e-6

@@ -12,9 +12,9 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 
-from .blocks import gather, sum_noise
-from .gaussian import smoothed
-from .settings import SiteSettings
+from ..blocks import gather, sum_noise
+from ..gaussian import smoothed
+from ..settings import SiteSettings
 
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity

@@ -20,9 +20,9 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 from shared.white_balance import clipped_share, raised_to_white
 
-from .blocks import gather
-from .kernels.highlights import interpolate, raise_clipped
-from .settings import HighlightSettings
+from ..blocks import gather
+from ..kernels.highlights import interpolate, raise_clipped
+from ..settings import HighlightSettings
 
 _WIDTH = 1 / 3  # periods: standard deviation of the weights with which unclipped samples correct their surroundings
 _REACH = 3  # standard deviations

@@ -6,11 +6,11 @@ from shared.arrays import FloatArray
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from .gaussian import gaussian
-from .kernels.averaging import average
-from .kernels.compile import threads
-from .settings import RefinementSettings
-from .tiling import Band
+from ..gaussian import gaussian
+from ..kernels.averaging import average
+from ..kernels.compile import threads
+from ..settings import RefinementSettings
+from ..tiling import Band
 
 
 def refine(

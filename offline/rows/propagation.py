@@ -6,9 +6,9 @@ from shared.arrays import FloatArray
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from .kernels.mixing import mix
-from .settings import PropagationSettings
-from .tiling import Band, domain_places
+from ..kernels.mixing import mix
+from ..settings import PropagationSettings
+from ..tiling import Band, domain_places
 
 
 def propagate(

@@ -21,12 +21,12 @@ from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.errors import InputError
 from shared.pattern import CfaPattern
 
-from .kernels.compile import threads
-from .settings import LearnedSettings
-from .sites import SiteSamples
-from .tiling import DARK, Part
+from ..kernels.compile import threads
+from ..settings import LearnedSettings
+from ..sites import SiteSamples
+from ..tiling import DARK, Part
 
-FOLDER = Path(__file__).parent / "models"
+FOLDER = Path(__file__).parents[1] / "models"
 ORDER = "RGGB"
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 UNKNOWN = 1e6

@@ -16,10 +16,10 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from .kernels.compile import threads
-from .kernels.denoising import denoise
-from .kernels.similar import SURROUNDINGS, average_similar
-from .settings import DenoisingSettings
+from ..kernels.compile import threads
+from ..kernels.denoising import denoise
+from ..kernels.similar import SURROUNDINGS, average_similar
+from ..settings import DenoisingSettings
 
 _PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels between two reports of progress, and the least number of rows
 

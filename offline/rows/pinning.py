@@ -11,14 +11,14 @@ import numpy as np
 from shared.arrays import BoolArray, FloatArray
 from shared.progress import SILENT, Progress
 
-from .gaussian import smoothed
-from .kernels.highlights import interpolate
-from .kernels.pinning import HALO, TOLERANCE, pin_samples
-from .kernels.spreading import TILE, tiles_of
-from .settings import SiteSettings
-from .sites import SiteSamples, signal_power, site_reach
-from .solvers import report
-from .tiling import DARK, Part
+from ..gaussian import smoothed
+from ..kernels.highlights import interpolate
+from ..kernels.pinning import HALO, TOLERANCE, pin_samples
+from ..kernels.spreading import TILE, tiles_of
+from ..settings import SiteSettings
+from ..sites import SiteSamples, signal_power, site_reach
+from ..solvers import report
+from ..tiling import DARK, Part
 
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted

@@ -7,10 +7,10 @@ from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from .gaussian import smoothed
-from .kernels.holes import CHUNK, REACH, fill_blocks
-from .kernels.shrinkage import SLACK, shrink_margins, shrink_once
-from .settings import LuminanceSettings
+from ..gaussian import smoothed
+from ..kernels.holes import CHUNK, REACH, fill_blocks
+from ..kernels.shrinkage import SLACK, shrink_margins, shrink_once
+from ..settings import LuminanceSettings
 
 # Daubechies-2 scaling taps (Daubechies 1992, table 6.1) over sqrt(2): one level without decimation is then a tight frame, in which
 # synthesis by the same taps undoes analysis.
