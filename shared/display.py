@@ -55,7 +55,7 @@ SATURATED = 0.90, 0.99
 class OutputSpace:
     """An RGB space with D65 white.
 
-    name: key of `SPACES` and value of --space.
+    name: key of `SPACES` and of the argument space.
     title: name for people and ICC profiles.
     primaries: chromaticities (x, y) of red, green and blue.
     linear: no transfer curve; otherwise that of sRGB.
@@ -122,7 +122,7 @@ class ColourTransform:
         if min(white) <= 0 or min(BRADFORD @ seen) <= 0:
             raise InputError(
                 f"calibration: camera_to_xyz maps the white reading {_figures(white)} to XYZ {_figures(seen)}, which is no colour "
-                "of light; calibrate again, or use --space camera"
+                'of light; calibrate again, or use `space="camera"`'
             )
         matrix = np.linalg.solve(space.to_xyz, adaptation(seen) @ to_xyz)
         weights = None if restored else tuple(weight / calibration.full_scale for weight in calibration.gamma)
@@ -236,7 +236,7 @@ def _camera_to_xyz(calibration: SensorCalibration) -> DoubleArray:
     if not set("RGB") <= set(channels):
         raise InputError(
             f"no colour matrix for the channels {channels}: calibrate the camera (panchroma calibrate), "
-            "or render with --space camera, as tif, exr or npy"
+            'or render with `space="camera"`, as tif, exr or npy'
         )
     return nominal_to_xyz(channels, calibration.neutral)
 

@@ -254,5 +254,5 @@ def _reason(error: OSError, path: Path) -> str:
     if isinstance(error, FileExistsError):
         if path.is_symlink() and not path.exists():
             return dangling_link(path)
-        return "exists already; use --overwrite to replace it"
+        return "exists already; use `overwrite=True` to replace it"
     return f"cannot be written ({error.strerror or error})"

@@ -141,7 +141,7 @@ def test_the_walk_sees_the_sources() -> None:
         ("device.preview.preview", "from onnx import helper"),
         ("device.graphs", "import onnx"),
         ("offline.rows.affinity", "from numba import njit"),
-        ("tools.commands.bench", "import numba"),
+        ("tools.commands.render", "import numba"),
         ("offline.render", "from PIL import ImageCms"),
         ("shared.pattern", "from .. import offline"),
         ("shared.dng.file", "from ...device import runtime"),

@@ -32,7 +32,6 @@ VERBS = {
     "render": "make the full-quality pictures of shots",
     "burst": "merge a series of one scene into one picture, with less noise and more colour",
     "evaluate": "compare this camera with Bayer cameras, and filter patterns with each other: figures, and a page to look at",
-    "bench": "measure the speed of Panchroma and of other programs",
     "export-preview": "write the graph that makes a camera's previews",
     "doctor": "check the installation, and say how to repair it",
     "calibrate": "measure a camera's gamma, noise, black level and colours from a few shots",
@@ -141,12 +140,16 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
             if argv is None:
                 atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
+            # Beside other busy programs, spinning threads cost half the speed. OpenMP reads this when it is loaded.
+            os.environ.setdefault("OMP_WAIT_POLICY", "passive")
             code = FAILED
             try:
                 _check_verb(arguments)
-                parsed = _parser(next(iter(arguments), None))[0].parse_args(arguments)
-                console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet)
-                _set_threads(parsed)
+                parser, verbs = _parser(next(iter(arguments), None))
+                options = _options(verbs[arguments[0]]) if arguments[0] in verbs else {}
+                console = Console(options=options)
+                parsed = parser.parse_args(arguments)
+                console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet, options=options)
                 code = _module(parsed.verb).run(parsed, console)
             finally:
                 if code:
@@ -204,6 +207,11 @@ def _parser(asked: str | None) -> tuple[_Parser, dict[str, _Parser]]:
     return parser, verbs.choices
 
 
+def _options(parser: _Parser) -> dict[str, str]:
+    """What the libraries' texts call an option, its argument's name -> the option."""
+    return {action.dest: action.option_strings[-1] for action in parser._actions if action.option_strings}
+
+
 def _check_verb(arguments: list[str]) -> None:
     """End with usage and what is wrong, unless the first argument is a verb, or asks for help or the version."""
     from shared.spelling import closest
@@ -227,21 +235,6 @@ def _unknown_option(option: str, known: Iterable[str]) -> str:
     from shared.spelling import meant  # not at the top: it imports NumPy
 
     return f"there is no option {option}{meant(option, known)}"
-
-
-def _set_threads(parsed: argparse.Namespace) -> None:
-    """Set the number of threads of the renderer (-j, by default one per processor), and let idle ones sleep."""
-    if parsed.verb != "bench":  # which measures libraries with their own settings
-        # Beside other busy programs, spinning threads cost half the speed. OpenMP reads this when it is loaded.
-        os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    count: int | None = getattr(parsed, "threads", None)
-    if count is None:
-        return
-    from offline import available_threads, use_threads
-    from tools.host.options import check_at_least_one
-
-    check_at_least_one(parsed, "threads")
-    use_threads(min(count, available_threads()))
 
 
 def _module(verb: str) -> ModuleType:

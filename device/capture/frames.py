@@ -163,7 +163,7 @@ class FrameLayout:
         if length % self.frame_bytes and (likely := self._likely(length)):
             raise InputError(
                 f"{length} bytes are no whole number of frames: {self.width} x {self.height} pixels in {self.format} "
-                f"with a stride of {self.stride} have {self.frame_bytes}; likely {likely}. If they are right, add --unchecked"
+                f"with a stride of {self.stride} have {self.frame_bytes}; likely {likely}. If they are right, add `unchecked`"
             )
 
     def advice(self, count: int, rest: int) -> str:
@@ -177,7 +177,7 @@ class FrameLayout:
         for unit in _ALIGNMENTS:
             stride = -(-self.line_bytes // unit) * unit
             if stride != self.stride and length % (stride * self.height) == 0:
-                return f"--stride {stride}"
+                return f"`stride={stride}`"
         return ""
 
     @cached_property

@@ -197,7 +197,7 @@ def find_model(pattern: CfaPattern, scale: int, *, linear: bool) -> Path | bytes
         raise InputError(
             f"this program comes without a preview graph for the pattern {'/'.join(pattern.tile)} at scale {scale}, and builds one "
             "only where the package onnx is: pip install onnx, or run panchroma export-preview on a machine with onnx and give its "
-            "file with --graph"
+            "file with `graph`"
         ) from None
     graph: bytes = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
     return graph

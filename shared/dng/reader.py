@@ -116,7 +116,7 @@ class DngReader:
             raise damaged(f"the raw samples are {kind} {page.shape}, expected whole numbers (rows, columns)")
         rows, columns = page.shape[:2]
         if rows * columns > max_pixels:
-            raise InputError(f"the file declares {columns} x {rows} pixels; the limit is {max_pixels}, --max-pixels raises it")
+            raise InputError(f"the file declares {columns} x {rows} pixels; the limit is {max_pixels}, `max_pixels` raises it")
         held = self._check_segments(page)
         if held > _MOST_BYTES * rows * columns * planes + _SMALL:
             raise damaged(f"{held} bytes of samples for {columns} x {rows} pixels")

@@ -27,7 +27,7 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import Edges, find_edges
-from tools.camera.lens import lens_aberration, parsed_aberration
+from tools.camera.lens import lens_aberration
 from tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
 from tools.scenes.load import load_scene
 
@@ -81,7 +81,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--sigma", type=float, nargs="+", default=[0.0, 0.01])
-    parser.add_argument("--lens", type=parsed_aberration, default=(1.0, -1.0))
+    parser.add_argument("--lens", nargs=2, type=float, default=(1.0, -1.0))
     parser.add_argument("--preset", choices=("best", "paper"), default="best")
     arguments = parser.parse_args()
     first, last = arguments.lens

@@ -32,8 +32,8 @@ from device.capture.white_balance import SteadyWhite
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import ByteArray, CodeArray
 from shared.dng import encode_dng
+from tests.benchmarks.speed.material import Material
 from tests.tools.command import start
-from tools.evaluation.speed.material import Material
 from tools.live.viewfinder import _jpeg
 
 WIDTH, HEIGHT, BITS = 4056, 3040, {"u16": 12, "raw12": 12, "raw10": 10}

@@ -20,9 +20,9 @@ from offline.whole.chromaticity import block_sums, estimate_chromaticities, orie
 from offline.whole.luminance import fill, recover_luminance
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
+from tests.benchmarks.speed.material import Material, frame_shape
 from tests.offline.kernels.from_python import callable_kernel
 from tests.offline.scenes import whole
-from tools.evaluation.speed.material import Material, frame_shape
 
 Benchmark = Callable[..., object]
 

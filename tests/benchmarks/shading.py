@@ -25,7 +25,7 @@ from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
 from shared.colour_difference import delta_e_2000
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.calibration.shading import measure_shading
-from tools.camera.lens import lens_shading, parsed_shading
+from tools.camera.lens import lens_shading
 from tools.evaluation.metrics import patch_psnr
 from tools.scenes.load import load_scene
 
@@ -106,7 +106,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--sigma", type=float, nargs="+", default=[0.0, 0.01])
-    parser.add_argument("--lens", type=parsed_shading, default=(2.0, 0.15))
+    parser.add_argument("--lens", nargs=2, type=float, default=(2.0, 0.15))
     parser.add_argument("--preset", choices=("best", "paper"), default="best")
     arguments = parser.parse_args()
     stops, colour = arguments.lens

@@ -6,10 +6,10 @@ import pytest
 
 from shared import read_camera
 from shared.errors import InputError
+from shared.pattern_text import read_pattern
 from shared.reading import opened_file, read_text, read_whole
 from tools.calibration.reference import color_checker_xyz, read_reference, ti3
 from tools.host.cluster import _written_address
-from tools.host.options import parsed_pattern
 from tools.rendering.defect_list import read_defects
 
 
@@ -77,7 +77,7 @@ def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path
     camera = {"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}
     for name, text, read in (
         ("camera.json", json.dumps(camera), read_camera),
-        ("pattern.txt", "WBWG/BWGW/WGWR/GWRW", lambda path: parsed_pattern(str(path))),
+        ("pattern.txt", "WBWG/BWGW/WGWR/GWRW", lambda path: read_pattern(str(path))),
         ("defects.txt", "5, 8\n", read_defects),
         ("defects.json", "[[5, 8]]", read_defects),
         ("chart.ti3", ti3(color_checker_xyz(), color_checker_xyz()), lambda path: read_reference(path).tolist()),

@@ -6,17 +6,17 @@ import pytest
 
 from shared import CfaPattern
 from shared.errors import InputError
+from shared.pattern_text import read_pattern
 from shared.tiles import TILES, name_of
 from tests.data import ROOT
 from tools.evaluation.tiles import Tile
-from tools.host.options import parsed_pattern
 
 
 @pytest.mark.parametrize("name", TILES)
 def test_a_name_is_as_good_as_letters(name: str) -> None:
     pattern = CfaPattern.of_letters(TILES[name])
     for written in (name, name.upper(), name.casefold(), f" {name} "):
-        assert CfaPattern.of_letters(written) == parsed_pattern(written) == pattern
+        assert CfaPattern.of_letters(written) == read_pattern(written) == pattern
     assert pattern.name == name
     assert CfaPattern(pattern.tile, (1, 2)).name == name
     assert name_of(pattern.letters_from((1, 1))) == name  # as a file written elsewhere may have it
@@ -42,7 +42,7 @@ def test_names_that_tables_show_can_be_copied() -> None:
 
 @pytest.mark.parametrize(("word", "likely"), [("kodac", "Kodak"), ("sonny", "Sony"), ("KAIZO", "Kaizu"), ("papr", "paper")])
 def test_a_misspelt_name_is_recognised(word: str, likely: str) -> None:
-    for parse in (CfaPattern.of_letters, parsed_pattern):
+    for parse in (CfaPattern.of_letters, read_pattern):
         with pytest.raises(InputError, match=f"kodak, sony, honda, kaizu, or K=4 .*; did you mean {likely}\\?"):
             parse(word)
 
@@ -52,6 +52,6 @@ def test_a_name_goes_before_a_file_or_folder_that_has_it(tmp_path: Path, monkeyp
     monkeypatch.chdir(tmp_path)
     Path("kodak").mkdir()
     Path("sony").write_text("RG/BW")
-    assert parsed_pattern("kodak").name == "Kodak"
-    assert parsed_pattern("sony").name == "Sony"
-    assert parsed_pattern("./sony") == CfaPattern.of_letters("RG/BW")
+    assert read_pattern("kodak").name == "Kodak"
+    assert read_pattern("sony").name == "Sony"
+    assert read_pattern("./sony") == CfaPattern.of_letters("RG/BW")

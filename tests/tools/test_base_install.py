@@ -27,7 +27,7 @@ def test_a_hidden_package_is_missed() -> None:
 
 @pytest.mark.parametrize("source", ["builtin:96x64@20", "-"])
 def test_capture_needs_the_base_alone(tmp_path: Path, source: str) -> None:
-    layout = [] if source != "-" else ["--width", "32", "--height", "26", "--format", "raw10"]
+    layout = [] if source != "-" else ["--width", "32", "--height", "26", "--pixel-format", "raw10"]
     done = camera("capture", source, "-o", str(tmp_path), "--frames", "1", *layout, stdin=pack(random_codes((26, 32), 10), "raw10"))
     assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.glob("*.dng"))) == 1

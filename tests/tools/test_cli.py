@@ -73,7 +73,7 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
         ("render", "x.dng", "-o", ".", "--bits", "12"),
         ("render", "x.dng", "-o", ".", "--preset", "worst"),
         ("render", "x.dng", "-o", ".", "--sigma", "0"),
-        ("simulate", "builtin:9x9", "-o", ".", "--order", "RGBG"),
+        ("simulate", "builtin:9x9", "-o", ".", "--order", "RGGB"),
         ("simulate", "builtin:9x9", "-o", ".", "--period", "six"),
         ("inspect",),
         ("inspect", "--verfy", "x.dng"),
@@ -96,7 +96,7 @@ INTO = {
     "render": ("render", SHOT, "-o"),
     "capture": ("capture", "builtin:24x18@50", "--frames", "1", "-o"),
     "view": ("view", "builtin:24x18@50", "--port", "0", "-o"),
-    "evaluate": ("evaluate", "builtin:48x48", "--sigma", "0", "--methods", "bilinear", "-j", "1", "-o"),
+    "evaluate": ("evaluate", "builtin:48x48", "--sigma", "0", "--methods", "bilinear", "--workers", "1", "-o"),
     "export-preview": ("export-preview", "--all", "-o"),
     "demo": ("demo", "-o"),
     "calibrate": ("calibrate", "chart-300x200.dng", "-o", "camera.json", "--report"),
@@ -468,7 +468,7 @@ def test_what_a_clumsy_user_gives_is_named(
 
 
 def test_a_list_that_begins_with_a_negative_number_is_no_option(tmp_path: Path) -> None:
-    for option in (("--burst", "3", "--exposures", "-2,0,2"), ("--aberration", "-1,1"), ("--aberration", "-.5,1")):
+    for option in (("--burst", "3", "--bracket", "-2,0,2"), ("--aberration", "-1,1"), ("--aberration", "-.5,1")):
         assert run("simulate", "builtin:60x60", "-o", tmp_path / option[-1], *option).code == 0
 
 

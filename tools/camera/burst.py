@@ -40,15 +40,15 @@ class Burst:
 
     def __post_init__(self) -> None:
         if self.frames < 1:
-            raise InputError(f"--burst is {self.frames}, expected 1 frame or more")
+            raise InputError(f"`burst` is {self.frames}, expected 1 frame or more")
         if not 0 <= self.pixels <= MOST_PIXELS:
-            raise InputError(f"--motion is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
+            raise InputError(f"`motion` is {self.pixels} pixels, expected 0 to {MOST_PIXELS:g}")
         if not 0 <= self.degrees <= MOST_DEGREES:
-            raise InputError(f"--rotation is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
+            raise InputError(f"`rotation` is {self.degrees} degrees, expected 0 to {MOST_DEGREES:g}")
         if self.stops and len(self.stops) != self.frames:
-            raise InputError(f"--exposures has {len(self.stops)} figures for {self.frames} frames, expected one for each")
+            raise InputError(f"`bracket` has {len(self.stops)} figures for {self.frames} frames, expected one for each")
         if not all(abs(stop) <= MOST_STOPS for stop in self.stops):
-            raise InputError(f"--exposures is {self.stops} stops, expected -{MOST_STOPS:g} to {MOST_STOPS:g}")
+            raise InputError(f"`bracket` is {self.stops} stops, expected -{MOST_STOPS:g} to {MOST_STOPS:g}")
 
     @property
     def largest(self) -> Motion:
@@ -82,18 +82,6 @@ class Frame:
             return scene
         more = tuple(field for field in scene.more if field.tag != _SHUTTER_SPEED)
         return replace(scene, exposure_time=(scene.exposure_time or _TIME) * self.exposure, more=more)
-
-
-def parsed_stops(text: str) -> tuple[float, ...]:
-    """The exposures in a text such as "0,-2,2", stops. Raises InputError for any other.
-
-    >>> parsed_stops("0,-2,1.5")
-    (0.0, -2.0, 1.5)
-    """
-    try:
-        return tuple(float(word) for word in text.split(","))
-    except ValueError:
-        raise InputError(f"--exposures is {text!r}, expected stops with commas between them, such as 0,-2,2") from None
 
 
 def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
@@ -148,7 +136,7 @@ def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel:
     """
     whole = [count // pixel * pixel for count in rgb.shape[:2]]  # the centre of the scene is that of the frames
     if not all(whole):
-        raise InputError(f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: --reduce {pixel} leaves nothing of it")
+        raise InputError(f"the scene has {rgb.shape[1]} x {rgb.shape[0]} pixels: `reduce={pixel}` leaves nothing of it")
     scene = rgb[: whole[0], : whole[1]]
     margin = -(-reach(burst.largest.times(pixel), scene.shape) // pixel)
     rows, columns = (count // pixel - 2 * margin for count in whole)

@@ -28,18 +28,30 @@ class SimulatedLens:
     shading: tuple[float, float] | None = None
     aberration: tuple[float, float] | None = None
 
+    def __post_init__(self) -> None:
+        if self.shading and not (0 <= self.shading[0] <= _MOST_STOPS and 0 <= self.shading[1] <= _MOST_PERCENT / 100):
+            raise InputError(
+                f"`shading` is {self.shading[0]:g},{100 * self.shading[1]:g}, expected 0 to {_MOST_STOPS:g} stops and 0 to "
+                f"{_MOST_PERCENT:g} %, such as 2,15"
+            )
+        if self.aberration and not max(map(abs, self.aberration)) <= _MOST_PIXELS:
+            raise InputError(
+                f"`aberration` is {self.aberration[0]:g},{self.aberration[1]:g}, expected -{_MOST_PIXELS:g} to {_MOST_PIXELS:g} "
+                "pixels each, such as 1,-0.5"
+            )
+
     @classmethod
-    def parsed(cls, shading: str | None, aberration: str | None) -> "SimulatedLens":
-        """The lens that two options ask for; zeros ask for nothing. Raises InputError for any other text."""
-        texts = (parsed_shading, shading), (parsed_aberration, aberration)
-        pairs = (None if text is None else parse(text) for parse, text in texts)
-        return cls(*(pair if pair and any(pair) else None for pair in pairs))
+    def asked(cls, shading: Sequence[float] | None, aberration: Sequence[float] | None) -> "SimulatedLens":
+        """The lens of two options: (stops, percent) and (pixels, pixels); None and zeros ask for nothing. Raises InputError."""
+        stops, percent = _pair("shading", shading)
+        first, last = _pair("aberration", aberration)
+        return cls((stops, percent / 100) if stops or percent else None, (first, last) if first or last else None)
 
     def check(self, known: SensorCalibration, source: object) -> None:
         """Raise InputError, naming its source, if a calibration knows a lens already that does what this one shall do."""
         for name in ("shading", "aberration"):
             if getattr(self, name) and getattr(known, name):
-                raise InputError(f"{source} has its own {name}: leave --{name} out")
+                raise InputError(f"{source} has its own {name}: leave `{name}` out")
 
     def before(self, calibration: SensorCalibration, shape: tuple[int, int]) -> SensorCalibration:
         """A calibration with this lens before it. shape: (rows, columns) of the frame."""
@@ -49,21 +61,16 @@ class SimulatedLens:
         return replace(lens, aberration=lens_aberration(*self.aberration, channels, shape)) if self.aberration else lens
 
 
+def _pair(name: str, values: Sequence[float] | None) -> tuple[float, float]:
+    if values is None:
+        return 0.0, 0.0
+    if len(values) != 2:
+        raise InputError(f"`{name}` is {values}, expected two numbers")
+    return float(values[0]), float(values[1])
+
+
 NO_LENS = SimulatedLens()
 """A lens that does nothing."""
-
-
-def parsed_shading(text: str) -> tuple[float, float]:
-    """The fall-off in stops and the colour shading as a share, of a text such as "2,15". Raises InputError for any other."""
-    try:
-        stops, percent = (float(part) for part in (text if "," in text else f"{text},0").split(","))
-        if not (0 <= stops <= _MOST_STOPS and 0 <= percent <= _MOST_PERCENT):
-            raise ValueError
-    except ValueError:
-        raise InputError(
-            f"--shading is {text!r}, expected STOPS,PERCENT: 0 to {_MOST_STOPS:g} stops, 0 to {_MOST_PERCENT:g} %, such as 2,15"
-        ) from None
-    return stops, percent / 100
 
 
 def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int]) -> Shading:
@@ -88,22 +95,6 @@ def lens_shading(stops: float, colour: float, planes: int, shape: tuple[int, int
     return Shading([_points(panchromatic / (1 - each * square)) for each in less], shape)  # type: ignore[arg-type]
 
 
-def parsed_aberration(text: str) -> tuple[float, float]:
-    """The displacements of the first and the last channel in the corners, pixels, of a text such as "1,-0.5".
-
-    Raises InputError for any other.
-    """
-    try:
-        first, last = (float(part) for part in text.split(","))
-        if not max(abs(first), abs(last)) <= _MOST_PIXELS:
-            raise ValueError
-    except ValueError:
-        raise InputError(
-            f"--aberration is {text!r}, expected PIXELS,PIXELS: -{_MOST_PIXELS:g} to {_MOST_PIXELS:g} each, such as 1,-0.5"
-        ) from None
-    return first, last
-
-
 def lens_aberration(first: float, last: float, channels: int, shape: tuple[int, int]) -> Aberration:
     """The lateral chromatic aberration of a lens whose optical axis meets the middle of the frame.
 
@@ -120,7 +111,7 @@ def lens_aberration(first: float, last: float, channels: int, shape: tuple[int, 
     half, middle = half_diagonal(shape), channels // 2
     if max(abs(first), abs(last)) > _MOST_SHARE * half:
         raise InputError(
-            f"--aberration is {first:g},{last:g}: the most in a frame of {shape[1]} x {shape[0]} pixels is {_MOST_SHARE * half:.2g}"
+            f"`aberration` is {first:g},{last:g}: the most in a frame of {shape[1]} x {shape[0]} pixels is {_MOST_SHARE * half:.2g}"
         )
     corners = [*np.linspace(first, 0, middle + 1), *np.linspace(0, last, channels - middle)[1:]]
     return Aberration([[each / half / 2] * 2 for each in corners], shape)  # type: ignore[arg-type]

@@ -20,11 +20,12 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.writing import write_durably
-from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
 from tools.pictures.html import encode_page
+
+from .options import add, numbers, text
 
 if TYPE_CHECKING:
     from tools.calibration.shot import ShotMeasurement
@@ -56,13 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--corners",
         nargs=4,
+        type=numbers(2, "12,34.5"),
         metavar="X,Y",
         help="outer corners of the chart in the only shot, in pixels: at dark skin, bluish green, black, white",
     )
-    parser.add_argument(
-        "--reference", metavar="FILE", help="colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)"
-    )
-    parser.add_argument("--sensor", type=options.text, metavar="NAME", help="name of the sensor (default: the name in the shots)")
+    parser.add_argument("--chart", metavar="FILE", help="colours of your chart: CGATS file (.ti3, .cie) with XYZ or L*a*b* (D50)")
+    parser.add_argument("--sensor", type=text, metavar="NAME", help="name of the sensor (default: the name in the shots)")
     parser.add_argument("--report", metavar="DIR", help="folder for report.html, and chart.ti3 for Argyll CMS; created if missing")
     parser.add_argument(
         "--update",
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="add these frames to FILE: what is better known replaces what is less known; FILE.bak keeps the old file",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace FILE and the report; FILE.bak keeps the old file")
-    parser.add_argument("--json", action="store_true", help="print one JSON object per shot, then one for the result")
+    add(parser, "json", each="shot, then one for the result,")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html", folder / "chart.ti3"))
-    reference = read_reference(Path(arguments.reference)) if arguments.reference else color_checker_xyz()
+    reference = read_reference(Path(arguments.chart)) if arguments.chart else color_checker_xyz()
     old, known = read_known(output) if arguments.update and output.exists() else (None, Observations())
 
     session = Session(console, arguments.sensor, old.calibration if old else None, old.measured if old else {})
@@ -157,10 +157,7 @@ def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
         return None
     if shots != 1 or arguments.no_chart:
         raise InputError(f"--corners gives the place of the chart in one shot; {shots} shots are given")
-    try:
-        return tuple((float(x), float(y)) for x, y in (corner.split(",") for corner in arguments.corners))
-    except ValueError:
-        raise InputError(f"--corners is {' '.join(arguments.corners)}, expected four X,Y in pixels") from None
+    return tuple(arguments.corners)
 
 
 def _gamma(shots: "Sequence[ShotMeasurement]", old: Camera | None) -> DoubleArray | None:

@@ -2,7 +2,7 @@
 
 SOURCE is - (a raw stream on standard input), a folder into which another program puts raw frames, or builtin:WIDTHxHEIGHT@FPS, a
 simulated sensor that looks at a moving scene. For example: rpicam-raw -t 0 -n --mode 4056:3040:12:P -o - | panchroma capture - -o
-shots --width 4056 --height 3040 --format SRGGB12_CSI2P --stride 6112. The first frames are compared with these options.
+shots --width 4056 --height 3040 --pixel-format SRGGB12_CSI2P --stride 6112. The first frames are compared with these options.
 
 If frames come faster than they can be written, whole frames are dropped and counted; those of a folder or a recording wait.
 --burst N keeps N frames in memory as fast as they come, then saves them as TIME-COUNTER-1.dng, -2.dng ..., and ends; if fewer come,
@@ -11,50 +11,48 @@ none is saved. SIGINT and SIGTERM end the command after the current file (exit c
 
 import argparse
 from itertools import islice
-from pathlib import Path
 
 from device.capture import Refused, Saved, capture, capture_burst
 from device.capture.frame_queue import FrameQueue
 from device.capture.frames import FrameLayout
 from device.capture.shots import ShotFolder
 from shared.errors import InputError, OutputError
-from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.signals import Stopping
-from tools.live.source import add_source_options, open_source
+from tools.live.source import open_source
 from tools.pictures.previews import preview_maker
+
+from .frame_options import add_source
+from .options import add, camera_of, count
 
 _DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma capture`."""
-    add_source_options(parser)
-    options.add_output_folder(parser, "the shots")
-    parser.add_argument("--frames", type=int, metavar="N", help="stop after N shots (default: when the stream ends)")
-    parser.add_argument("--burst", type=int, metavar="N", help="save one burst of N frames, all or none, and stop")
+    add_source(parser)
+    add(parser, "output", files="the shots")
+    parser.add_argument("--frames", type=count, metavar="N", help="stop after N shots (default: when the stream ends)")
+    parser.add_argument("--burst", type=count, metavar="N", help="save one burst of N frames, all or none, and stop")
     parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a piped recording")
-    parser.add_argument("--latest", type=Path, metavar="LINK", help="keep a symbolic link with this name to the latest shot")
-    options.add_graph(parser)
-    options.add_preview_threads(parser)
-    options.add_json(parser, "frame")
+    add(parser, "latest", "graph", "threads", of=" of the preview")
+    add(parser, "json", each="frame")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Save frames until the source ends or the user does; returns the exit code."""
-    options.check_at_least_one(arguments, "frames", "burst", "jobs")
     if arguments.burst and arguments.frames:
         raise InputError("--frames does not go with --burst: it counts single shots")
     if arguments.wait and arguments.source.startswith("builtin:"):
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
-    source = open_source(arguments)
+    source = open_source(arguments, *camera_of(arguments))
     if arguments.burst:
         _check_memory(arguments.burst, source.sensor.layout)
     folder = output_folder(arguments.output)
     shots = ShotFolder(folder, arguments.latest)
-    preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.jobs)
+    preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.threads)
     for note in source.notes:
         console.note(note)
     saved = failed = 0

@@ -7,9 +7,9 @@ With --burst it simulates a hand-held series instead, merges it, and compares th
 """
 
 import argparse
+import itertools
 from collections.abc import Sequence
 from io import BytesIO
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,6 @@ from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.host import options
 from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.host.jobs import Job, output_folder, run_jobs
@@ -36,6 +35,8 @@ from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
+
+from .options import add, count
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -57,30 +58,28 @@ _BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seed
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma demo`."""
     parser.add_argument("-o", "--output", metavar="DIR", help=f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)")
-    parser.add_argument("--sigma", type=float, default=0.01, help="standard deviation of the noise, scene units")
+    add(parser, "sigma", default=0.01)
     parser.add_argument(
         "--burst",
-        type=int,
+        type=count,
         nargs="?",
         const=_FRAMES,
         metavar="N",
         help=f"merge a hand-held series of N frames (without N: {_FRAMES})",
     )
-    options.add_overwrite(parser)
+    add(parser, "overwrite")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write the results and show the comparison; returns the exit code."""
     sigma: float = arguments.sigma
-    if not 0 <= sigma < np.inf:
-        raise InputError(f"--sigma is {sigma}, expected 0 or more")
     frames: int | None = arguments.burst
     if frames is not None and frames < 2:
         raise InputError(f"--burst is {frames}, expected 2 frames or more")
     results = (
         _RESULTS if frames is None else (*_BURST_RESULTS, *(f"{frame_name('frame', n + 1, frames)}.dng" for n in range(frames)))
     )
-    names = (_FOLDER if number == 1 else f"{_FOLDER}-{number}" for number in count(1))
+    names = (_FOLDER if number == 1 else f"{_FOLDER}-{number}" for number in itertools.count(1))
     unused = next(name for name in names if not Path(name).exists())
     folder = output_folder(unused if arguments.output is None else arguments.output)
 

@@ -6,12 +6,13 @@ With --compile, compile the renderer for this processor first, so that no render
 import argparse
 import time
 
-from tools.host import options
 from tools.host.compilation import CACHE_REMEDY, compile_all
 from tools.host.console import Console
 from tools.host.installation import BAD, CHECKS, GOOD, MISSING, Finding
 from tools.host.jobs import FAILED
 from tools.host.processors import processors
+
+from .options import add
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="first compile all of the renderer that is not compiled yet; what is compiled serves this version of Panchroma on "
         "processors of this model, wherever it finds the same cache folder (the line 'kernel cache' names it)",
     )
-    options.add_json(parser, "check")
+    add(parser, "json", each="check")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from shared.errors import InputError
 from shared.pattern import PERIODS
+from shared.pattern_text import read_pattern
 from shared.tiles import TILES
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
@@ -20,19 +21,11 @@ from tools.host.console import Console
 from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
-from tools.host.options import (
-    add_json,
-    add_light,
-    add_max_memory,
-    add_output_folder,
-    add_scheduler,
-    check_at_least_one,
-    parsed_pattern,
-    uses_scheduler,
-)
 from tools.host.processors import processors
 from tools.host.versions import program_version
 from tools.pictures.html import encode_page
+
+from .options import add, count, uses_scheduler
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -47,20 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "scenes", nargs="+", metavar="SCENE", help="camera RAW, picture, builtin:WIDTHxHEIGHT, or a folder with them in it or below"
     )
-    add_output_folder(parser, "the results")
+    add(parser, "output", files="the results")
     light = parser.add_argument_group("light and noise")
-    light.add_argument(
-        "--protocol",
-        choices=("paper", "sensor"),
-        default="paper",
-        help="paper: additive Gaussian noise, not clipped; sensor: equal exposure time, shot and read noise, clipped, 12 bits",
-    )
-    light.add_argument(
-        "--sigma", type=float, nargs="+", metavar="S", help="noise of --protocol paper, scene units (default: 0 0.01 0.02 0.03)"
-    )
-    add_light(light, nargs="+", help="amounts of light of --protocol sensor (default: 1, 1/4, 1/16)")
-    light.add_argument("--seed", type=int, default=0, help="seed of the noise, the same for every scene")
-    light.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
+    add(light, "protocol")
+    add(light, "sigma", "light", nargs="+")
+    add(light, "seed", "linear")
     what = parser.add_argument_group("what is compared")
     what.add_argument(
         "--period",
@@ -79,15 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--methods", nargs="+", metavar="NAME", help="methods to compare (default: all installed; an unknown name lists them)"
     )
-    what.add_argument("--crop", type=int, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
+    what.add_argument("--crop", type=count, metavar="PIXELS", help="use only the middle of each scene, for a quick look")
     run_ = parser.add_argument_group("the run")
-    run_.add_argument("-j", "--jobs", type=int, metavar="N", help="number of processes (default: one per core, as memory allows)")
-    add_scheduler(run_)
-    add_max_memory(run_)
-    run_.add_argument("--report", action=argparse.BooleanOptionalAction, default=True, help="write the page, or only the figures")
-    run_.add_argument("--overwrite", action="store_true", help="replace the page and the tables of an earlier run")
-    run_.add_argument("--dry-run", action="store_true", help="write nothing, only list the work")
-    add_json(run_, "scene")
+    add(run_, "workers", things="processes", usual="one per core, as memory allows")
+    add(run_, "scheduler", "scheduler-file", "max-memory", "overwrite", "dry-run")
+    run_.add_argument("--no-page", dest="page", action="store_false", help="write only the figures")
+    add(parser, "json", each="scene")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -100,11 +81,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.evaluation.team import Team
 
     folder = output_folder(arguments.output, dry_run=arguments.dry_run)
-    outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.report or name != _PAGE]
+    outputs = [folder / name for name in (_PAGE, _JSON, _CSV) if arguments.page or name != _PAGE]
     if not (arguments.overwrite or arguments.dry_run):
         refuse_existing(outputs)
-    check_at_least_one(arguments, "jobs")
-    team = Team(console, arguments.jobs or processors(), allowed_memory(arguments.max_memory))
+    team = Team(console, arguments.workers or processors(), allowed_memory(arguments.max_memory))
     study, failures, left_out = _study(arguments, console, team)
     todo, there = tasks(study, folder.absolute() if uses_scheduler(arguments) else folder)
     if arguments.dry_run:
@@ -127,7 +107,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     program = f"panchroma {program_version()}"
     write_durably(folder / _JSON, encode_json(figures, program, failures, left_out), overwrite=arguments.overwrite)
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
-    if arguments.report:
+    if arguments.page:
         page = build_page(figures, render_gallery(figures, team), program, [*failures, *left_out])
         write_durably(folder / _PAGE, encode_page(page), overwrite=arguments.overwrite)
     console.say(*plain_text(figures).split("\n"))
@@ -157,8 +137,6 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     if not arguments.methods and (missing := missing_packages()):
         console.note(f"some methods are left out because these packages are not installed: {', '.join(missing)}")
     tiles = _tiles(arguments)
-    if arguments.crop is not None and arguments.crop < 1:
-        raise InputError(f"--crop is {arguments.crop}, expected a number of pixels")
     channels = dict.fromkeys(tile.pattern.channels for tile in tiles)  # each once, in their order
     reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
     sources, left_out = expand(arguments.scenes, Path(arguments.output))
@@ -182,7 +160,7 @@ def _tiles(arguments: argparse.Namespace) -> "tuple[Tile, ...]":
     """The patterns that --period and --pattern name together; K = 6 if neither is there."""
     from tools.evaluation.tiles import Tile, chosen_tiles
 
-    others = [Tile.named(parsed_pattern(text), text) for text in arguments.pattern or ()]
+    others = [Tile.named(read_pattern(text), text) for text in arguments.pattern or ()]
     periods = arguments.period or ([] if others else [6])
     for period in periods:
         if period not in PERIODS:

@@ -12,9 +12,10 @@ from shared import CfaPattern, read_dng
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
 from shared.writing import write_durably
-from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import output_folder
+
+from .options import add, names_pattern, pattern_of
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -28,18 +29,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", required=True, metavar="FILE", help="ends in .onnx; with --all a folder, created if missing"
     )
     pattern = parser.add_argument_group("the pattern")
-    options.add_pattern(pattern)
+    add(pattern, "pattern", "period")
     pattern.add_argument("--like", metavar="SHOT", help="use the pattern of this shot")
-    options.add_scale(parser)
-    parser.add_argument("--linear", action="store_true", help="make camera RGB in scene units, not a picture for a screen")
+    add(parser, "scale", default=1)
+    parser.add_argument(
+        "--space", choices=("srgb", "camera"), default="srgb", help="srgb: a picture for a screen; camera: camera RGB, scene units"
+    )
     parser.add_argument("--all", action="store_true", help="write all graphs that come with the program, under their names")
-    options.add_overwrite(parser)
+    add(parser, "overwrite")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write one graph, or all; returns the exit code."""
     if arguments.all:
-        if arguments.like or options.names_pattern(arguments) or arguments.linear or arguments.scale != 1:
+        if arguments.like or names_pattern(arguments) or arguments.space != "srgb" or arguments.scale != 1:
             raise InputError("--all writes a fixed set of graphs; leave the other options out")
         folder = output_folder(arguments.output)
         for name, model in shipped():
@@ -48,7 +51,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     path = Path(arguments.output)
     if path.suffix != ".onnx":
         raise InputError(f"{arguments.output}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
-    _write(path, _build(_pattern(arguments), arguments.scale, linear=arguments.linear), arguments.overwrite, console)
+    _write(path, _build(_pattern(arguments), arguments.scale, linear=arguments.space == "camera"), arguments.overwrite, console)
     return 0
 
 
@@ -67,9 +70,9 @@ def shipped() -> Iterator[tuple[str, "ModelProto"]]:
 
 def _pattern(arguments: argparse.Namespace) -> CfaPattern:
     if not arguments.like:
-        return options.pattern_of(arguments)
-    if options.names_pattern(arguments):
-        raise InputError("--like takes the pattern of a shot; leave --pattern, --period and --order out")
+        return pattern_of(arguments)
+    if names_pattern(arguments):
+        raise InputError("--like takes the pattern of a shot; leave --pattern and --period out")
     return read_dng(arguments.like).pattern
 
 

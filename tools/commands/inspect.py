@@ -13,35 +13,32 @@ import numpy as np
 from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_digest_kind, read_preview
 from shared.dng.exif_reading import place, shown_fields
-from tools.host import options
 from tools.host.archive import verify
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, run_jobs
 from tools.host.processors import processors
 
+from .options import add, add_shots
+
 _COLUMN = 14  # characters for the name of a row
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma inspect`."""
-    parser.add_argument(
-        "shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, a camera.json, or a folder with DNGs in it or below"
-    )
+    add_shots(parser, "a camera.json, ")
     parser.add_argument("--verify", action="store_true", help="only count the undamaged files and name the damaged ones")
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="--verify: files checked at a time (default: one per core)")
-    options.add_max_pixels(parser)
-    options.add_json(parser, "file")
+    add(parser, "workers", "max-pixels", things="--verify: files", usual="one per core")
+    add(parser, "json", each="file")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
-    options.check_at_least_one(arguments, "jobs")
     found = search(arguments.shots, DNGS)
     searched = found.report(console)
     files = [source.name for source in found.sources]
     if arguments.verify:
-        damaged = verify(files, console, jobs=arguments.jobs or processors(), max_pixels=arguments.max_pixels)
+        damaged = verify(files, console, jobs=arguments.workers or processors(), max_pixels=arguments.max_pixels)
         return 0 if searched and not damaged else FAILED
 
     def work(job: Job) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from typing import Any
 from shared import read_camera, read_dng
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
-from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
 from tools.host.jobs import FAILED, Job, output_folder, run_jobs
@@ -19,18 +18,16 @@ from tools.pictures.encoders import check_quality, encode_jpeg
 from tools.pictures.exif_writing import jpeg_directory
 from tools.pictures.previews import Previews
 
+from .options import add, add_shots
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma preview`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a folder with DNGs in it or below")
-    options.add_output_folder(parser, "STEM.jpg (subfolders are kept)")
-    options.add_scale(parser)
-    options.add_quality(parser)
-    options.add_graph(parser)
-    options.add_calibration(parser)
-    options.add_max_pixels(parser)
-    options.add_overwrite(parser)
-    options.add_json(parser, "shot")
+    add_shots(parser)
+    add(parser, "output", files="STEM.jpg (subfolders are kept)")
+    add(parser, "scale", default=1)
+    add(parser, "quality", "graph", "camera", "max-pixels", "overwrite", instead=", in place of the one in the shots")
+    add(parser, "json", each="shot")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:

@@ -9,43 +9,35 @@ import argparse
 
 from shared.errors import InputError
 from shared.writing import sweep
-from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED
-from tools.host.memory import allowed_memory, reuse_memory
-from tools.rendering.options import add_picture, add_run, order_fields
+from tools.host.memory import reuse_memory
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.shots import Shard, shots_of
 
-_PRESETS = ("best", "paper")
+from .options import add, add_shots, uses_scheduler
+from .picture_options import add_picture, add_run, limit_threads, order_fields
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma render`."""
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="a DNG written by Panchroma, or a folder with DNGs in it or below")
-    options.add_output_folder(parser, "STEM.EXT (subfolders are kept)")
-    add_picture(parser)
-    parser.add_argument("--preset", choices=_PRESETS, default=_PRESETS[0], help="paper: the published method, literally")
-    run_ = parser.add_argument_group("the run")
-    add_run(run_)
-    run_.add_argument("--shard", metavar="I/N", help="render only part I of N, counted from 1: for job arrays")
-    run_.add_argument(
-        "--workers", type=int, metavar="N", help="number of processes (default: 1, or for many shots what cores and memory allow)"
-    )
-    run_.add_argument("-j", "--jobs", dest="threads", type=int, metavar="N", help="threads per process (default: use all cores)")
-    options.add_max_memory(run_)
-    options.add_scheduler(run_)
-    options.add_json(run_, "shot")
+    add_shots(parser)
+    add(parser, "output", files="STEM.EXT (subfolders are kept)")
+    add_picture(parser, "best", "unlearned", "paper")
+    group = add_run(parser)
+    group.add_argument("--shard", metavar="I/N", help="render only part I of N, counted from 1: for job arrays")
+    add(group, "workers", things="processes", usual="1, or for many shots what cores and memory allow")
+    add(group, "scheduler", "scheduler-file")
+    add(parser, "json", each="shot")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Render the shots; returns the exit code."""
-    options.check_at_least_one(arguments, "workers")
-    allowed_memory(arguments.max_memory)
     reuse_memory()
-    elsewhere = options.uses_scheduler(arguments)
+    limit_threads(arguments.threads)
+    elsewhere = uses_scheduler(arguments)
     if arguments.workers is not None and elsewhere:
         raise InputError("--workers cannot be used with a scheduler, which has its own workers")
     shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
@@ -79,4 +71,4 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 def _order(arguments: argparse.Namespace) -> Order:
     if arguments.defects and arguments.preset == "paper":
         raise InputError("--defects needs --preset best: the published method does not know defects")
-    return Order(preset=arguments.preset, **order_fields(arguments))
+    return Order(**order_fields(arguments))

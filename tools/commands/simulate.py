@@ -21,22 +21,22 @@ from typing import Any
 import numpy as np
 
 from shared import write_dng
-from shared.calibration import BITS
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
-from tools.camera.burst import Burst, Frame, burst_frames, motion_text, parsed_stops
+from tools.camera.burst import Burst, Frame, burst_frames, motion_text
 from tools.camera.filters import filters_for
 from tools.camera.lens import SimulatedLens
 from tools.camera.simulated_camera import BITS as DEFAULT_BITS
 from tools.camera.simulated_camera import TRUTH, SimulatedCamera
-from tools.host import options
 from tools.host.console import Console
 from tools.host.folders import plan, search
 from tools.host.jobs import FAILED, Job, output_folder, run_jobs
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
+
+from .options import add, camera_of, count, numbers
 
 _MEASURED = PictureKind("tif", 32, "camera")
 
@@ -49,11 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SCENE",
         help="camera RAW, picture, builtin:WIDTHxHEIGHT, chart:WIDTHxHEIGHT, or a folder with pictures in it or below",
     )
-    options.add_output_folder(parser, "STEM.dng (subfolders are kept)")
-    sensor = options.add_camera(parser)
-    sensor.add_argument(
-        "--bits", type=int, metavar="N", help=f"bits a sample, {BITS[0]} to {BITS[-1]} (default: {DEFAULT_BITS}, or the camera's)"
-    )
+    add(parser, "output", files="STEM.dng (subfolders are kept)")
+    sensor = parser.add_argument_group("the camera")
+    add(sensor, "camera", "pattern", "period", "origin")
+    add(sensor, "sensor-bits", usual=DEFAULT_BITS)
     sensor.add_argument(
         "--layout",
         choices=("auto", "cfa", "linear"),
@@ -61,56 +60,50 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer",
     )
     light = parser.add_argument_group("light and noise")
-    light.add_argument(
-        "--protocol",
-        choices=("paper", "sensor"),
-        default="paper",
-        help="paper: additive Gaussian noise, no clipping; sensor: shot and read noise, clipped at full scale",
-    )
-    light.add_argument("--sigma", type=float, default=0.0, help="standard deviation of the noise of --protocol paper, scene units")
-    options.add_light(light, default=1.0, help="amount of light of --protocol sensor, 2 is one stop more")
+    add(light, "protocol")
+    add(light, "sigma", default=0.0)
+    add(light, "light", default=1.0)
+    add(light, "seed")
     light.add_argument(
         "--shading",
+        type=numbers(2, "2,15"),
         metavar="STOPS,PERCENT",
         help="a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one",
     )
     light.add_argument(
         "--aberration",
+        type=numbers(2, "1,-0.5"),
         metavar="PIXELS,PIXELS",
         help="a lens with lateral chromatic aberration: how much further out the first and the last channel look in the corners; "
         "negative is further in",
     )
-    light.add_argument(
-        "--seed", type=int, default=0, help="seed of the noise; each shot draws its own noise from the seed and its name"
-    )
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
-    burst.add_argument("--burst", type=int, metavar="N", help="make N frames, STEM-1.dng to STEM-N.dng; the first has not moved")
+    burst.add_argument("--burst", type=count, metavar="N", help="make N frames, STEM-1.dng to STEM-N.dng; the first has not moved")
     burst.add_argument(
-        "--motion", type=float, default=0.0, metavar="PIXELS", help="the others are displaced by up to this (default: 0)"
+        "--motion", type=float, default=0.0, metavar="PIXELS", help="largest displacement of the others (default: 0)"
     )
-    burst.add_argument("--rotation", type=float, default=0.0, metavar="DEGREES", help="and rotated by up to this (default: 0)")
+    burst.add_argument("--rotation", type=float, default=0.0, metavar="DEGREES", help="largest rotation of the others (default: 0)")
     burst.add_argument("--moving", action="store_true", help="a thing moves through the scene, 5 to 20 pixels from frame to frame")
     burst.add_argument(
-        "--exposures",
-        type=parsed_stops,
+        "--bracket",
+        type=numbers(example="0,-2,2"),
         default=(),
         metavar="EV,EV,...",
-        help="a bracket: exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time (default: none, all "
-        "frames are exposed alike)",
+        help="exposure of each frame in stops, such as 0,-2,2; the files state it as exposure time (default: all frames are "
+        "exposed alike)",
     )
     parser.add_argument(
-        "--reduce", type=int, default=1, metavar="N", help="make one pixel from N x N of the scene; a burst is displaced before"
+        "--reduce", type=count, default=1, metavar="N", help="make one pixel from N x N of the scene, after the burst's motion"
     )
-    parser.add_argument("--linear", action="store_true", help="take the pictures' values as linear light, whatever the files say")
+    add(parser, "linear")
     parser.add_argument(
         "--truth",
         action="store_true",
         help="also write what the shot sees, under its light and exposure, as STEM.truth.tif, float32, scene units of a render; "
         "of a burst what its first frame sees, the reference (burst --reference STEM-1.dng), and the motion of the others",
     )
-    options.add_max_pixels(parser)
-    options.add_overwrite(parser)
-    options.add_json(parser, "scene")
+    add(parser, "max-pixels", "overwrite")
+    add(parser, "json", each="scene")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -119,18 +112,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError("--sigma is the noise of --protocol paper; --protocol sensor has the noise of --camera, or a typical one")
     if arguments.protocol == "paper" and arguments.light != 1:
         raise InputError("--light needs --protocol sensor: the noise of --protocol paper does not depend on it")
-    if arguments.seed < 0:
-        raise InputError(f"--seed is {arguments.seed}, expected 0 or more")
-    if not 0 <= arguments.sigma < np.inf:
-        raise InputError(f"--sigma is {arguments.sigma}, expected 0 or more")
-    options.check_at_least_one(arguments, "reduce")
     is_series, burst = arguments.burst is not None, _burst(arguments)
-    lens = SimulatedLens.parsed(arguments.shading, arguments.aberration)
-    known, pattern = options.camera_of(arguments)
+    lens = SimulatedLens.asked(arguments.shading, arguments.aberration)
+    known, pattern = camera_of(arguments)
     if known:
         lens.check(known.calibration, arguments.camera)
     sigma = None if arguments.protocol == "sensor" else arguments.sigma
-    camera = SimulatedCamera.of(pattern, known, bits=arguments.bits, lens=lens, sigma=sigma, light=arguments.light)
+    camera = SimulatedCamera.of(pattern, known, bits=arguments.sensor_bits, lens=lens, sigma=sigma, light=arguments.light)
     folder = output_folder(arguments.output)
     previews = Previews()
 
@@ -202,8 +190,8 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
 def _burst(arguments: argparse.Namespace) -> Burst:
     """The burst that is asked for; one frame without --burst."""
     if arguments.burst is None:
-        for option in ("motion", "rotation", "moving", "exposures"):
+        for option in ("motion", "rotation", "moving", "bracket"):
             if getattr(arguments, option):
                 raise InputError(f"--{option} needs --burst: it is about the frames of a series")
         return Burst(1)
-    return Burst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.exposures)
+    return Burst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.bracket)

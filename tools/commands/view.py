@@ -7,46 +7,41 @@ can, and with -o they can save shots too. The preview in a shot is the picture t
 
 import argparse
 import threading
-from pathlib import Path
 
 from device.capture.frame_queue import FrameQueue
 from device.capture.shots import ShotFolder
 from device.preview.geometry import Geometry
 from shared import CfaPattern
 from shared.errors import InputError
-from tools.host import options
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.server import ViewfinderServer
 from tools.live.showing import show_frames
-from tools.live.source import add_source_options, open_source
+from tools.live.source import open_source
 from tools.live.viewfinder import Viewfinder
 from tools.pictures.previews import preview_maker
+
+from .frame_options import add_source
+from .options import add, camera_of
 
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma view`."""
-    add_source_options(parser)
+    add_source(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="folder for shots, created if missing; without it there is no button")
-    parser.add_argument("--latest", type=Path, metavar="LINK", help="keep a symbolic link with this name to the latest shot")
     parser.add_argument("--bind", default="127.0.0.1", metavar="ADDRESS", help="network interface that serves the page")
     parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one")
-    parser.add_argument(
-        "--scale", type=int, metavar="S", help=f"show S x S sensor pixels as one (default: picture at most {_WIDEST} pixels wide)"
-    )
-    options.add_graph(parser)
-    options.add_preview_threads(parser)
+    add(parser, "scale", "latest", "graph", "threads", of=" of the preview")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Serve the page until the source ends or the user does; returns the exit code."""
-    options.check_at_least_one(arguments, "jobs")
     if arguments.latest and arguments.output is None:
         raise InputError("--latest needs -o DIR: without a folder there are no shots")
-    source = open_source(arguments)
+    source = open_source(arguments, *camera_of(arguments))
     sensor = source.sensor
     shots = None
     if arguments.output is not None:
@@ -54,7 +49,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     scale = arguments.scale
     if scale is None:
         scale = 1 if arguments.graph else _scale(sensor.layout.width, sensor.pattern)
-    preview = preview_maker(sensor, graph=arguments.graph, scale=scale, threads=arguments.jobs)
+    preview = preview_maker(sensor, graph=arguments.graph, scale=scale, threads=arguments.threads)
     for note in source.notes:
         console.note(note)
     failed = False

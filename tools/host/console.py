@@ -5,7 +5,7 @@ import re
 import sys
 import traceback
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,9 +35,12 @@ class Console:
 
     json: standard output is for machines; what people read goes to standard error.
     quiet: standard error is for errors alone.
+    options: what an argument is called on the command line: "max_pixels" -> "--max-pixels". Texts of the libraries name arguments
+        as `max_pixels`, or with a value as `space="camera"`; here they are options.
     """
 
-    def __init__(self, *, json: bool = False, quiet: bool = False) -> None:
+    def __init__(self, *, json: bool = False, quiet: bool = False, options: Mapping[str, str] | None = None) -> None:
+        self._options = options or {}
         self._json = json
         self._quiet = quiet
         self._display: RichProgress | None = None
@@ -45,15 +48,15 @@ class Console:
     def say(self, *lines: str) -> None:
         """Print the lines of a result, to stdout unless that is for machines. Raises StandardOutputError."""
         if not self._json:
-            to_stdout(*map(one_line, lines))
+            to_stdout(*(one_line(self.worded(line)) for line in lines))
         elif not self._quiet:
             for line in lines:
-                to_stderr(line)
+                to_stderr(self.worded(line))
 
     def note(self, text: str) -> None:
         """Print a remark to stderr."""
         if not self._quiet:
-            to_stderr(text)
+            to_stderr(self.worded(text))
 
     def notes(self, noted: Iterable[tuple[str, Iterable[str]]]) -> None:
         """Print remarks on sources to stderr, each remark once. noted: (source, its remarks)."""
@@ -66,12 +69,24 @@ class Console:
 
     def error(self, text: str) -> None:
         """Print one line that says what failed to stderr."""
-        to_stderr(f"panchroma: {text}")
+        to_stderr(f"panchroma: {self.worded(text)}")
 
     def record(self, **facts: Any) -> None:
         """Print one object for machines to stdout; without `json`, nothing. Raises StandardOutputError."""
         if self._json:
+            if "error" in facts:
+                facts["error"] = self.worded(facts["error"])
             to_stdout(json_format.dumps(facts).replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
+
+    def worded(self, text: str) -> str:
+        """A text of a library in the words of the command line."""
+        return _ARGUMENT.sub(self._option, text)
+
+    def _option(self, found: re.Match[str]) -> str:
+        option, value = self._options.get(found[1]), (found[2] or "").strip('"')
+        if option is None:
+            return found[0]
+        return f"{option} {value}" if value not in ("", "True") else option
 
     def progress(self, title: str) -> "StageProgress":
         """A listener for the stages of the work on one file; use it in a `with` block."""
@@ -135,6 +150,7 @@ def one_line(text: str) -> str:
     return text if text.isprintable() else "".join(each if _shows(each) else ascii(each)[1:-1] for each in text)
 
 
+_ARGUMENT = re.compile(r"`(\w+)(?:=([^`]+))?`")
 _BREAKS = re.compile(r"[\t-\r\x85\u2028\u2029]+")
 _JOINERS = "\u200c\u200d"  # needed to write Persian, and some languages of India; they only join letters or part them
 

@@ -50,7 +50,7 @@ def output_folder(folder: str, *, dry_run: bool = False) -> Path:
     """
     path = Path(folder)
     if not folder:
-        raise OutputError("the name of the output folder is empty; give -o (of a calibration report --report) a folder")
+        raise OutputError("the name of the output folder is empty; give `output` or `report` a folder")
     if identity(path) is None:
         if os.path.islink(path):  # noqa: PTH114 (Path takes no impossible names)
             raise OutputError(f"{folder}: {dangling_link(path)}, or name another folder")
@@ -170,9 +170,9 @@ def refuse_existing(outputs: Iterable[Path]) -> None:
     """Raise OutputError when one of the outputs exists."""
     for output in outputs:
         if identity(output) is not None:
-            raise OutputError(f"{output}: exists already; use --overwrite to replace it")
+            raise OutputError(f"{output}: exists already; use `overwrite=True` to replace it")
         if os.path.islink(output):  # noqa: PTH114
-            raise OutputError(f"{output}: {dangling_link(output)}, or use --overwrite to replace it")
+            raise OutputError(f"{output}: {dangling_link(output)}, or use `overwrite=True` to replace it")
 
 
 def identity(path: str | Path | int) -> tuple[int, int] | None:

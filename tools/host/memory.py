@@ -6,8 +6,6 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from shared.errors import InputError
-
 from .isolated import system_figure
 
 _POWERS = " KMGT"
@@ -32,13 +30,20 @@ def reuse_memory() -> None:
             library.mallopt(parameter, value)
 
 
-def allowed_memory(option: str | None) -> int:
-    """Bytes that `--max-memory` allows ("800M", "4G"); for None, most of the free memory. Raises InputError for other texts."""
-    if option is None:
-        return round(_SHARE * available_memory())
-    size = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)(?:i?B)?", option, re.IGNORECASE)
+def allowed_memory(limit: int | None) -> int:
+    """Bytes that may be used: the limit, or for None most of the free memory."""
+    return round(_SHARE * available_memory()) if limit is None else limit
+
+
+def parse_bytes(text: str) -> int:
+    """Bytes of a size such as "800M" or "4G". Raises ValueError for other texts.
+
+    >>> parse_bytes("1.5k")
+    1536
+    """
+    size = re.fullmatch(r"(\d+(?:\.\d+)?)([KMGT]?)(?:i?B)?", text, re.IGNORECASE)
     if not size or not float(size[1]):
-        raise InputError(f"--max-memory is {option!r}, expected a size such as 800M or 4G")
+        raise ValueError(text)
     return round(float(size[1]) * 1024.0 ** _POWERS.index(str(size[2]).upper() or " "))
 
 
@@ -62,6 +67,6 @@ def _machine() -> int:
 
 
 def format_bytes(size: int) -> str:
-    """A number of bytes for people, rounded up: "350 MB", "1.6 GB"; powers of 1024, as in --max-memory."""
+    """A number of bytes for people, rounded up: "350 MB", "1.6 GB"; powers of 1024."""
     megabytes = -(-size // 2**20)
     return f"{megabytes} MB" if megabytes < 1000 else f"{-(-size * 10 // 2**30) / 10:.1f} GB"

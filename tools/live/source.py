@@ -1,4 +1,4 @@
-"""Sources of frames, and the options of `capture` and `view` that describe them."""
+"""Sources of frames."""
 
 import argparse
 import fcntl
@@ -14,14 +14,12 @@ from pathlib import Path
 from device.capture import Sensor
 from device.capture.checks.frame_check import checked
 from device.capture.frame_folder import watch_folder
-from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
-from shared import CfaPattern, SensorCalibration
-from shared.calibration import BITS
+from device.capture.frames import FrameLayout, RawFrame, format_named, read_frames
+from shared import Camera, CfaPattern, SensorCalibration
 from shared.errors import InputError
 from shared.sensor import typical_noise
 from tools.camera.filters import filters_for
 from tools.camera.simulated_camera import SimulatedCamera
-from tools.host.options import add_camera, camera_of
 from tools.scenes.drawn.builtin import builtin_scene
 
 _STREAM, _BUILTIN = "-", "builtin:"
@@ -48,59 +46,22 @@ class FrameSource:
     notes: tuple[str, ...] = ()
 
 
-def add_source_options(parser: argparse.ArgumentParser) -> None:
-    """Add SOURCE and the options that describe its frames; `open_source` evaluates them."""
-    parser.add_argument(
-        "source", metavar="SOURCE", help="- (standard input), a folder that is watched for frames, or builtin:WIDTHxHEIGHT@FPS"
-    )
-    frames = parser.add_argument_group("the frames of a stream or folder (rpicam-raw prints all this when it starts)")
-    frames.add_argument("--width", type=int, metavar="PIXELS", help="width of a frame")
-    frames.add_argument("--height", type=int, metavar="PIXELS", help="height of a frame")
-    frames.add_argument(
-        "--format",
-        metavar="NAME",
-        help=f"pixel format: {', '.join(FORMATS)}, or its name in V4L2 or libcamera, such as SRGGB10_CSI2P, pRCC, RG16 or Y12P",
-    )
-    frames.add_argument(
-        "--stride", type=int, default=0, metavar="BYTES", help="bytes from one line to the next (default: no padding)"
-    )
-    frames.add_argument(
-        "--bits", type=int, metavar="N", help=f"bits used in u16, {BITS[0]} to {BITS[-1]} (default: the format's, or the camera's)"
-    )
-    frames.add_argument(
-        "--black",
-        type=int,
-        metavar="N",
-        help="black level of the sensor, code (default: the camera's, or a sixteenth of the range); its data sheet says it, "
-        "`calibrate --dark` measures it",
-    )
-    frames.add_argument(
-        "--dark",
-        action="store_true",
-        help="the lens is covered: frames for `calibrate --dark`, to which the checks that take light are not applied",
-    )
-    frames.add_argument(
-        "--unchecked",
-        action="store_true",
-        help="do not compare the first frames with these options; without it, frames that prove one of them wrong are refused",
-    )
-    frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
-    add_camera(parser)
+def open_source(arguments: argparse.Namespace, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
+    """Open the requested source of frames of this camera.
 
-
-def open_source(arguments: argparse.Namespace) -> FrameSource:
-    """Open the requested source. Raises InputError if there is no such source, or if an option does not go with it."""
+    Raises InputError if there is no such source, or if an option does not go with it.
+    """
     source: str = arguments.source
     is_builtin, is_stream = source.startswith(_BUILTIN), source == _STREAM
-    _refuse(arguments, is_builtin or is_stream, "--new", "only a folder can already contain frames")
+    _refuse(arguments, is_builtin or is_stream, "new", "only a folder can already contain frames")
     if is_builtin:
-        for option in ("--width", "--height", "--format", "--stride", "--bits", "--black", "--dark", "--unchecked"):
+        for option in ("width", "height", "pixel_format", "stride", "sensor_bits", "black", "covered", "unchecked"):
             _refuse(arguments, True, option, "the built-in sensor has its own")
-        return _builtin(source, arguments)
-    _refuse(arguments, arguments.unchecked, "--dark", "with --unchecked no frame is looked at; leave one of the two out")
+        return _builtin(source, camera, pattern)
+    _refuse(arguments, arguments.unchecked, "covered", "with `unchecked` no frame is looked at; leave one of the two out")
     if not is_stream and not Path(source).is_dir():
         raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
-    sensor, notes = _described(arguments)
+    sensor, notes = _described(arguments, camera, pattern)
     layout = sensor.layout
     if is_stream:
         if sys.stdin is None or sys.stdin.isatty():
@@ -125,7 +86,7 @@ def open_source(arguments: argparse.Namespace) -> FrameSource:
         stopped: Callable[[], bool], refused: Callable[[InputError], None], note: Callable[[str], None]
     ) -> Iterator[RawFrame]:
         raw = opened(stopped, refused)
-        return raw if arguments.unchecked else checked(raw, sensor, note, dark=arguments.dark)
+        return raw if arguments.unchecked else checked(raw, sensor, note, dark=arguments.covered)
 
     return FrameSource(sensor, frames, waits, notes)
 
@@ -137,44 +98,43 @@ def _enlarge_pipe(descriptor: int) -> None:
 
 
 def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str) -> None:
-    given = getattr(arguments, option.lstrip("-"))
-    if unfit and (given or (given is not None and option == "--black")):  # --black 0 is a black level
-        raise InputError(f"{option} does not go with {arguments.source}: {reason}")
+    given = getattr(arguments, option)
+    if unfit and (given or (given is not None and option == "black")):  # --black 0 is a black level
+        raise InputError(f"`{option}` does not go with {arguments.source}: {reason}")
 
 
-def _described(arguments: argparse.Namespace) -> tuple[Sensor, tuple[str, ...]]:
+def _described(arguments: argparse.Namespace, camera: Camera | None, pattern: CfaPattern) -> tuple[Sensor, tuple[str, ...]]:
     """Return the sensor that the options describe, and notes."""
-    missing = [option for option in ("width", "height", "format") if getattr(arguments, option) is None]
+    missing = [f"`{option}`" for option in ("width", "height", "pixel_format") if getattr(arguments, option) is None]
     if missing:
         raise InputError(
-            f"{arguments.source}: frames have no header; describe them with --{', --'.join(missing)} (and --stride). "
+            f"{arguments.source}: frames have no header; describe them with {', '.join(missing)} (and `stride`). "
             "rpicam-raw prints these values when it starts"
         )
-    name, bits = format_named(arguments.format)
+    name, bits = format_named(arguments.pixel_format)
     layout = FrameLayout(arguments.width, arguments.height, name, arguments.stride)
-    if arguments.camera and arguments.bits:
-        raise InputError("--bits does not go with --camera: the camera file says it")
+    if arguments.camera and arguments.sensor_bits:
+        raise InputError("`sensor_bits` does not go with `camera`: the camera file says it")
     if arguments.camera and arguments.black is not None:
-        raise InputError("--black does not go with --camera: the camera file says it")
-    camera, pattern = camera_of(arguments)
+        raise InputError("`black` does not go with `camera`: the camera file says it")
     if camera:
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(
-        arguments.bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
+        arguments.sensor_bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
     )
     if arguments.black is not None:
         calibration = _with_black(calibration, arguments.black)
     black, white = calibration.black_level[0], calibration.white_level
     assumed = f"black level {black:.0f} and white level {white} are" if arguments.black is None else f"white level {white} is"
-    note = f"no --camera: {assumed} assumed, and the white balance is estimated"
+    note = f"no `camera`: {assumed} assumed, and the white balance is estimated"
     return Sensor(layout, pattern, calibration), (note,)
 
 
 def _with_black(calibration: SensorCalibration, black: int) -> SensorCalibration:
     """Return the calibration with this black level on all planes. Raises InputError that names the option."""
     if not 0 <= black <= calibration.white_level // 2:
-        raise InputError(f"--black is {black}, expected a code from 0 to {calibration.white_level // 2}, half of the range")
+        raise InputError(f"`black` is {black}, expected a code from 0 to {calibration.white_level // 2}, half of the range")
     return replace(calibration, black_level=(float(black),) * len(calibration.black_level))
 
 
@@ -186,12 +146,11 @@ def _ideal_gamma(pattern: CfaPattern) -> tuple[float, ...]:
         return (1.0,) * len(pattern.channels)
 
 
-def _builtin(source: str, arguments: argparse.Namespace) -> FrameSource:
+def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
     found = re.fullmatch(r"builtin:(\d{1,5})x(\d{1,5})@(\d{1,4}(?:\.\d{1,3})?)", source)
     rate = float(found[3]) if found else 0.0
     if not found or not rate:
         raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
-    camera, pattern = camera_of(arguments)
     scene = builtin_scene(1, 1)
     try:
         filters = filters_for(pattern, scene)

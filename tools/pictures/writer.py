@@ -128,7 +128,7 @@ def check_gain(kind: PictureKind, exposure: float) -> None:
         check_exposure(exposure)
     elif exposure != 0:
         raise InputError(
-            f"an exposure of {exposure:g} stops with --space camera, which is the scene as measured; choose another space"
+            f'an exposure of {exposure:g} stops with `space="camera"`, which is the scene as measured; choose another space'
         )
 
 

@@ -100,12 +100,12 @@ def _existing_output(order: Order, source: str, output: Path, source_digest: str
             refuse_existing([output])
         return _Existing(replace=True)
     if not made and not order.overwrite:
-        raise OutputError(f"{output}: exists already, and no render noted that it made it; --overwrite replaces it all the same")
+        raise OutputError(f"{output}: exists already, and no render noted that it made it; `overwrite=True` replaces it")
     found = digest(output)
     if made and source_digest and made[-1].digest == found and made[-1].key == order.key(output, source_digest):
         return _Existing("made" if of_this_run else "current", True)
     if made and not order.overwrite and _both_there(made[-1].source, source):
-        raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or --overwrite")
+        raise OutputError(f"{output}: is the picture of {made[-1].source}; use another output folder, or `overwrite=True`")
     return _Existing(None, True, not order.overwrite and found not in {entry.digest for entry in made})
 
 
@@ -131,7 +131,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
             note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
         calibration = mosaic.calibration
         if calibration.neutral is None and calibration.camera_to_xyz is None and order.kind.has_white_balance:
-            note(f"{source}: the white balance is unknown and taken as even; --wb auto estimates it, --wb R,G,B sets it")
+            note(f'{source}: the white balance is unknown and taken as even; `white="auto"` estimates it, `white="R,G,B"` sets it')
         for zoomed in calibration.zoomed(mosaic.metadata.focal_length):
             note(f"{source}: {zoomed}")
         subject.prepare(settings, progress)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from offline import RenderSettings
     from offline.burst import MergedBurst, Motion
 
-Shift = tuple[float, float]
+_MOST = 1000.0  # pixels that a sensor moves
+Shift = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,10 @@ class BurstOrder(Order):
     reference: int | None = None
     shifts: tuple[Shift, ...] = ()
 
+    def __post_init__(self) -> None:
+        if not all(abs(pixels) <= _MOST for shift in self.shifts for pixels in shift):
+            raise InputError(f"`shifts` are {self.shifts}, expected {_MOST:g} pixels at most")
+
     def open(self, shot: Shot, memory: int, note: Note) -> Subject:
         """The frames that can be read. Raises InputError if there is none, or if the one that is to be the reference is not."""
         frames: list[Frame] = []
@@ -52,7 +57,7 @@ class BurstOrder(Order):
             if frame.reason and not frame.failed:
                 note(f"{frame.name}: is left out: {frame.reason}")
         if self.reference is not None and frames[self.reference].reason:
-            raise InputError(f"{frames[self.reference].line}; name another --reference")
+            raise InputError(f"{frames[self.reference].line}; name another `reference`")
         if not any(frame.mosaic for frame in frames):
             for frame in frames:
                 if frame.failed:
@@ -104,7 +109,7 @@ class Burst(Subject):
                 channels = self.mosaic.calibration.channels
                 raise InputError(
                     f"a report shows pictures in sRGB, and the colours of {channels} are not known: calibrate the camera "
-                    "(panchroma calibrate), or leave --report out"
+                    "(panchroma calibrate), or leave `report` out"
                 ) from None
 
     def prepare(self, settings: "RenderSettings", progress: Progress) -> None:

@@ -1,5 +1,6 @@
 """What a run is asked for, what one shot may use of the machine, and what came of it."""
 
+import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -26,8 +27,7 @@ class Order:
 
     folder: the output folder, home of the journal.
     kind: format, bits and colour space of the pictures.
-    preset: "best" or "paper".
-    learned: use the network of the preset "best".
+    preset: "best", "unlearned" (best without its network) or "paper".
     exposure: gain of a display picture, stops.
     camera: replaces the calibration in the shots.
     run: name of this run in the journal.
@@ -51,7 +51,6 @@ class Order:
     defects: Places = ()
     white: WhiteBalance = AS_SHOT
     max_pixels: int = MAX_PIXELS
-    learned: bool = True
     resume: bool = False
     overwrite: bool = False
     dry_run: bool = False
@@ -61,9 +60,7 @@ class Order:
         """RenderSettings of the preset."""
         from offline import BEST, PAPER
 
-        if self.preset == "paper":
-            return PAPER
-        return BEST if self.learned else replace(BEST, learned=PAPER.learned)
+        return {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}[self.preset]
 
     def open(self, shot: Shot, memory: int, note: Note) -> Subject:
         """What a picture is rendered from, read from its files. Raises InputError if it cannot become such a picture.
@@ -100,7 +97,7 @@ class Order:
 
     def name(self, output: Path) -> str:
         """The picture's path below the folder, as it stands in the journal."""
-        return output.relative_to(self.folder).as_posix()
+        return Path(os.path.relpath(output, self.folder)).as_posix()
 
     def key(self, output: Path, source_digest: str) -> str:
         """Digest of everything that a picture depends on. Orders with equal keys make equal pictures."""

@@ -72,7 +72,7 @@ def check_memory(mosaic: Mosaic, kind: PictureKind, settings: "RenderSettings", 
     what = f"{frames} frames of {columns} x {rows} pixels" if frames > 1 else f"{columns} x {rows} pixels"
     raise InputError(
         f"{what} as {kind.format} need {format_bytes(need)} of memory, {format_bytes(limit)} are allowed; "
-        f"{remedy}set --max-memory {format_bytes(need).replace(' ', '').removesuffix('B')} if the machine has as much"
+        f"{remedy}set `max_memory={format_bytes(need).replace(' ', '').removesuffix('B')}` if the machine has as much"
     )
 
 

@@ -18,13 +18,13 @@ from .run import Pass
 from .shots import Shot
 
 
-def passes(order: Order, client: Any, threads: int | None, memory: str | None, note: Note) -> list[Pass]:
+def passes(order: Order, client: Any, threads: int | None, memory: int | None, note: Note) -> list[Pass]:
     """The passes over a list of shots by dask workers; on this machine alone `tools.rendering.run.passes` takes their place.
 
     order: settings of the run.
     client: of the dask scheduler.
     threads: number for each worker; None = as many as it was started with.
-    memory: limit for each worker, in the form of `--max-memory`; None = most of its free memory.
+    memory: limit for each worker, bytes; None = most of its free memory.
     note: called with each different remark of the workers, and with each remark on them.
 
     Raises SchedulerGoneError when the scheduler ends.
@@ -51,7 +51,7 @@ def _pass(
         yield shot, outcome
 
 
-def _work(order: Order, threads: int | None, memory: str | None, last: bool, shot: Shot) -> tuple[Outcome, list[str]]:
+def _work(order: Order, threads: int | None, memory: int | None, last: bool, shot: Shot) -> tuple[Outcome, list[str]]:
     """On a worker: the outcome, and remarks for the user."""
     from distributed import get_worker
 

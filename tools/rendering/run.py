@@ -27,7 +27,7 @@ Pass = Callable[[Sequence[Shot]], Iterator[tuple[Shot, Outcome]]]
 
 _MANY = 2  # shots per processor from which on one process per processor pays
 _LARGEST = 3  # files that are read to learn how much memory the largest shot needs
-_REMEDY = "render it with --workers 1, or allow more with --max-memory"
+_REMEDY = "render it with `workers=1`, or allow more with `max_memory`"
 _WORDS = {"made": "made", "planned": "to be made", "current": "up to date", "foreign": "left alone", "failed": "failed"}
 
 
@@ -45,7 +45,7 @@ class Resources:
     memory: int
 
     @classmethod
-    def of(cls, order: Order, shots: Sequence[Shot], workers: int | None, threads: int | None, memory: str | None) -> "Resources":
+    def of(cls, order: Order, shots: Sequence[Shot], workers: int | None, threads: int | None, memory: int | None) -> "Resources":
         """What the user asks for. What is left open (None) is chosen by processors and memory: one process for a few shots."""
         cores, allowed = processors(), allowed_memory(memory)
         if workers is None:

@@ -16,7 +16,7 @@ _LARGEST = 1000.0  # multiplier; its inverse is the smallest
 
 @dataclass(frozen=True)
 class WhiteBalance:
-    """What --wb asks for.
+    """Which white balance pictures get.
 
     kind: "camera": the neutral of the shot; "auto": estimated from the whole mosaic; "" if there are multipliers.
     multipliers: one per channel, as raw developers have them: a channel is brighter for a larger one. Only their ratios matter.
@@ -35,17 +35,17 @@ class WhiteBalance:
         except ValueError:
             multipliers = ()
         if len(multipliers) < 2:
-            raise InputError(f"--wb is {text!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
+            raise InputError(f"`white` is {text!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
         if not all(math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers):
-            raise InputError(f"--wb is {text!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
+            raise InputError(f"`white` is {text!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
         return cls("", tuple(each / min(multipliers) for each in multipliers))
 
     def check(self, kind: PictureKind) -> None:
         """Raise InputError if this kind of picture has no white balance."""
         if self.changes and not kind.has_white_balance:
             raise InputError(
-                "--wb does not go with --space camera, which is the scene as measured, not balanced; choose another space, such as "
-                "linear-srgb, or leave --wb out"
+                '`white` does not go with `space="camera"`, the scene as measured, not balanced; choose another space, such '
+                "as linear-srgb, or leave `white` out"
             )
 
     @property
@@ -61,11 +61,13 @@ class WhiteBalance:
         if self.kind == _AUTO:
             neutral = estimate_neutral(mosaic)
             if neutral is None:
-                raise InputError("too dark, too bright or too small to estimate the white balance; give --wb camera or multipliers")
+                raise InputError(
+                    'too dark, too bright or too small to estimate the white balance; give `white="camera"` or multipliers'
+                )
             return replace(mosaic, calibration=balanced(calibration, np.array(neutral), estimated=True))
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
-            raise InputError(f"--wb has {count} multipliers, expected one for each channel of the sensor: {channels}")
+            raise InputError(f"`white` has {count} multipliers, expected one for each channel of the sensor: {channels}")
         return replace(mosaic, calibration=balanced(calibration, 1 / np.array(self.multipliers)))
 
 

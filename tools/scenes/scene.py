@@ -96,7 +96,7 @@ def check_size(width: int, height: int, pixel_bytes: int = 0, file_bytes: int = 
     if width < 1 or height < 1:
         raise InputError(f"the picture is {width} x {height} pixels: it is empty")
     if width * height > max_pixels:
-        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; simulate --max-pixels raises it")
+        raise InputError(f"{width} x {height} pixels are more than the limit of {max_pixels}; `max_pixels` raises it")
     decoded = width * height * pixel_bytes
     believed = width * height <= _BELIEVED and decoded <= _BELIEVED * _BELIEVED_BYTES
     if file_bytes and not believed and decoded > MAX_EXPANSION * file_bytes:

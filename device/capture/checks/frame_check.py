@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
-_GREENS = f"the frame does not show whether the greens are on the diagonal that --order says (it has little colour){_NEXT}"
-_COLOURS = f"the frame does not show whether each colour is where --pattern says (it has little colour){_NEXT}"
+_GREENS = f"the frame does not show whether the greens are on the right diagonal (it has little colour){_NEXT}"
+_COLOURS = f"the frame does not show whether each colour is where `pattern` says (it has little colour){_NEXT}"
 _TRIED = 2  # strides; the right one is the likeliest or the next
 _TWICE = 2  # convincing frames; the second shows that the first has as many rows as described
 
@@ -69,7 +69,7 @@ class FrameCheck:
         if not found:
             return [_UNPROVEN]
         if width < layout.width:
-            rows = f"--width {width} --stride {layout.stride}"
+            rows = f"`width={width}` `stride={layout.stride}`"
             raise _misfit(f"its rows have {layout.width - width} samples at the end that are the same in all of them", rows)
         self._confirmed += 1
         self._order |= self._shows_order(codes, found)
@@ -87,7 +87,7 @@ class FrameCheck:
         if pattern.is_scattered:
             place = likely_place(codes, pattern, found.places)
             if place and place != pattern.block_origin:
-                raise _misfit("its colours are at other sites of the tile", f"--origin {place[0]} {place[1]}")
+                raise _misfit("its colours are at other sites of the tile", f"`origin={place[0]} {place[1]}`")
             return place is not None
         black = float(np.mean(calibration.black_level))
         greens = greens_are_on_their_diagonal(codes, pattern, black, calibration.white_level)
@@ -145,7 +145,7 @@ class FrameCheck:
             if levels.show_no_filters(pattern):
                 raise _misfit(
                     "the samples at the places of the colour filters are as bright as their neighbours",
-                    "a sensor without colour filters, or another --pattern, --period or --origin",
+                    "a sensor without colour filters, or another `pattern`, `period` or `origin`",
                 )
         return None
 
@@ -169,7 +169,7 @@ class FrameCheck:
 
     def _too_tall(self) -> InputError:
         height = self._sensor.layout.height
-        return _misfit(f"a frame ends and the next begins at another row than after {height}", "another --height")
+        return _misfit(f"a frame ends and the next begins at another row than after {height}", "another `height`")
 
     def _check_stride(self, frame: RawFrame, found: Found | None, others: list[int], *, aligned: bool) -> None:
         layout = self._sensor.layout
@@ -184,7 +184,7 @@ class FrameCheck:
         if found.period == 2:
             return _misfit(
                 "its colours repeat every 2 pixels",
-                "an ordinary Bayer sensor, whose raw files other programs develop, or one with scattered colours, which --pattern "
+                "an ordinary Bayer sensor, whose raw files other programs develop, or one with scattered colours, which `pattern` "
                 "describes",
             )
         layout, pattern = self._sensor.layout, self._sensor.pattern
@@ -195,7 +195,7 @@ class FrameCheck:
             return self._misread(frame, reading)
         period = pattern.period
         where = f"its colour sites repeat every {found.period} pixels, from row and column {found.block_origin} on"
-        return _misfit(where, f"{f'--period {found.period} ' if found.period != period else ''}{self._origin(found)}")
+        return _misfit(where, f"{f'`period={found.period}` ' if found.period != period else ''}{self._origin(found)}")
 
     def _misread(self, frame: RawFrame, reading: Reading) -> InputError:
         layout = self._sensor.layout
@@ -216,18 +216,18 @@ class FrameCheck:
         options = []
         if reading.format != layout.format:
             seen.append(f"its samples are packed as {reading.format}, not as {layout.format}")
-            options.append(f"--format {reading.format}")
+            options.append(f"`pixel_format={reading.format}`")
         if reading.stride != layout.stride:
-            options.append(f"--stride {reading.stride}")
+            options.append(f"`stride={reading.stride}`")
         if reading.width < layout.width:
-            options.append(f"--width {reading.width} or less")
+            options.append(f"`width={reading.width}` or less")
         if reading.skipped:
             bytes_ = f"{reading.skipped} bytes (or whole groups of samples more)"
             seen.append(f"its samples begin {bytes_} after the beginning of the frame")
             options.append("a stream without a header")
         if not self._is_declared(reading.found) and not reading.skipped:
             if reading.found.period != self._sensor.pattern.period:
-                options.append(f"--period {reading.found.period}")
+                options.append(f"`period={reading.found.period}`")
             options.append(self._origin(reading.found))
         return _misfit(", and ".join(seen or ["its samples lie elsewhere"]), " ".join(options))
 
@@ -237,11 +237,11 @@ class FrameCheck:
         if found.period != pattern.period:
             shift = [0, 0]
         row, column = ((place + moved) % found.period for place, moved in zip(found.block_origin, shift, strict=True))
-        return f"--origin {row} {column}"
+        return f"`origin={row} {column}`"
 
     def _other_orders(self) -> str:
         letters = "".join(self._sensor.pattern.channels[channel] for *_, channel in self._sensor.pattern.sites)
-        return "--order GRBG or GBRG" if letters in ("RGGB", "BGGR") else "--order RGGB or BGGR"
+        return "`pattern` with blocks GRBG or GBRG" if letters in ("RGGB", "BGGR") else "`pattern` with blocks RGGB or BGGR"
 
 
 def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], None], *, dark: bool = False) -> Iterator[RawFrame]:
@@ -266,4 +266,4 @@ def checked(frames: Iterable[RawFrame], sensor: "Sensor", note: Callable[[str], 
 
 
 def _misfit(seen: str, likely: str) -> InputError:
-    return InputError(f"the frame is not as described: {seen}; likely {likely}. If the description is right, add --unchecked")
+    return InputError(f"the frame is not as described: {seen}; likely {likely}. If the description is right, add `unchecked`")

@@ -72,7 +72,7 @@ class Levels:
             return None
         if in_right_format or self._seem_covered(bits):
             return seen, self._likely(bits)
-        return seen, "another --format, --stride, --bits, or --camera with its levels"
+        return seen, "another `pixel_format`, `stride`, `sensor_bits`, or `camera` with its levels"
 
     def lit(self) -> tuple[str, str] | None:
         """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""
@@ -81,7 +81,7 @@ class Levels:
             return f"a sample is {self._highest}, more than {self._calibration.bits} bits hold", self._likely(bits + bits % 2)
         if not self._are_narrow(self._calibration.bits):
             seen = f"its samples are {self._low:.0f} to {self._high:.0f}, and those of a dark frame are nearly equal"
-            return seen, "light on the sensor (cover the lens, or leave --dark out), or another --format"
+            return seen, "light on the sensor (cover the lens, or leave `covered` out), or another `pixel_format`"
         return None
 
     def _impossible(self, declared: int, bits: int) -> str:
@@ -109,11 +109,13 @@ class Levels:
         if not self._are_words:
             return ""
         if self._shift >= _UNUSED and declared < _WORD:
-            return f"its samples never use the lowest {self._shift} bits: they may be shifted up; then --bits {_WORD} is right"
+            return (
+                f"its samples never use the lowest {self._shift} bits: they may be shifted up; then `sensor_bits={_WORD}` is right"
+            )
         if declared - self._highest.bit_length() >= _UNUSED:
-            return f"its samples never use the highest of {declared} bits: the light is dim, or they have fewer; then give --bits"
+            return f"its samples never use the highest of {declared} bits: the light is dim, or they are fewer `sensor_bits`"
         if self._low > _HIGH * self._black + self._margin and self._highest < self._calibration.white_level:
-            return f"even its darkest samples are far brighter than black, which is {self._black:.0f}: is --bits {declared} right?"
+            return f"even its darkest samples are far above black, {self._black:.0f}: is `sensor_bits={declared}` right?"
         return ""
 
     def show_no_filters(self, pattern: CfaPattern) -> bool:
@@ -132,16 +134,16 @@ class Levels:
     def _likely(self, bits: int) -> str:
         if self._seem_covered(bits):
             return (
-                "--dark, if the lens is covered, and --black N with the sensor's black level if it is known; or another --format, "
-                "--stride or --bits"
+                "`covered`, if the lens is covered, and `black=N` with the sensor's black level if it is known; or another "
+                "`pixel_format`, `stride` or `sensor_bits`"
             )
         if self._shift >= _UNUSED:
             bits = _WORD
         elif bits < 12 and self._low > _HIGH * (1 << (bits - 4)):  # a sensor of 10 bits has its black at 64, one of 12 at 256
             bits = 12
         if self._are_words and bits != self._calibration.bits:
-            return f"--bits {bits}"
-        return "--black N with the sensor's own black level, another --format, or --camera with its levels"
+            return f"`sensor_bits={bits}`"
+        return "`black=N` with the sensor's own black level, another `pixel_format`, or `camera` with its levels"
 
     def _seem_covered(self, bits: int) -> bool:
         """Whether they may be a dark frame's, of a sensor whose black level is lower."""

@@ -169,7 +169,7 @@ def test_a_stream_that_ends_in_a_frame_says_so_after_the_whole_ones(rest: int) -
 
 def test_a_stream_that_ends_in_a_frame_is_told_the_stride_that_fits() -> None:
     _, message = collect(Pieces(bytes(3 * 16 * 4), 10))
-    assert message.endswith("All its bytes are whole frames with --stride 16: discard the shots of this stream")
+    assert message.endswith("All its bytes are whole frames with `stride=16`: discard the shots of this stream")
     _, message = collect(Pieces(bytes(3 * 16 * 4 + 1), 10))
     assert message.endswith("its frames have another size, and the shots of this stream are wrong")
 
@@ -177,7 +177,7 @@ def test_a_stream_that_ends_in_a_frame_is_told_the_stride_that_fits() -> None:
 def test_a_recording_of_another_stride_is_refused() -> None:
     LAYOUT.check_recording(36 * 4)
     LAYOUT.check_recording(36 * 4 + 1)  # was cut
-    with pytest.raises(InputError, match=r"192 bytes are no whole number of frames: .* likely --stride 16\. .* add --unchecked"):
+    with pytest.raises(InputError, match=r"192 bytes are no whole number of frames: .* likely `stride=16`\. .* add `unchecked`"):
         LAYOUT.check_recording(3 * 16 * 4)
 
 

@@ -164,7 +164,7 @@ def test_any_other_is_built_where_onnx_is() -> None:
 def test_without_onnx_it_says_how_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "device.preview.graph", None)
     assert isinstance(find_model(CfaPattern.bayer(6), 1, linear=False), Path)
-    with pytest.raises(InputError, match=r"RGWWW/GBWWW/WWWWW/WWWWW/WWWWW at scale 1.* pip install onnx, .*--graph"):
+    with pytest.raises(InputError, match=r"RGWWW/GBWWW/WWWWW/WWWWW/WWWWW at scale 1.* pip install onnx, .*`graph`"):
         find_model(CfaPattern.bayer(5), 1, linear=False)
 
 

@@ -171,7 +171,7 @@ def test_the_text_of_the_motion(leaves: FloatArray) -> None:
         ({"pixels": -1}, "--motion is -1 pixels"),
         ({"pixels": np.nan}, "--motion is nan"),
         ({"degrees": 31}, "--rotation is 31 degrees, expected 0 to 30"),
-        ({"stops": (0, 1)}, "--exposures has 2 figures for 3 frames"),
+        ({"stops": (0, 1)}, "--bracket has 2 figures for 3 frames"),
         ({"stops": (0, 1, 99)}, "expected -10 to 10"),
         ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
     ],

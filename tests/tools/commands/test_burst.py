@@ -24,7 +24,7 @@ from tools.host.progress import LineProgress
 from tools.pictures.writer import POSSIBLE, PictureKind
 from tools.scenes.drawn.builtin import builtin_scene
 
-MEASURED = ("--bits", "32", "--space", "camera", "--no-learned")
+MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
 UNLEARNED = replace(BEST, learned=PAPER.learned)
 STEM = "builtin-280x220"
 
@@ -53,7 +53,7 @@ def frame(folder: Path, number: int) -> Path:
 
 
 def merged(folder: Path, out: Path, *options: str) -> Outcome:
-    outcome = run("burst", folder, "-o", out, "--no-learned", *options)
+    outcome = run("burst", folder, "-o", out, "--preset", "unlearned", *options)
     assert outcome.code == 0, outcome.err
     return outcome
 
@@ -148,9 +148,9 @@ def test_a_sensor_that_moves_to_the_right_has_a_positive_x(tmp_path: Path, out: 
     ("options", "words"),
     [
         (("--shifts", "0,0", "2,0"), "--shifts has 2 places for 3 shots, expected one for each"),
-        (("--shifts", "0,0", "2", "-2,0"), "--shifts has '2', expected pixels to the right and down such as 2,0"),
-        (("--shifts", "0,0", "nan,0", "1,1"), "--shifts has 'nan,0', expected"),
-        (("--shifts", "0,0", "-2,-1e9", "1,1"), "--shifts has '-2,-1e9', expected"),
+        (("--shifts", "0,0", "2", "-2,0"), "argument --shifts: '2' is not 2 numbers with commas between them, such as 2,-0.5"),
+        (("--shifts", "0,0", "nan,0", "1,1"), "--shifts are ((0.0, 0.0), (nan, 0.0)"),
+        (("--shifts", "0,0", "-2,-1e9", "1,1"), "expected 1000 pixels at most"),
         (("--reference", "elsewhere.dng"), "--reference elsewhere.dng: is none of the 3 shots of the burst"),
         (("--max-memory", "much"), "--max-memory is 'much', expected"),
     ],
@@ -176,7 +176,7 @@ def test_a_folder_with_two_series_is_refused(frames: Path, out: Path) -> None:
 
 def test_files_of_no_series_give_a_picture_called_as_the_first(frames: Path, out: Path) -> None:
     frame(frames, 2).rename(frames / "other.dng")
-    outcome = run("burst", frames / "other.dng", frame(frames, 1), "-o", out, "--no-learned")
+    outcome = run("burst", frames / "other.dng", frame(frames, 1), "-o", out, "--preset", "unlearned")
     assert outcome.code == 0, outcome.err
     assert results(out) == {"other.tif"}
 
@@ -193,7 +193,7 @@ def test_a_frame_of_another_size_is_left_out_by_name(frames: Path, out: Path) ->
     assert f"{odd}: is left out: it has 70 x 60 pixels, the others " in outcome.err
     (record,) = outcome.records
     assert [each["used"] for each in record["frames"]] == [True, True, True, False]
-    outcome = run("burst", frames, "-o", out, "--reference", odd, "--overwrite", "--no-learned")  # then the others are odd
+    outcome = run("burst", frames, "-o", out, "--reference", odd, "--overwrite", "--preset", "unlearned")  # then the others are odd
     assert outcome.code == 0
     assert outcome.err.count("is left out: it has ") == 3
     assert f"{odd}: is the only frame that is left; the picture is that of one shot" in outcome.err
@@ -210,7 +210,10 @@ def test_a_frame_of_another_camera_is_left_out_by_name(frames: Path, out: Path, 
     said = merged(frames, out).err
     words = "its filters are arranged otherwise" if change == "pattern" else "it was taken with another camera"
     assert f"{frame(frames, 2)}: is left out: {words}" in said
-    assert run("burst", frames, "-o", out, "--reference", frame(frames, 2), "--overwrite", "--no-learned").err.count(words) == 2
+    assert (
+        run("burst", frames, "-o", out, "--reference", frame(frames, 2), "--overwrite", "--preset", "unlearned").err.count(words)
+        == 2
+    )
 
 
 def test_a_frame_of_another_scene_is_left_out_by_name_even_if_it_is_the_sharpest(frames: Path, out: Path) -> None:
@@ -225,7 +228,7 @@ def test_a_frame_of_another_scene_is_left_out_by_name_even_if_it_is_the_sharpest
 
 def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: Path) -> None:
     frame(frames, 3).write_bytes(frame(frames, 3).read_bytes()[:5000])
-    outcome = run("burst", frames, "-o", out, "--no-learned")
+    outcome = run("burst", frames, "-o", out, "--preset", "unlearned")
     assert_refused(outcome, name=str(frame(frames, 3)))
     assert "2 of 3 frames" in outcome.out
     assert results(out) == {f"{STEM}.tif"}
@@ -246,7 +249,7 @@ def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
     outcome = merged(frames, out, "--overwrite", "--reference", str(copies[0]))
     assert f"{frame(frames, 2)}: is left out: it is a copy of {copies[0]}: " in outcome.err
     assert f"3 of 5 frames, reference {copies[0].name}" in outcome.out
-    outcome = run("burst", frame(frames, 2), *copies, "-o", out, "--overwrite", "--no-learned")
+    outcome = run("burst", frame(frames, 2), *copies, "-o", out, "--overwrite", "--preset", "unlearned")
     assert outcome.code == 0
     assert f"{frame(frames, 2)}: is the only frame that is left; the picture is that of one shot" in outcome.err
     outcome = run("burst", frames, "-o", out, "--overwrite", "--dry-run")
@@ -266,7 +269,9 @@ def test_a_dng_of_another_program_in_the_folder_is_left_out(frames: Path, out: P
     outcome = merged(frames, out)
     assert f"{STEM}-9.dng: is left out: " in outcome.err
     assert "3 of 4 frames" in outcome.out
-    assert run("burst", *sorted(frames.glob("*.dng")), "-o", out, "--overwrite", "--no-learned").code == 1  # the user named it
+    assert (
+        run("burst", *sorted(frames.glob("*.dng")), "-o", out, "--overwrite", "--preset", "unlearned").code == 1
+    )  # the user named it
 
 
 def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: Path) -> None:
@@ -275,7 +280,7 @@ def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: 
         save_shot(frame(frames, number), shape=(50 + number, 60))
     outcome = merged(frames, out)
     assert f"{frame(frames, 1)}: is the only frame that is left; the picture is that of one shot" in outcome.err
-    assert run("render", frame(frames, 1), "-o", tmp_path / "one", "--no-learned").code == 0
+    assert run("render", frame(frames, 1), "-o", tmp_path / "one", "--preset", "unlearned").code == 0
     assert (out / f"{STEM}.tif").read_bytes() == (tmp_path / "one" / f"{STEM}-1.tif").read_bytes()
 
 
@@ -295,8 +300,8 @@ def test_no_frame_is_left(tmp_path: Path, out: Path) -> None:
 
 def test_what_exists_stays(taken: Path, out: Path) -> None:
     (out / f"{STEM}.html").write_text("mine")
-    assert_refused(run("burst", taken, "-o", out, "--report"), "exists already; use --overwrite", name=f"{out / STEM}.html")
-    assert_refused(run("burst", taken, "-o", out, "--report", "--resume"), "no render noted", name=f"{out / STEM}.html")
+    assert_refused(run("burst", taken, "-o", out, "--report", out), "exists already; use --overwrite", name=f"{out / STEM}.html")
+    assert_refused(run("burst", taken, "-o", out, "--report", str(out), "--resume"), "no render noted", name=f"{out / STEM}.html")
     assert contents(out) == {f"{STEM}.html": b"mine"}
 
 
@@ -310,28 +315,28 @@ def test_an_input_is_never_replaced(frames: Path) -> None:
 
 
 def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
-    resume = ("--resume", "--report", "--json", "--dry-run")
+    resume = ("--resume", "--report", str(out), "--json", "--dry-run")
     page = out / f"{STEM}.html"
-    merged(frames, out, "--report")
+    merged(frames, out, "--report", str(out))
     assert merged(frames, out, *resume).records[0].get("current")
     page.unlink()
     assert not merged(frames, out, *resume).records[0].get("current")
-    merged(frames, out, "--resume", "--report")
+    merged(frames, out, "--resume", "--report", str(out))
     assert merged(frames, out, *resume).records[0].get("current")
     for more in (("--reference", str(frame(frames, 2))), ("--exposure", "1"), ("--shifts", "0,0", "0,1", "1,0")):
         assert not merged(frames, out, *resume, *more).records[0].get("current")
     page.write_text("edited")
     save_shot(frames / f"{STEM}-4.dng", shape=(60, 70))
-    merged(frames, out, "--resume", "--report")
+    merged(frames, out, "--resume", "--report", str(out))
     assert (out / f"{page.name}.bak").read_text() == "edited"
     assert "3 of 4 frames" in page.read_text()
 
 
 def test_a_finished_burst_still_names_its_damaged_frame(frames: Path, out: Path) -> None:
     frame(frames, 3).write_bytes(frame(frames, 3).read_bytes()[:5000])
-    first = run("burst", frames, "-o", out, "--no-learned", "--resume")
+    first = run("burst", frames, "-o", out, "--preset", "unlearned", "--resume")
     for more in ((), (), ("--dry-run",)):
-        outcome = run("burst", frames, "-o", out, "--no-learned", "--resume", *more)
+        outcome = run("burst", frames, "-o", out, "--preset", "unlearned", "--resume", *more)
         assert_refused(outcome, name=str(frame(frames, 3)))
         assert "is up to date" in outcome.out
         assert outcome.errors == first.errors
@@ -347,12 +352,12 @@ def test_an_interrupt_leaves_nothing_half_done(stage: str, taken: Path, out: Pat
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(LineProgress, "stage", interrupted)
-    outcome = run("burst", taken, "-o", out, "--report", "--json")
+    outcome = run("burst", taken, "-o", out, "--report", str(out), "--json")
     assert (outcome.code, outcome.out, names(out)) == (130, "", set())
 
 
 def test_a_dry_run_makes_nothing(taken: Path, tmp_path: Path) -> None:
-    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report")
+    outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report", tmp_path / "page")
     assert outcome.code == 0
     assert outcome.out == f"{frame(taken, 1)} -> {tmp_path / 'new' / STEM}.tif\n"
     assert names(tmp_path) == set()
@@ -369,7 +374,7 @@ def test_a_burst_that_needs_too_much_memory_is_refused(taken: Path, out: Path) -
 
 def test_the_report_shows_what_was_left_out_and_why(frames: Path, out: Path, tmp_path: Path) -> None:
     odd = save_shot(frames / f"{STEM}-4.dng", shape=(60, 70))
-    merged(frames, out, "--report", "--exposure", "0.5")
+    merged(frames, out, "--report", str(out), "--exposure", "0.5")
     path = out / f"{STEM}.html"
     page = path.read_text()
     for words in ("3 of 4 frames are in the picture", f"{odd}: it has 70 x 60 pixels", "Where frames were merged", "Motion"):
@@ -388,7 +393,7 @@ def test_the_report_on_one_frame_says_so(frames: Path, out: Path) -> None:
     frame(frames, 2).unlink()
     frame(frames, 3).unlink()
     save_shot(frame(frames, 3), shape=(60, 70))
-    merged(frames, out, "--report")
+    merged(frames, out, "--report", str(out))
     page = (out / f"{STEM}.html").read_text()
     assert "1 of 2 frames are in the picture" in page
     assert "They are the same." in page

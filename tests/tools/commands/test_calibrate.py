@@ -122,7 +122,7 @@ def test_what_cannot_work_is_refused_before_the_work(folder: Path, tmp_path: Pat
         ([shot, "-o", tmp_path], "is a folder"),
         ([shot, "-o", tmp_path / "no" / "camera.json"], "does not exist"),
         ([shot, shot, "--corners", *CORNERS, "-o", tmp_path / "camera.json"], "one shot"),
-        ([shot, "--corners", "1", "2", "3", "4", "-o", tmp_path / "camera.json"], "X,Y"),
+        ([shot, "--corners", "1", "2", "3", "4", "-o", tmp_path / "camera.json"], "is not 2 numbers with commas between them"),
         ([shot, "-o", shot, "--overwrite"], "is an input"),
     )
     for words, why in commands:
@@ -235,7 +235,7 @@ def test_every_order_of_updates_ends_like_one_command(folder: Path, tmp_path: Pa
     assert read_camera(path).measured["black_level"]["frames"] == 2
 
 
-@pytest.mark.parametrize("camera", [[], ["--period", "4", "--bits", "16"]])
+@pytest.mark.parametrize("camera", [[], ["--period", "4", "--sensor-bits", "16"]])
 def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera; two flat frames of the same seed are refused."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}

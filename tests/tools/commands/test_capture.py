@@ -27,7 +27,7 @@ from tools.commands import capture as verb
 from tools.scenes.drawn.builtin import builtin_scene
 
 SIZE = (20, 30)
-LAYOUT = ["--width", "30", "--height", "20", "--format", "SRGGB12_CSI2P", "--stride", "64"]
+LAYOUT = ["--width", "30", "--height", "20", "--pixel-format", "SRGGB12_CSI2P", "--stride", "64"]
 
 
 def frame(seed: int) -> bytes:
@@ -94,7 +94,7 @@ def test_a_recording_in_a_file_waits_by_itself(out: Path, tmp_path: Path) -> Non
 
 
 SHOWN = (96, 128)
-DESCRIBED = ["--width", "128", "--height", "96", "--format", "raw12"]
+DESCRIBED = ["--width", "128", "--height", "96", "--pixel-format", "raw12"]
 
 
 def shown(stride: int = 0) -> bytes:
@@ -111,7 +111,7 @@ def shown(stride: int = 0) -> bytes:
         (shown(224) * 6, [], "rows repeat every 224 bytes, not 192; likely --stride 224."),
         (shown() * 2, ["--period", "5"], "likely --period 6"),
         (shown() * 2, ["--origin", "1", "2"], "likely --origin 0 0."),
-        (shown() * 2, ["--order", "GRBG"], "likely --order RGGB or BGGR."),
+        (shown() * 2, ["--pattern", "GRWWWW/BGWWWW" + 4 * "/WWWWWW"], "likely --pattern with blocks RGGB or BGGR."),
     ],
 )
 def test_a_wrong_description_saves_nothing_unless_unchecked(out: Path, data: bytes, options: list[str], words: str) -> None:
@@ -203,7 +203,7 @@ def test_a_second_signal_does_not_wait(out: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_a_full_disk_is_one_line_and_leaves_no_part(out: Path) -> None:
     """The disk here is a limit that the system puts on the size of a file: the second frame is too large for it."""
-    wide = ["--width", "300", "--height", "200", "--format", "u16", "--bits", "12"]
+    wide = ["--width", "300", "--height", "200", "--pixel-format", "u16", "--sensor-bits", "12"]
     dark, noise = np.full((200, 300), 256, np.uint16), random_codes((200, 300), 12)
     data = b"".join(codes.tobytes() for codes in (dark, noise, dark))
     done = piped(data, "-o", str(out), *wide, "--wait", preexec_fn=file_limit(20_000))
@@ -295,26 +295,26 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["."], ".: frames have no header; describe them with --width, --height, --format"),
+        (["."], ".: frames have no header; describe them with --width, --height, --pixel-format"),
         (["missing", *LAYOUT], "missing: is not a folder; SOURCE is a folder of raw frames, - or builtin:"),
         (["builtin:64x48"], "'builtin:64x48' is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS"),
         (["builtin:64x48@0"], "is not a built-in sensor"),
         (["builtin:64x48@9", "--width", "64"], "--width does not go with builtin:64x48@9"),
         (["builtin:64x48@9", "--new"], "--new does not go with builtin:64x48@9: only a folder can already contain frames"),
         (["builtin:64x48@9", "--wait"], "--wait does not go with builtin:64x48@9"),
-        (["builtin:64x48@9", "--frames", "0"], "--frames is 0, expected 1 or more"),
-        (["builtin:64x48@9", "--burst", "0"], "--burst is 0, expected 1 or more"),
+        (["builtin:64x48@9", "--frames", "0"], "argument --frames: '0' is not a whole number from 1 on"),
+        (["builtin:64x48@9", "--burst", "0"], "argument --burst: '0' is not a whole number from 1 on"),
         (["builtin:64x48@9", "--burst", "2", "--frames", "2"], "--frames does not go with --burst"),
         (["builtin:4000x3000@9", "--burst", "999999"], "that many frames of 4000 x 3000 need 22351.8 GB of memory"),
-        (["builtin:64x48@9", "--jobs", "-1"], "-j is -1, expected 1 or more"),
+        (["builtin:64x48@9", "--threads", "-1"], "argument -j/--threads: '-1' is not a whole number from 1 on"),
         (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),
         (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: there is no such file"),
         (["builtin:64x48@9", "--graph", "missing.onnx"], "missing.onnx: there is no such file"),
         (["builtin:64x48@9", "--latest", "."], "exists and is no link"),
-        ([".", "--width", "64", "--height", "48", "--format", "raw14"], "'raw14' is unknown"),
-        ([".", "--width", "64", "--height", "48", "--format", "raw12", "--stride", "7"], "the stride is 7 bytes"),
-        ([".", "--width", "64", "--height", "48", "--format", "raw12", "--bits", "10"], "of 10 bits, raw12 has 12"),
-        ([".", "--width", "3", "--height", "3", "--format", "raw12", "--origin", "4", "4"], "no whole colour block"),
+        ([".", "--width", "64", "--height", "48", "--pixel-format", "raw14"], "'raw14' is unknown"),
+        ([".", "--width", "64", "--height", "48", "--pixel-format", "raw12", "--stride", "7"], "the stride is 7 bytes"),
+        ([".", "--width", "64", "--height", "48", "--pixel-format", "raw12", "--sensor-bits", "10"], "of 10 bits, raw12 has 12"),
+        ([".", "--width", "3", "--height", "3", "--pixel-format", "raw12", "--origin", "4", "4"], "no whole colour block"),
     ],
 )
 def test_what_is_asked_in_vain_is_told_at_once(
@@ -400,7 +400,7 @@ def test_every_option_of_the_layout_matters(out: Path) -> None:
         (30, 40, "raw12", 96),
         (60, 20, "raw12", 192),
     ):
-        options = ["--width", str(width), "--height", str(height), "--format", name, "--stride", str(stride)]
+        options = ["--width", str(width), "--height", str(height), "--pixel-format", name, "--stride", str(stride)]
         done = piped(data, "-o", str(out), *options, "--wait")
         assert done.returncode == 0, done.stderr
         seen.add(read_dng(shots(out)[-1]).codes.tobytes())
@@ -409,7 +409,9 @@ def test_every_option_of_the_layout_matters(out: Path) -> None:
 
 def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -> None:
     data = b"".join(coloured_light(light).codes.astype("<u2").tobytes() for light in (LIGHT, (1.0, 0.7, 0.3), LIGHT))
-    done = piped(data, "-o", str(out), "--width", "200", "--height", "150", "--format", "u16", "--bits", "12", "--wait")
+    done = piped(
+        data, "-o", str(out), "--width", "200", "--height", "150", "--pixel-format", "u16", "--sensor-bits", "12", "--wait"
+    )
     assert done.returncode == 0, done.stderr
     neutrals = [read_dng(path).calibration.neutral for path in shots(out)]
     assert np.allclose(np.array(neutrals), LIGHT, atol=0.09)
@@ -420,7 +422,7 @@ def test_without_a_camera_file_white_is_estimated_marked_and_steady(out: Path) -
 
 
 def test_what_is_wrong_with_rows_and_packing_is_one_sentence(out: Path) -> None:
-    done = piped(shown() * 2, "-o", str(out), *DESCRIBED, "--format", "raw10", "--wait")
+    done = piped(shown() * 2, "-o", str(out), *DESCRIBED, "--pixel-format", "raw10", "--wait")
     assert done.returncode == 1
     assert b"its rows repeat every 192 bytes, not 160, and its samples are packed as raw12, not as raw10; likely" in done.stderr
 
@@ -432,7 +434,7 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
     done = piped(data, "-o", str(out), *DESCRIBED, "--wait")
     assert done.returncode == 1
     assert b"likely --dark, if the lens is covered, and --black N" in done.stderr
-    for number, options in enumerate((["--dark"], ["--black", "16"], ["--dark", "--black", "16"])):
+    for number, options in enumerate((["--covered"], ["--black", "16"], ["--covered", "--black", "16"])):
         done = piped(data, "-o", str(out / str(number)), *DESCRIBED, "--wait", *options)
         assert done.returncode == 0, done.stderr
         saved = shots(out / str(number))
@@ -445,7 +447,7 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--dark", "--unchecked"], "--dark does not go with -"),
+        (["--covered", "--unchecked"], "--dark does not go with -"),
         (["--black", "-1"], "--black is -1, expected a code from 0 to 2047"),
         (["--black", "4000"], "--black is 4000, expected a code from 0 to 2047"),
         (["--black", "16", "--camera", "camera.json"], "--black does not go with --camera"),
@@ -460,7 +462,7 @@ def test_options_of_dark_streams_that_contradict_others_are_refused(
     assert words in done.stderr.decode()
 
 
-@pytest.mark.parametrize("option", [["--dark"], ["--black", "0"]])
+@pytest.mark.parametrize("option", [["--covered"], ["--black", "0"]])
 def test_the_built_in_sensor_has_its_own_black_level_and_light(
     option: list[str], out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

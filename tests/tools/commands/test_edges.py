@@ -18,7 +18,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two shots of a lens, one that knows another one, and the camera file that they make."""
     folder = tmp_path_factory.mktemp("lens")
     (folder / "shots" / "Edges").mkdir(parents=True)
-    options = ("--period", "4", "--bits", "12", "--protocol", "sensor", f"--aberration={LENS[0]},{LENS[1]}")
+    options = ("--period", "4", "--sensor-bits", "12", "--protocol", "sensor", f"--aberration={LENS[0]},{LENS[1]}")
     assert run("simulate", f"chart:{SIZE}", "-o", folder, *options).code == 0
     shot = read_dng(folder / f"chart-{SIZE}.dng")
     assert run("simulate", f"chart:{SIZE}", "-o", folder / "other", *options, "--seed", "1").code == 0

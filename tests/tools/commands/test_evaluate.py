@@ -41,12 +41,12 @@ def test_shots_with_what_they_saw_are_refused(out: Path, tmp_path: Path) -> None
     assert "holds shots and what they saw (builtin-60x60.truth.tif)" in outcome.err
     assert "Name the photographs instead" in outcome.err
     assert run("evaluate", folder / "below", "-o", out, "--methods", "preview").code == 2
-    named = run("evaluate", folder / "builtin-60x60.truth.tif", "-o", out, "--methods", "preview", "--sigma", "0", "-j", "1")
+    named = run("evaluate", folder / "builtin-60x60.truth.tif", "-o", out, "--methods", "preview", "--sigma", "0", "--workers", "1")
     assert named.code == 0
 
 
 def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
-    options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "-j", "1", "--json")
+    options = ("-o", out, "--methods", "preview", "bilinear", "--sigma", "0", "0.03", "--workers", "1", "--json")
     outcome = run("evaluate", mixed, "builtin:60x60", *options)
     assert outcome.code == 1
     assert len(outcome.errors) == 3
@@ -72,7 +72,7 @@ def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
     assert again.code == 2
     assert "evaluation.html: exists already" in again.err
     kept = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
-    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-report")
+    more = run("evaluate", mixed, "builtin:60x60", *options, "--methods", "bilinear", "dlmmse", "--overwrite", "--no-page")
     assert more.code == 1
     assert "6 results are kept" in more.err
     after = {path: path.stat().st_mtime_ns for path in (out / "results").iterdir()}
@@ -94,7 +94,19 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> No
 def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
-    options = ("--methods", "planes", "bilinear", "--sigma", "0.01", "-j", "1", "--json", "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
+    options = (
+        "--methods",
+        "planes",
+        "bilinear",
+        "--sigma",
+        "0.01",
+        "--workers",
+        "1",
+        "--json",
+        "--pattern",
+        mine,
+        "WBWG/BWGW/WGWR/GWRW",
+    )
     outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6")
     assert outcome.code == 0
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
@@ -105,7 +117,7 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
     # A scene of five channels beside RGB ones: each pattern photographs what it has filters for.
     np.save(tmp_path / "bands.npy", np.repeat(small_scene(60, 60, 0), 2, axis=2)[..., :5])
-    five = ("--methods", "planes", "--sigma", "0.01", "-j", "1", "--json", "--overwrite", "--no-report")
+    five = ("--methods", "planes", "--sigma", "0.01", "--workers", "1", "--json", "--overwrite", "--no-page")
     outcome = run("evaluate", tmp_path / "bands.npy", "builtin:60x60", "-o", out, *five, "--pattern", FIVE, "--period", "6")
     assert outcome.code == 0
     assert "bands, and others with these channels, without K=6: the pattern has the filters R and G" in outcome.err
@@ -123,15 +135,14 @@ def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
         (("--period", "2"), "--period is 2, expected 3 to"),
         (("--pattern", "RGW/GB"), "--pattern 'RGW/GB'"),
         (("--pattern", "kodac"), "no file has this name; did you mean Kodak?"),
-        (("--sigma", "-1"), "sigma is -1"),
+        (("--sigma", "-1"), "argument --sigma: '-1' is not a number from 0 on"),
         (("--light", "0.5"), "--light the amount of light of --protocol sensor"),
-        (("--protocol", "sensor", "--exposure", "0.5"), "--exposure is called --light here, a factor"),
         (("--protocol", "sensor", "--sigma", "0.1"), "--sigma is the noise of --protocol paper"),
         (("--protocol", "sensor", "--light", "0"), "exposure is 0"),
-        (("--seed", "-1"), "seed is -1"),
-        (("-j", "0"), "-j is 0"),
-        (("--max-memory", "lots"), "--max-memory is 'lots'"),
-        (("--crop", "0"), "--crop is 0"),
+        (("--seed", "-1"), "argument --seed: '-1' is not"),
+        (("--workers", "0"), "argument --workers: '0' is not"),
+        (("--max-memory", "lots"), "argument --max-memory: 'lots' is not a size"),
+        (("--crop", "0"), "argument --crop: '0' is not"),
         (("--max-memory", "1M"), "no scene could be read"),
     ],
 )
@@ -143,7 +154,7 @@ def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said:
 
 
 def test_equal_exposure_times(tmp_path: Path) -> None:
-    options = ("--protocol", "sensor", "--light", "1", "0.25", "--methods", "preview", "bilinear", "-j", "1", "--no-report")
+    options = ("--protocol", "sensor", "--light", "1", "0.25", "--methods", "preview", "bilinear", "--workers", "1", "--no-page")
     assert run("evaluate", "builtin:60x60", "-o", tmp_path, *options).code == 0
     document = json.loads((tmp_path / "evaluation.json").read_text())
     assert document["protocol"]["kind"] == "sensor"
@@ -155,7 +166,7 @@ def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
     """Ctrl-C while two processes are at work: at once, exit code 130, what is finished is kept."""
     np.save(tmp_path / "scene.npy", small_scene(240, 240, 0))
     levels = [str(0.001 * n) for n in range(30)]
-    options = ["-j", "2", "--no-report", "--methods", "bilinear", "paper", "--sigma", *levels]
+    options = ["--workers", "2", "--no-page", "--methods", "bilinear", "paper", "--sigma", *levels]
     command = ["evaluate", str(tmp_path / "scene.npy"), "-o", str(tmp_path), *options]
     running = start(*command, start_new_session=True)
     results = tmp_path / "results"

@@ -20,9 +20,9 @@ def built(pattern: CfaPattern, scale: int = 1, *, linear: bool = False) -> bytes
     ("options", "expected"),
     [
         ("", built(CfaPattern.bayer(6))),
-        ("--period 9 --order GBRG", built(CfaPattern.bayer(9, "GBRG"))),
+        ("--pattern GBWW/RGWW/WWWW/WWWW", built(CfaPattern.bayer(4, "GBRG"))),
         ("--scale 3", built(CfaPattern.bayer(6), 3)),
-        ("--linear --period 4", built(CfaPattern.bayer(4), linear=True)),
+        ("--space camera --period 4", built(CfaPattern.bayer(4), linear=True)),
     ],
 )
 def test_it_writes_the_graph_asked_for(tmp_path: Path, options: str, expected: bytes) -> None:
@@ -57,9 +57,9 @@ def test_all_that_are_shipped(tmp_path: Path) -> None:
         ("-o g.txt", "g.txt: a graph has a name that ends in .onnx; write g.onnx"),
         ("-o g.onnx --scale 4", "has 1, 2, 3, 6"),
         ("-o g.onnx --period 2", "the period is 2, expected 3 to 16"),
-        ("-o g.onnx --like shot.dng --period 6", "leave --pattern, --period and --order out"),
+        ("-o g.onnx --like shot.dng --period 6", "leave --pattern and --period out"),
         ("-o g.onnx --like gone.dng", "gone.dng: there is no such file"),
-        ("-o . --all --linear", "leave the other options out"),
+        ("-o . --all --space camera", "leave the other options out"),
         ("-o missing/g.onnx", "the folder missing does not exist"),
     ],
 )

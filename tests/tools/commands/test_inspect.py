@@ -175,14 +175,14 @@ def archive(folder: Path) -> list[Path]:
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: int) -> None:
     paths = archive(tmp_path)
-    outcome = run("inspect", "--verify", tmp_path, "-j", str(jobs))
+    outcome = run("inspect", "--verify", tmp_path, "--workers", str(jobs))
     assert (outcome.code, outcome.out, outcome.err) == (0, "4 whole, 0 damaged\n", f"{tmp_path}: left out note.txt\n")
     damaged = sorted([paths[1], paths[3]])
     for path in damaged:
         data = bytearray(path.read_bytes())
         data[len(data) // 3 if path == paths[1] else len(data) // 2] ^= 1
         path.write_bytes(data)
-    outcome = run("inspect", "--verify", "--json", tmp_path, "-j", str(jobs))
+    outcome = run("inspect", "--verify", "--json", tmp_path, "--workers", str(jobs))
     assert outcome.code == 1
     assert {record["source"] for record in outcome.records} == set(map(str, paths))
     assert sorted(record["source"] for record in outcome.records if not record["ok"]) == list(map(str, damaged))

@@ -53,7 +53,9 @@ def quality(out: Path, stem: str) -> float:
 @pytest.mark.parametrize("suffix", [".npy", ".exr", ".tif"])
 def test_five_bands(out: Path, tmp_path: Path, suffix: str) -> None:
     scene, shot = save(tmp_path / f"bands{suffix}", bands(), "VRGNU"), out / "bands.dng"
-    made = run("simulate", scene, "-o", out, "--pattern", FIVE, "--origin", "2", "1", "--truth", "--sigma", "0.01", "--bits", "14")
+    made = run(
+        "simulate", scene, "-o", out, "--pattern", FIVE, "--origin", "2", "1", "--truth", "--sigma", "0.01", "--sensor-bits", "14"
+    )
     assert made.code == 0, made.err
     assert np.array_equal(tifffile.imread(out / "bands.truth.tif"), bands())
     saved = read_dng(shot)

@@ -143,7 +143,7 @@ def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path)
 
 def test_a_graph_for_measurements_is_refused(tmp_path: Path) -> None:
     source, graph = shot(tmp_path), tmp_path / "mine.onnx"
-    assert run("export-preview", "-o", graph, "--like", source, "--linear").code == 0
+    assert run("export-preview", "-o", graph, "--like", source, "--space", "camera").code == 0
     outcome = run("preview", source, "-o", tmp_path, "--graph", graph)
     assert outcome.code == 2
     assert "makes scene units" in outcome.errors[0]

@@ -36,7 +36,7 @@ MEASURED = ("--preset", "paper", "--bits", "32", "--space", "camera")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A noisy shot of the built-in scene, 16 bits, with its truth beside it."""
     folder = tmp_path_factory.mktemp("shots")
-    assert run("simulate", SOURCE, "-o", folder, "--bits", "16", "--sigma", "0.02", "--truth").code == 0
+    assert run("simulate", SOURCE, "-o", folder, "--sensor-bits", "16", "--sigma", "0.02", "--truth").code == 0
     return folder / f"{STEM}.dng"
 
 
@@ -58,7 +58,7 @@ def save(path: Path, codes: Callable[[CodeArray], None] | None = None, **fields:
 def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, period: int) -> None:
     """Scene -> DNG -> picture on disk, beside scene -> picture in memory."""
     options = ["--period", str(period), "--origin", "2", "1", "--sigma", str(sigma), "--seed", "5"]
-    assert run("simulate", SOURCE, "-o", out, "--bits", "16", "--truth", *options).code == 0
+    assert run("simulate", SOURCE, "-o", out, "--sensor-bits", "16", "--truth", *options).code == 0
     assert run("render", out / f"{STEM}.dng", "-o", out, *MEASURED).code == 0
     rendered, truth = tifffile.imread(out / f"{STEM}.tif"), tifffile.imread(out / f"{STEM}.truth.tif")
     assert rendered.dtype == truth.dtype == np.float32
@@ -80,7 +80,7 @@ def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, perio
 def test_a_flat_scene_comes_back(out: Path, tmp_path: Path) -> None:
     colour = np.array([0.7, 0.4, 0.15], np.float32)
     np.save(tmp_path / "flat.npy", np.tile(colour, (25, 31, 1)))
-    assert run("simulate", tmp_path / "flat.npy", "-o", out, "--bits", "16").code == 0
+    assert run("simulate", tmp_path / "flat.npy", "-o", out, "--sensor-bits", "16").code == 0
     assert run("render", out / "flat.dng", "-o", out, *MEASURED).code == 0
     # One code of 16 bits at every site: each channel is off by as much.
     np.testing.assert_allclose(tifffile.imread(out / "flat.tif"), np.tile(colour, (25, 31, 1)), atol=3 * 3 / 57344)
@@ -285,11 +285,24 @@ def test_records_for_machines(out: Path, shot: Path) -> None:
 def test_the_network_can_be_left_out(out: Path, shot: Path) -> None:
     learned, plain, paper = (
         run("render", shot, "-o", out, "--json", "--overwrite", *options).records[0]["learned"]
-        for options in ((), ("--no-learned",), ("--preset", "paper"))
+        for options in (
+            (),
+            (
+                "--preset",
+                "unlearned",
+            ),
+            ("--preset", "paper"),
+        )
     )
     assert (learned, plain, paper) == ("rggb-k6", None, None)
     pictures = []
-    for options in ((), ("--no-learned",)):
+    for options in (
+        (),
+        (
+            "--preset",
+            "unlearned",
+        ),
+    ):
         assert run("render", shot, "-o", out, "--overwrite", *MEASURED[2:], *options).code == 0
         pictures.append(tifffile.imread(out / f"{STEM}.tif"))
     mosaic, without = read_dng(shot), replace(BEST, learned=PAPER.learned)

@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for light in ("0.2", "0.6"):
         for seed in ("1", "2"):
             photographed(folder, "flat", f"flat{light}-{seed}.dng", "--protocol", "sensor", "--light", light, "--seed", seed)
-    photographed(folder, "builtin", "shot.dng", "--bits", "12", "--protocol", "sensor", "--light", "0.9", focal=50.0)
+    photographed(folder, "builtin", "shot.dng", "--sensor-bits", "12", "--protocol", "sensor", "--light", "0.9", focal=50.0)
     outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder)
     assert outcome.code == 0, outcome.err
     assert "shading: 1.4" in outcome.out

@@ -69,10 +69,10 @@ def test_the_sensor_protocol_clips_and_counts_photons(out: Path) -> None:
     ("options", "reads"),
     [
         (["--period", "5"], lambda shot: shot.pattern == CfaPattern.bayer(5)),
-        (["--order", "GBRG"], lambda shot: shot.pattern == CfaPattern.bayer(6, "GBRG")),
+        (["--pattern", "GBW/RGW/WWW"], lambda shot: shot.pattern == CfaPattern.bayer(3, "GBRG")),
         (["--origin", "4", "-1"], lambda shot: shot.pattern == CfaPattern.bayer(6, origin=(4, 5))),
-        (["--bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, 959)),
-        (["--bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096)),
+        (["--sensor-bits", "10"], lambda shot: (shot.calibration.bits, shot.calibration.white_level) == (10, 959)),
+        (["--sensor-bits", "16"], lambda shot: (shot.calibration.bits, shot.calibration.black_level[0]) == (16, 4096)),
         (["--sigma", "0.05"], lambda shot: shot.calibration.noise == NoiseModel.gaussian(0.05, 4)),
         (["--layout", "linear"], lambda shot: shot.pattern == CfaPattern.bayer()),
     ],
@@ -123,7 +123,7 @@ def test_the_truth_is_the_scene_in_float32(out: Path) -> None:
 
 @pytest.mark.parametrize("light", [0.25, 1, 3])
 @pytest.mark.parametrize(
-    "more", [(), ("--shading", "1,10"), ("--reduce", "2"), ("--burst", "2", "--motion", "1", "--exposures=1,-1")]
+    "more", [(), ("--shading", "1,10"), ("--reduce", "2"), ("--burst", "2", "--motion", "1", "--bracket=1,-1")]
 )
 def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tuple[str, ...], light: float) -> None:
     """It is the light of the scene times light and exposure, in command and notebook, in each protocol."""
@@ -165,7 +165,7 @@ def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path:
     assert shot.calibration.neutral == (0.5, 1.0, 0.7)
     assert shot.calibration.camera_to_xyz == scene.camera_to_xyz  # the camera does not know it, the scene does
     assert shot.calibration.sensor == "mine"
-    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--bits", "14")
+    paper = simulate(out, "--camera", path, "--sigma", "0.03", "--sensor-bits", "14")
     assert paper.calibration.noise == NoiseModel.gaussian(0.03, 4)
     assert (paper.calibration.gamma, paper.calibration.bits) == (calibration.gamma, 14)
 
@@ -204,7 +204,10 @@ def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tupl
     rgb: FloatArray = np.random.default_rng(period).random((*shape, 3), np.float32)
     np.save(tmp_path / "scene.npy", rgb)
     assert (
-        run("simulate", tmp_path / "scene.npy", "-o", out, "--period", str(period), "--bits", "16", "--origin", "1", "2").code == 0
+        run(
+            "simulate", tmp_path / "scene.npy", "-o", out, "--period", str(period), "--sensor-bits", "16", "--origin", "1", "2"
+        ).code
+        == 0
     )
     shot = read_dng(out / "scene.dng")
     pattern = CfaPattern.bayer(period, origin=(1, 2))
@@ -271,7 +274,7 @@ def test_frames_that_do_not_move_differ_by_noise_alone(out: Path) -> None:
 
 @pytest.mark.parametrize("protocol", [["--sigma", "0"], ["--protocol", "sensor"]])
 def test_a_bracket_clips_and_its_files_state_the_exposure(out: Path, protocol: list[str]) -> None:
-    assert run("simulate", SERIES, "-o", out, "--burst", "3", "--exposures", "0,-2,1.5", *protocol).code == 0
+    assert run("simulate", SERIES, "-o", out, "--burst", "3", "--bracket", "0,-2,1.5", *protocol).code == 0
     shots = [read_dng(out / name) for name in FRAMES]
     times = [shot.metadata.exposure_time or 0 for shot in shots]
     assert [time / times[0] for time in times] == pytest.approx([1, 0.25, 2**1.5], rel=1e-6)
@@ -310,22 +313,23 @@ def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
         (["--period", "2"], "the period is 2, expected 3 to 16"),
         (["--period", "0"], "the period is 0"),
         (["--period", "-6"], "the period is -6"),
-        (["--bits", "9"], "9 bits: expected 10 to 16"),
-        (["--bits", "0"], "0 bits: expected 10 to 16"),
-        (["--sigma", "-1"], "--sigma is -1.0"),
-        (["--sigma", "nan"], "--sigma is nan"),
-        (["--seed", "-1"], "--seed is -1"),
+        (["--sensor-bits", "9"], "9 bits: expected 10 to 16"),
+        (["--sensor-bits", "0"], "0 bits: expected 10 to 16"),
+        (["--sigma", "-1"], "argument --sigma: '-1' is not a number from 0 on"),
+        (["--sigma", "nan"], "argument --sigma: 'nan' is not"),
+        (["--seed", "-1"], "argument --seed: '-1' is not a whole number from 0 on"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is the noise of --protocol paper"),
         (["--light", "2"], "--light needs --protocol sensor"),
         (["--motion", "2"], "--motion needs --burst"),
         (["--moving"], "--moving needs --burst"),
-        (["--burst", "0"], "--burst is 0"),
+        (["--burst", "0"], "argument --burst: '0' is not"),
         (["--burst", "2", "--motion", "-1"], "--motion is -1.0 pixels, expected 0 to"),
-        (["--burst", "2", "--exposures", "0,x"], "--exposures is '0,x', expected stops"),
-        (["--burst", "2", "--exposures", "0"], "--exposures has 1 figures for 2 frames"),
-        (["--reduce", "0"], "--reduce is 0, expected 1 or more"),
-        (["--exposure", "2"], "--exposure is called --light here, a factor"),
-        (["--protocol", "sensor", "--exposure=2"], "--exposure is called --light here, a factor"),
+        (
+            ["--burst", "2", "--bracket", "0,x"],
+            "argument --bracket: '0,x' is not a list of numbers with commas between them, such as 0,-2,2",
+        ),
+        (["--burst", "2", "--bracket", "0"], "--bracket has 1 figures for 2 frames"),
+        (["--reduce", "0"], "argument --reduce: '0' is not"),
         (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],
 )

@@ -342,7 +342,7 @@ def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: 
     ("arguments", "words"),
     [
         (["--latest", "latest"], "--latest needs -o DIR"),
-        (["--jobs", "0"], "-j is 0"),
+        (["--threads", "0"], "argument -j/--threads: '0' is not"),
         (["--bind", "camera"], "'camera' is not the address"),
         (["--scale", "5"], "5 x 5 sensor pixels: a pattern of period 6 has 1, 2, 3, 6"),
         (["--scale", "0"], "0 x 0 sensor pixels"),
@@ -401,7 +401,7 @@ def test_a_signal_ends_it_while_somebody_watches(number: signal.Signals, code: i
 
 def test_a_camera_that_breaks_off_ends_it() -> None:
     data = codes(0).tobytes() + b"12345"
-    options = ["--width", "30", "--height", "20", "--format", "u16", "--bits", "10"]
+    options = ["--width", "30", "--height", "20", "--pixel-format", "u16", "--sensor-bits", "10"]
     reading, writing = os.pipe()
     with Command(*options, source="-", stdin=reading) as command:
         os.close(reading)
@@ -420,7 +420,7 @@ def test_a_wrong_description_ends_it_unless_unchecked(tmp_path: Path, options: l
     ).codes
     recording = tmp_path / "recording"
     recording.write_bytes(frame.tobytes() * 2)
-    described = ["--width", "128", "--height", "96", "--format", "u16", "--bits", "12", "--origin", "1", "2"]
+    described = ["--width", "128", "--height", "96", "--pixel-format", "u16", "--sensor-bits", "12", "--origin", "1", "2"]
     with recording.open("rb") as file, Command(*described, *options, source="-", stdin=file) as command:
         ended, told = command.wait()
     assert ended == code

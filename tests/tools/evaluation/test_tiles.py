@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from shared import CfaPattern
+from shared.pattern_text import read_pattern
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
 from tools.evaluation.protocol import Protocol
 from tools.evaluation.study import can_photograph
 from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
-from tools.host.options import parsed_pattern
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 BROADBAND = CfaPattern.with_block(("CM", "YC"), period=4)
 
 
 def named(text: str) -> Tile:
-    return Tile.named(parsed_pattern(text), text)
+    return Tile.named(read_pattern(text), text)
 
 
 def test_patterns_have_readable_names(tmp_path: Path) -> None:

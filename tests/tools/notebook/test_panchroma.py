@@ -170,7 +170,7 @@ def test_figures_fall_with_the_light_as_those_of_the_command_do(tmp_path: Path) 
     again = panchroma.simulate(shot.truth)  # its white is as dark as it
     assert again.truth is not None
     assert again.truth.white == light
-    options = ("--methods", "paper", "--protocol", "sensor", "--light", "1", "1/4", "1/16", "-j", "1", "--no-report")
+    options = ("--methods", "paper", "--protocol", "sensor", "--light", "1", "1/4", "1/16", "--workers", "1", "--no-page")
     assert run("evaluate", "builtin:180x120", "-o", tmp_path / "results", *options).code == 0
     figures = json.loads((tmp_path / "results/evaluation.json").read_text())["figures"]
     commands = [each["rgb_q50"] for each in figures if each["scene"]]

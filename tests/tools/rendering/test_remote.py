@@ -50,13 +50,13 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path, out: Pat
 def test_an_evaluation_is_the_same_by_a_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     np.save("scene.npy", np.random.default_rng(0).random((66, 72, 3), np.float32))
-    common = ("evaluate", "scene.npy", "--linear", "--sigma", "0.01", "--methods", "paper", "bilinear", "--no-report")
+    common = ("evaluate", "scene.npy", "--linear", "--sigma", "0.01", "--methods", "paper", "bilinear", "--no-page")
     Path("there").mkdir()
     Path("here").mkdir()
     with cluster(tmp_path, 1) as (file, _):
         outcome = run(*common, "-o", "there", "--scheduler-file", file)
     assert outcome.code == 0, outcome.err
-    assert run(*common, "-o", "here", "-j", "1").code == 0
+    assert run(*common, "-o", "here", "--workers", "1").code == 0
     there, here = (json.loads(Path(folder, "evaluation.json").read_text()) for folder in ("there", "here"))
     assert there["figures"] == here["figures"]
     assert there["figures"]

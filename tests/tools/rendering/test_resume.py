@@ -54,7 +54,10 @@ def test_a_moved_folder_is_still_current(shots: Path, out: Path, tmp_path: Path)
 
 
 _OTHER = [
-    ("--no-learned",),
+    (
+        "--preset",
+        "unlearned",
+    ),
     ("--exposure", "1"),
     ("--bits", "8"),
     ("--space", "display-p3"),
@@ -75,7 +78,10 @@ def test_another_setting_makes_all_of_them_anew(
     plain = contents(out)
     outcome = render(shots, out, "--resume", *option)
     assert (outcome.code, current(outcome)) == (0, set())
-    if option != ("--no-learned",):  # these shots are too small and flat to show it
+    if option != (
+        "--preset",
+        "unlearned",
+    ):  # these shots are too small and flat to show it
         assert all(data != plain[name] for name, data in contents(out).items())
     assert current(render(shots, out, "--resume", *option)) == {"a.tif", "b.tif", "c.tif"}
 

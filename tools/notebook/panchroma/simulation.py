@@ -88,7 +88,7 @@ def simulate(
     if seed < 0:
         raise InputError(f"seed is {seed}, expected 0 or more")
     known = None if camera is None else read_camera(camera)
-    lens = SimulatedLens.parsed(_text(shading), _text(aberration))
+    lens = SimulatedLens.asked(shading, aberration)
     tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
     if known:
         known.check_pattern(tile)
@@ -100,10 +100,6 @@ def simulate(
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
     truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
     return told(Shot(exposed.mosaic, truth, seen.name, (*seen.notes, *filters_for(tile, seen).notes)))
-
-
-def _text(pair: tuple[float, float] | None) -> str | None:
-    return None if pair is None else ",".join(map(str, pair))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:

@@ -51,7 +51,7 @@ def refusal(data: bytes, described: Sensor) -> str:
         look(data, described)
     message = str(caught.value)
     assert message.startswith("the frame is not as described: ")
-    assert message.endswith(". If the description is right, add --unchecked")
+    assert message.endswith(". If the description is right, add `unchecked`")
     return message
 
 
@@ -78,7 +78,7 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
     (note,) = look(pack(dark, "u16") * 3, sensor(layout))
     assert note.startswith(OPEN)
-    assert "--origin 2 1." in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), sensor(layout, CfaPattern.bayer(6)))
+    assert "`origin=2 1`." in refusal(pack(dark, "u16") * 2 + pack(codes(), "u16"), sensor(layout, CfaPattern.bayer(6)))
 
 
 @pytest.mark.parametrize("name", ["raw10", "raw12"])
@@ -87,13 +87,13 @@ def test_a_frame_that_shows_nothing_passes_with_a_remark_and_the_next_is_looked_
 def test_a_wrong_stride(name: str, stride: int, other: int) -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], name, other)
     frame = pack(codes(bits=layout.bits), name, stride)
-    assert f"likely --stride {stride}." in refusal(frame * 3, sensor(layout))
+    assert f"likely `stride={stride}`." in refusal(frame * 3, sensor(layout))
 
 
 def test_a_wrong_stride_that_keeps_the_pattern_in_place() -> None:
     """12 pixels more a row: each block is still over another, but the scene is sheared."""
     frame = pack(codes(), "u16", 2 * SIZE[1] + 24)
-    assert f"likely --stride {2 * SIZE[1] + 24}." in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "u16")))
+    assert f"likely `stride={2 * SIZE[1] + 24}`." in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "u16")))
 
 
 @pytest.mark.parametrize("width", [232, 244, 250, 262, 300])
@@ -101,12 +101,12 @@ def test_a_wrong_stride_that_keeps_the_pattern_in_place() -> None:
 def test_a_wrong_width(name: str, width: int) -> None:
     layout = FrameLayout(width, SIZE[0], name)
     right = FrameLayout(SIZE[1], SIZE[0], name).stride
-    assert f"--stride {right}" in refusal(pack(codes(bits=min(layout.bits, 12)), name) * 3, sensor(layout))
+    assert f"`stride={right}`" in refusal(pack(codes(bits=min(layout.bits, 12)), name) * 3, sensor(layout))
 
 
 @pytest.mark.parametrize("height", [185, 190, 191, 193, 194, 208, 220])
 def test_a_wrong_height(height: int) -> None:
-    assert "likely another --height" in refusal(pack(codes(), "raw12") * 4, sensor(FrameLayout(SIZE[1], height, "raw12")))
+    assert "likely another `height`" in refusal(pack(codes(), "raw12") * 4, sensor(FrameLayout(SIZE[1], height, "raw12")))
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_a_wrong_height(height: int) -> None:
 def test_a_wrong_format(right: str, wrong: str) -> None:
     frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
     message = refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], wrong)))
-    assert f"--format {right} --stride 544." in message
+    assert f"`pixel_format={right}` `stride=544`." in message
 
 
 @pytest.mark.parametrize("place", [(0, 0), (2, 1), (5, 4)])
@@ -130,8 +130,8 @@ def test_the_format_is_judged_before_place_and_levels(right: str, wrong: str, pl
     described = sensor(
         FrameLayout(SIZE[1], SIZE[0], wrong, 544), CfaPattern.bayer(6, origin=place), bits=10 if wrong == "raw10" else 12
     )
-    assert f"likely --format {right}" in refusal(frame * 3, described)
-    assert f"--format {right}" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], wrong), CfaPattern.bayer(4)))
+    assert f"likely `pixel_format={right}`" in refusal(frame * 3, described)
+    assert f"`pixel_format={right}`" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], wrong), CfaPattern.bayer(4)))
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -140,7 +140,7 @@ def test_padding_is_no_part_of_the_picture(name: str, padding: int) -> None:
     """A width that takes some of what fills each line to the stride."""
     right = FrameLayout(SIZE[1], SIZE[0], name, 576)
     frame = pack(codes(bits=min(right.bits, 12)), name, 576, padding)
-    assert f"likely --width {SIZE[1]} --stride 576." in refusal(frame * 3, sensor(FrameLayout(SIZE[1] + 20, SIZE[0], name, 576)))
+    assert f"likely `width={SIZE[1]}` `stride=576`." in refusal(frame * 3, sensor(FrameLayout(SIZE[1] + 20, SIZE[0], name, 576)))
     assert look(frame * 3, sensor(right)) == []
 
 
@@ -166,17 +166,17 @@ def test_formats_that_are_not_supported_are_named() -> None:
 @pytest.mark.parametrize(("bits", "light"), [(14, 1.0), (16, 1.0), (14, 0.2), (16, 5.0)])
 def test_bits_that_are_never_used(bits: int, light: float) -> None:
     frame = pack(codes(light=light), "u16")
-    assert "likely --bits 12." in refusal(frame * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), bits=bits))
+    assert "likely `sensor_bits=12`." in refusal(frame * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), bits=bits))
 
 
 def test_bits_that_are_exceeded() -> None:
-    assert "likely --bits 12." in refusal(pack(codes(), "u16") * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), bits=10))
+    assert "likely `sensor_bits=12`." in refusal(pack(codes(), "u16") * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), bits=10))
 
 
 @pytest.mark.parametrize("period", [3, 4, 5, 7, 8, 12])
 def test_a_wrong_period(period: int) -> None:
     message = refusal(pack(codes(), "raw12"), sensor(FrameLayout(SIZE[1], SIZE[0], "raw12"), CfaPattern.bayer(period)))
-    assert "likely --period 6 --origin 2 1." in message
+    assert "likely `period=6` `origin=2 1`." in message
 
 
 def test_a_wrong_origin_along_each_axis() -> None:
@@ -184,13 +184,15 @@ def test_a_wrong_origin_along_each_axis() -> None:
     row, column = PATTERN.origin
     down, across = [(each, column) for each in range(6) if each != row], [(row, each) for each in range(6) if each != column]
     for origin in (*down, *across, ((row + 3) % 6, (column + 3) % 6)):
-        assert "likely --origin 2 1." in refusal(frame, sensor(layout, CfaPattern.bayer(6, origin=origin)))
+        assert "likely `origin=2 1`." in refusal(frame, sensor(layout, CfaPattern.bayer(6, origin=origin)))
 
 
 def test_the_green_diagonal() -> None:
     frame, layout = pack(codes(), "u16"), FrameLayout(SIZE[1], SIZE[0], "u16")
     for order, likely in (("GRBG", "RGGB or BGGR"), ("GBRG", "RGGB or BGGR")):
-        assert f"likely --order {likely}." in refusal(frame, sensor(layout, CfaPattern.bayer(6, order, PATTERN.origin)))
+        assert f"likely `pattern` with blocks {likely}." in refusal(
+            frame, sensor(layout, CfaPattern.bayer(6, order, PATTERN.origin))
+        )
     assert look(frame, sensor(layout, CfaPattern.bayer(6, "BGGR", PATTERN.origin))) == []  # only a chart tells red from blue
 
 
@@ -202,7 +204,7 @@ def test_greens_that_a_scene_without_colour_does_not_show_are_told_and_looked_at
     for order in ("RGGB", "GRBG"):
         described = sensor(layout, CfaPattern.bayer(6, order, PATTERN.origin))
         (note,) = look(frame * 6, described)
-        assert "whether the greens are on the diagonal that --order says" in note
+        assert "whether the greens are on the right diagonal" in note
     # The fourth and the eighth are looked at although two have shown the pattern.
     assert "other diagonal" in refusal(frame * 3 + pack(codes(), "raw12"), described)
     assert "other diagonal" in refusal(frame * 7 + pack(codes(), "raw12"), described)
@@ -218,9 +220,9 @@ def test_greens_that_differ_by_the_sensor_are_no_proof() -> None:
 @pytest.mark.parametrize(
     ("frame", "bits", "words"),
     [
-        (codes(light=0.1) << np.uint16(4), 14, "never use the lowest 4 bits: they may be shifted up; then --bits 16"),
+        (codes(light=0.1) << np.uint16(4), 14, "never use the lowest 4 bits: they may be shifted up; then `sensor_bits=16`"),
         (codes(light=0.05, sigma=0.0) + np.uint16(256), 12, "never use the highest of 12 bits"),
-        (codes(light=0.1) // 2 + np.uint16(128), 10, "far brighter than black, which is 64: is --bits 10 right?"),
+        (codes(light=0.1) // 2 + np.uint16(128), 10, "far above black, 64: is `sensor_bits=10` right?"),
     ],
 )
 def test_bits_that_are_open_are_told(frame: CodeArray, bits: int, words: str) -> None:
@@ -235,7 +237,7 @@ def test_samples_that_are_shifted_up(bits: int, light: float) -> None:
     shifted = pack(codes(bits=bits, light=light) << np.uint16(16 - bits), "u16") * 2
     assert not any(OPEN in remark for remark in look(shifted, sensor(layout, bits=16)))
     if light == 1.0 or bits < 14:
-        assert "likely --bits 16." in refusal(shifted, sensor(layout, bits=bits))
+        assert "likely `sensor_bits=16`." in refusal(shifted, sensor(layout, bits=bits))
 
 
 def test_sensors_of_another_kind() -> None:
@@ -303,10 +305,10 @@ def test_scattered_patterns_at_another_place() -> None:
             assert look(frame, described) == []
             continue
         message = refusal(frame, described)
-        assert "likely --origin 1 2." in message or "likely --origin 3 0." in message
+        assert "likely `origin=1 2`." in message or "likely `origin=3 0`." in message
         assert ("its colours are at other sites of the tile" in message) == ((row + column) % 2 == 1)
     two = pack(codes(TWO_BLOCKS), "u16")
-    assert "likely --origin 3 1." in refusal(two, sensor(layout, CfaPattern(TWO_BLOCKS.tile, (3, 2))))
+    assert "likely `origin=3 1`." in refusal(two, sensor(layout, CfaPattern(TWO_BLOCKS.tile, (3, 2))))
 
 
 def test_colours_that_a_scene_does_not_show_are_told() -> None:
@@ -315,23 +317,23 @@ def test_colours_that_a_scene_does_not_show_are_told() -> None:
     frame = pack(simulate_additive(grey, KODAK, calibration, 0.01, np.random.default_rng(0)).codes, "raw12")
     layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
     (note,) = look(frame * 6, sensor(layout, KODAK))
-    assert "whether each colour is where --pattern says" in note
-    with pytest.raises(InputError, match="likely --origin"):
+    assert "whether each colour is where `pattern` says" in note
+    with pytest.raises(InputError, match="likely `origin="):
         look(frame * 3 + pack(codes(KODAK), "raw12"), sensor(layout, CfaPattern(KODAK.tile, (1, 0))))
 
 
 def test_a_wrong_layout_of_a_scattered_pattern() -> None:
     frame = pack(codes(KODAK), "raw12", 400)
-    assert "likely --stride 400." in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "raw12", 416), KODAK))
-    assert "--stride 400" in refusal(frame * 3, sensor(FrameLayout(250, SIZE[0], "raw12"), KODAK))
-    assert "likely another --height" in refusal(frame * 4, sensor(FrameLayout(SIZE[1], 191, "raw12", 400), KODAK))
-    assert "--format raw12 --stride 400" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), KODAK))
+    assert "likely `stride=400`." in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "raw12", 416), KODAK))
+    assert "`stride=400`" in refusal(frame * 3, sensor(FrameLayout(250, SIZE[0], "raw12"), KODAK))
+    assert "likely another `height`" in refusal(frame * 4, sensor(FrameLayout(SIZE[1], 191, "raw12", 400), KODAK))
+    assert "`pixel_format=raw12` `stride=400`" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), KODAK))
 
 
 def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
-    assert "or one with scattered colours, which --pattern describes" in refusal(pack(codes(KODAK), "u16"), sensor(layout))
-    assert "a sensor without colour filters, or another --pattern, --period or --origin" in refusal(
+    assert "or one with scattered colours, which `pattern` describes" in refusal(pack(codes(KODAK), "u16"), sensor(layout))
+    assert "a sensor without colour filters, or another `pattern`, `period` or `origin`" in refusal(
         pack(codes(), "u16"), sensor(layout, KODAK)
     )
     scene, bayer = builtin_scene(SIZE[1], SIZE[0]).rgb, np.empty(SIZE)
@@ -362,19 +364,19 @@ def test_dark_frames_of_any_black_level_pass_where_they_are_said_to_be_dark(blac
 
 
 def test_what_is_lit_or_too_large_is_not_dark() -> None:
-    with pytest.raises(InputError, match=r"nearly equal; likely light on the sensor \(cover the lens, or leave --dark out\)"):
+    with pytest.raises(InputError, match=r"nearly equal; likely light on the sensor \(cover the lens, or leave `covered` out\)"):
         look_at_dark(codes(), 12)
-    with pytest.raises(InputError, match=r"a sample is .*, more than 10 bits hold; likely --bits 12"):
+    with pytest.raises(InputError, match=r"a sample is .*, more than 10 bits hold; likely `sensor_bits=12`"):
         look_at_dark(codes(), 10)
     layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
     packed = RawFrame.now((pack(dark_codes(70), "raw10") * 2)[: layout.frame_bytes])
-    with pytest.raises(InputError, match="another --format"):  # packed words, read as other ones
+    with pytest.raises(InputError, match="another `pixel_format`"):  # packed words, read as other ones
         list(checked([packed], sensor(layout), print, dark=True))
 
 
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
-    assert "likely --dark, if the lens is covered, and --black N" in refusal(dark_codes(16).tobytes() * 2, sensor(layout))
+    assert "likely `covered`, if the lens is covered, and `black=N`" in refusal(dark_codes(16).tobytes() * 2, sensor(layout))
     low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
     said = refusal(low * 2, sensor(FrameLayout(SIZE[1], SIZE[0], "raw12")))
-    assert "likely --black N with the sensor's own black level" in said
+    assert "likely `black=N` with the sensor's own black level" in said

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 from offline import RenderSettings, render_bands, threads, use_threads
 from shared import Mosaic, read_dng
 from shared.arrays import FloatArray
+from tools.evaluation.presets import PRESETS
 from tools.host.isolated import peak_memory, run_isolated
 from tools.pictures.band_writer import write_picture_bands
 from tools.pictures.writer import PictureKind
-
-from ..presets import PRESETS
 
 if TYPE_CHECKING:
     from .material import Material

@@ -1,13 +1,12 @@
-"""Options as a user writes them: patterns, as letters or a file with letters, and light."""
+"""Patterns as a user writes them: letters, names, and files with either."""
 
-from argparse import ArgumentParser
 from pathlib import Path
 
 import pytest
 
 from shared import CfaPattern
 from shared.errors import InputError
-from tools.host.options import add_light, add_pattern, parsed_pattern, pattern_of
+from shared.pattern_text import read_pattern
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 
@@ -22,7 +21,7 @@ KODAK = "WBWG/BWGW/WGWR/GWRW"
 def test_a_file_is_read_as_letters_are(tmp_path: Path, text: str) -> None:
     path = tmp_path / "KODAK"  # a name that could be letters
     path.write_text(text)
-    assert parsed_pattern(str(path)) == CfaPattern.of_letters(KODAK) == parsed_pattern(KODAK)
+    assert read_pattern(str(path)) == CfaPattern.of_letters(KODAK) == read_pattern(KODAK)
 
 
 @pytest.mark.parametrize(
@@ -42,8 +41,8 @@ def test_a_file_is_read_as_letters_are(tmp_path: Path, text: str) -> None:
 )
 def test_what_is_no_pattern_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError) as refused:
-        parsed_pattern(text)
-    assert str(refused.value).startswith("--pattern ")
+        read_pattern(text)
+    assert str(refused.value).startswith("`pattern` ")
     assert words in str(refused.value)
     assert len(str(refused.value)) < 500
 
@@ -64,45 +63,8 @@ def test_a_file_without_a_pattern_is_named(tmp_path: Path, content: bytes, words
     path = tmp_path / "pattern.txt"
     path.write_bytes(content)
     with pytest.raises(InputError) as refused:
-        parsed_pattern(str(path))
+        read_pattern(str(path))
     assert str(refused.value).startswith(f"{path}: ")
     assert words in str(refused.value)
     with pytest.raises(InputError, match="is a folder; give a pattern"):
-        parsed_pattern(str(tmp_path))
-
-
-@pytest.mark.parametrize(
-    ("options", "known", "expected"),
-    [
-        ("", None, CfaPattern.bayer()),
-        ("", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK)),
-        ("--origin 1 2", CfaPattern.of_letters(KODAK), CfaPattern.of_letters(KODAK, (1, 2))),
-        (f"--pattern {KODAK} --origin 1 -1", None, CfaPattern.of_letters(KODAK, (1, 3))),
-        ("--period 4", CfaPattern.of_letters(KODAK), CfaPattern.bayer(4)),
-        ("--order GBRG --origin 2 1", None, CfaPattern.bayer(6, "GBRG", (2, 1))),
-    ],
-)
-def test_the_pattern_that_options_describe(options: str, known: CfaPattern | None, expected: CfaPattern) -> None:
-    parser = ArgumentParser()
-    add_pattern(parser)
-    parser.add_argument("--origin", type=int, nargs=2)
-    assert pattern_of(parser.parse_args(options.split()), known) == expected
-    for option in ("--period 4", "--order RGGB"):
-        with pytest.raises(InputError, match=f"--pattern says where every filter is; leave {option.split()[0]} out"):
-            pattern_of(parser.parse_args(f"--pattern {KODAK} {option}".split()))
-
-
-@pytest.mark.parametrize(("text", "factor"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)])
-def test_light_may_be_a_fraction(text: str, factor: float) -> None:
-    parser = ArgumentParser()
-    add_light(parser)
-    assert parser.parse_args(["--light", text]).light == factor
-
-
-@pytest.mark.parametrize("text", ["1/0", "1/", "/4", "bright", ""])
-def test_other_light_is_a_usage_error(text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    parser = ArgumentParser()
-    add_light(parser)
-    with pytest.raises(SystemExit):
-        parser.parse_args(["--light", text])
-    assert "neither a number nor a fraction" in capsys.readouterr().err
+        read_pattern(str(tmp_path))

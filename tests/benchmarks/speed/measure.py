@@ -1,4 +1,4 @@
-"""The three measurements of `panchroma bench`: speeds in turns, the preview, and growth with size.
+"""the three measurements: speeds in turns, the preview, and growth with size.
 
 Each prints a table for people and returns its figures for `--json`.
 """
@@ -13,11 +13,11 @@ from typing import Any
 from offline import RenderSettings, render, render_bands
 from shared import Mosaic
 from shared.dng import decode_dng, encode_dng
+from tools.evaluation.presets import PRESETS
 from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.pictures.previews import Previews
 
-from ..presets import PRESETS
 from .files import FileTiming, measure_files, render_file
 from .material import Material
 from .preview import measure_preview

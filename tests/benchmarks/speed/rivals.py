@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 
-from ..rivals.libraw import develop
-from ..rivals.packages import demosaic_malvar, demosaic_menon, edge_aware
+from tools.evaluation.rivals.libraw import develop
+from tools.evaluation.rivals.packages import demosaic_malvar, demosaic_menon, edge_aware
+
 from .material import Material
 from .rounds import Work
 

@@ -1,20 +1,20 @@
-"""The options that say what pictures are to be like, and the fields of an order that they set."""
+"""The options that say what rendered pictures are to be like, and the fields of an order that they set."""
 
 import argparse
 import secrets
 from typing import Any
 
 from shared import read_camera
-from tools.host import options
 from tools.host.jobs import output_folder
 from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
+from tools.rendering.defect_list import read_defects
+from tools.rendering.white_balance import WhiteBalance
 
-from .defect_list import read_defects
-from .white_balance import WhiteBalance
+from .options import add
 
 
-def add_picture(parser: argparse.ArgumentParser) -> None:
-    """Add the options of a picture, from --format to --defects, and --no-learned and --max-pixels."""
+def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
+    """Add the options of a picture, from --format to --preset, the first of which is the default, and --max-pixels."""
     parser.add_argument(
         "-f",
         "--format",
@@ -25,7 +25,7 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
         "displays; dng: linear, to finish in a raw developer",
     )
     parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
-    options.add_quality(parser, ", also of uhdr, and of jxl, which is lossless by default")
+    add(parser, "quality", more=", also of uhdr, and of jxl, which is lossless by default")
     spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
     parser.add_argument(
@@ -37,15 +37,22 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--wb",
+        dest="white",
         type=WhiteBalance.parse,
         default="camera",
         metavar="BALANCE",
         help="white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6",
     )
-    options.add_calibration(parser)
+    add(parser, "camera", instead=", in place of the one in the shots")
     parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
-    parser.add_argument("--no-learned", action="store_true", help="do without the network that corrects colour (preset best)")
-    options.add_max_pixels(parser)
+    parser.add_argument(
+        "--preset",
+        choices=presets,
+        default=presets[0],
+        help="unlearned: best without the network that corrects colour"
+        + "; paper: the published method, literally" * ("paper" in presets),
+    )
+    add(parser, "max-pixels")
 
 
 def _format(name: str) -> str:
@@ -54,23 +61,32 @@ def _format(name: str) -> str:
     return OTHER_NAMES.get(known, known)
 
 
-def add_run(group: argparse._ActionsContainer) -> None:
-    """Add --resume, --overwrite and --dry-run."""
+def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Add the options of a run, and return their group."""
+    group = parser.add_argument_group("the run")
     group.add_argument("--resume", action="store_true", help="keep results that are up to date, replace outdated ones")
-    group.add_argument("--overwrite", action="store_true", help="replace results that exist already, whoever wrote them")
-    group.add_argument("--dry-run", action="store_true", help="write nothing, only say what would be done")
+    add(group, "overwrite", "dry-run", "threads", "max-memory", of=" of each process")
+    return group
+
+
+def limit_threads(count: int | None) -> None:
+    """Let the renderer use so many threads in this process; None: one per processor."""
+    from offline import available_threads, use_threads
+
+    if count is not None:
+        use_threads(min(count, available_threads()))
 
 
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     check_gain(kind, arguments.exposure)
-    arguments.wb.check(kind)
+    arguments.white.check(kind)
     return {
         "kind": kind,
-        "learned": not arguments.no_learned,
+        "preset": arguments.preset,
         "exposure": arguments.exposure,
-        "white": arguments.wb,
+        "white": arguments.white,
         "camera": read_camera(arguments.camera) if arguments.camera else None,
         "defects": read_defects(arguments.defects) if arguments.defects else (),
         "folder": output_folder(arguments.output, dry_run=arguments.dry_run),

@@ -15,11 +15,10 @@ from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.arrays import FloatArray
 from shared.errors import InputError, OutputError
 from shared.sensor import simulate_additive
+from tools.evaluation.rivals.bayer import bayer_mosaic
+from tools.evaluation.rivals.integers import Levels
+from tools.evaluation.rivals.libraw import encode_bayer_dng
 from tools.scenes.drawn.builtin import builtin_scene
-
-from ..rivals.bayer import bayer_mosaic
-from ..rivals.integers import Levels
-from ..rivals.libraw import encode_bayer_dng
 
 Sample = TypeVar("Sample", bound=np.generic)
 

@@ -1,0 +1,206 @@
+"""The options that several commands have, each said once, and the kinds of values that options take."""
+
+import argparse
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from shared import Camera, CfaPattern, read_camera
+from shared.calibration import BITS
+from shared.errors import InputError
+from shared.pattern import PERIODS
+from shared.pattern_text import read_pattern
+from shared.reading import MAX_PIXELS
+from shared.tiles import TILES
+from tools.host.memory import parse_bytes
+
+T = TypeVar("T")
+
+_PERIOD = 6
+_NAMES = ", ".join(map(str.casefold, TILES))
+
+
+# --- values ---------------------------------------------------------------------------------------------------------------------
+
+
+def value(convert: Callable[[str], T], expected: str) -> Callable[[str], T]:
+    """The type of an option: what `convert` makes of its text, or a usage error, if it raises, that says what was expected."""
+
+    def typed(text: str) -> T:
+        try:
+            return convert(text)
+        except (ValueError, ZeroDivisionError):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {expected}") from None
+
+    return typed
+
+
+def numbers(count: int | None = None, example: str = "1,-0.5") -> Callable[[str], tuple[float, ...]]:
+    """The type of an option that takes numbers with commas between them, `count` of them or any number."""
+
+    def convert(text: str) -> tuple[float, ...]:
+        found = tuple(map(float, text.split(",")))
+        if count not in (None, len(found)):
+            raise ValueError
+        return found
+
+    return value(convert, f"{count or 'a list of'} numbers with commas between them, such as {example}")
+
+
+def _whole(least: int) -> Callable[[str], int]:
+    def convert(text: str) -> int:
+        number = int(text)
+        if number < least:
+            raise ValueError
+        return number
+
+    return value(convert, f"a whole number from {least} on")
+
+
+def _factor(text: str) -> float:
+    number, slash, divisor = text.partition("/")
+    return float(number) / float(divisor if slash else 1)
+
+
+def _amount(text: str) -> float:
+    number = float(text)
+    if not 0 <= number < float("inf"):
+        raise ValueError
+    return number
+
+
+count = _whole(1)
+natural = _whole(0)
+amount = value(_amount, "a number from 0 on")
+factor = value(_factor, "a number, or a fraction such as 1/4")
+
+
+def text(argument: str) -> str:
+    """The text of an argument, which is UTF-8 even where the locale has another encoding, or none (LC_ALL=C)."""
+    return os.fsencode(argument).decode("utf-8", "replace")
+
+
+# --- the table ------------------------------------------------------------------------------------------------------------------
+
+_SHORT = {"output": "-o", "format": "-f", "threads": "-j"}
+_SWITCH = {"action": "store_true"}
+_SHARED: dict[str, dict[str, Any]] = {
+    "output": {"metavar": "DIR", "required": True, "help": "folder for {files}, created if missing"},
+    "overwrite": {**_SWITCH, "help": "replace results that exist already"},
+    "dry-run": {**_SWITCH, "help": "write nothing, only say what would be done"},
+    "json": {**_SWITCH, "help": "print one JSON object per {each} to stdout"},
+    # What is read.
+    "camera": {"metavar": "FILE", "help": "camera.json: the calibration of the sensor{instead}"},
+    "pattern": {
+        "metavar": "LETTERS",
+        "help": "the filters of a tile, row by row, W is panchromatic: WBWG/BWGW/WGWR/GWRW; or its name: "
+        f"{_NAMES}; or a file with them, one row on each line",
+    },
+    "period": {
+        "type": int,
+        "metavar": "K",
+        "help": f"of the paper's pattern: pixels from block to block, {PERIODS[0]} to {PERIODS[-1]} (default: {_PERIOD})",
+    },
+    "origin": {"type": int, "nargs": 2, "metavar": ("ROW", "COLUMN"), "help": "position of the first block (default: 0 0)"},
+    "sensor-bits": {
+        "type": int,
+        "metavar": "N",
+        "help": f"bits that the sensor delivers, {BITS[0]} to {BITS[-1]} (default: {{usual}}, or the camera's)",
+    },
+    "linear": {**_SWITCH, "help": "take the pictures' values as linear light, whatever the files say"},
+    "max-pixels": {"type": count, "default": MAX_PIXELS, "metavar": "N", "help": "refuse a file with more pixels than this"},
+    "graph": {"metavar": "FILE", "help": "preview graph from export-preview, for a pattern without a built-in graph"},
+    # Light and noise of a simulated camera.
+    "protocol": {
+        "choices": ("paper", "sensor"),
+        "default": "paper",
+        "help": "paper: additive Gaussian noise, no clipping; sensor: shot and read noise, clipped at full scale",
+    },
+    "sigma": {"type": amount, "metavar": "S", "help": "standard deviation of the noise of --protocol paper, scene units"},
+    "light": {"type": factor, "metavar": "FACTOR", "help": "amount of light of --protocol sensor, 2 is one stop more"},
+    "seed": {"type": natural, "default": 0, "metavar": "N", "help": "seed of the noise"},
+    # What is made.
+    "quality": {"type": int, "metavar": "N", "help": "quality of a JPEG, 1 (small) to 100 (default: 95){more}"},
+    "scale": {"type": int, "metavar": "N", "help": "sensor pixels per picture pixel, in each direction; must divide the period"},
+    "latest": {"type": Path, "metavar": "LINK", "help": "keep a symbolic link with this name to the latest shot"},
+    # How it is made.
+    "threads": {"type": count, "metavar": "N", "help": "threads{of} (default: one per core)"},
+    "workers": {"type": count, "metavar": "N", "help": "{things} at a time (default: {usual})"},
+    "max-memory": {
+        "type": value(parse_bytes, "a size such as 800M or 4G"),
+        "metavar": "SIZE",
+        "help": "memory for all processes together, for example 4G (default: most of the free memory)",
+    },
+    "scheduler": {"metavar": "ADDRESS", "help": "do the work on the workers of this dask scheduler, tcp://HOST:PORT"},
+    "scheduler-file": {"metavar": "FILE", "help": "as --scheduler, for the scheduler that wrote this file"},
+}
+"""Option -> what argparse is to know of it; a word in braces is replaced by that of the command."""
+
+
+def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> None:
+    """Add options of the table, in this order.
+
+    changed: the words for those in braces, and settings of argparse that differ from the table's (nargs, default, required).
+    """
+    settings = {name: changed.pop(name) for name in ("nargs", "default", "required") if name in changed}
+    for option in options:
+        known = _SHARED[option] | settings
+        flags = [_SHORT[option]] if option in _SHORT else []
+        words = {"instead": "", "of": "", "more": ""} | changed
+        group.add_argument(*flags, f"--{option}", **known | {"help": known["help"].format(**words)})
+
+
+def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
+    """Add SHOT, one or more."""
+    parser.add_argument(
+        "shots", nargs="+", metavar="SHOT", help=f"a DNG written by Panchroma, {also}or a folder with DNGs in it or below"
+    )
+
+
+# --- what they mean together ----------------------------------------------------------------------------------------------------
+
+
+def names_pattern(arguments: argparse.Namespace) -> bool:
+    """Whether --pattern or --period is given."""
+    return not (arguments.pattern is None and arguments.period is None)
+
+
+def pattern_of(arguments: argparse.Namespace, known: CfaPattern | None = None) -> CfaPattern:
+    """The pattern of --pattern or --period, at --origin. known: that of the camera, for what is not given.
+
+    Raises InputError for both together, for a period outside the supported range, and for what `read_pattern` refuses.
+    """
+    if arguments.pattern is not None and arguments.period is not None:
+        raise InputError("--pattern says where every filter is; leave --period out")
+    if arguments.pattern is not None:
+        known = read_pattern(arguments.pattern)
+    elif known is None or arguments.period is not None:
+        known = CfaPattern.bayer(_PERIOD if arguments.period is None else arguments.period)
+    origin = getattr(arguments, "origin", None)
+    return known if origin is None else replace(known, origin=tuple(origin))
+
+
+def camera_of(arguments: argparse.Namespace) -> tuple[Camera | None, CfaPattern]:
+    """The camera in the --camera file (None without that option) and the pattern, see `pattern_of`.
+
+    Raises InputError that names the file when the camera was measured with another pattern.
+    """
+    camera = read_camera(arguments.camera) if arguments.camera else None
+    pattern = pattern_of(arguments, camera.pattern if camera else None)
+    try:
+        if camera:
+            camera.check_pattern(pattern)
+    except InputError as error:
+        raise InputError(f"{arguments.camera}: {error}") from None
+    return camera, pattern
+
+
+def uses_scheduler(arguments: argparse.Namespace) -> bool:
+    """Whether a dask scheduler distributes the work. Raises InputError when both options are given, and when one is empty."""
+    if "" in (arguments.scheduler, arguments.scheduler_file):  # an unset variable of a shell, and no wish to work here
+        raise InputError("--scheduler is empty; give tcp://HOST:PORT, or --scheduler-file FILE")
+    if arguments.scheduler and arguments.scheduler_file:
+        raise InputError("--scheduler and --scheduler-file name the same thing; give one of them")
+    return bool(arguments.scheduler or arguments.scheduler_file)

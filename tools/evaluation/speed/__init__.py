@@ -1,1 +1,0 @@
-"""Speed and memory: what `panchroma bench` measures, and how."""
