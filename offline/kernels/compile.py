@@ -2,10 +2,12 @@
 
 import hashlib
 import os
+import re
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -23,7 +25,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend on where a row begins.
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
-_SOURCES = hashlib.sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+_IMPORT = re.compile(r"^from (\.+)([\w.]+) import ", re.MULTILINE)
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
 
 prange: type[range] = numba.prange
@@ -33,8 +35,16 @@ LITTLE = 1 << 15
 milliseconds where other programs are at work, as long as a burst of tiny frames takes in all."""
 
 
+@cache
+def _sources(path: Path) -> frozenset[Path]:
+    """A kernel's file, and the files of `offline` from which its code may come: those that it imports, and so on."""
+    imported = _IMPORT.findall(path.read_text(encoding="utf-8"))
+    beside = (path.parents[len(dots) - 1].joinpath(*name.split(".")).with_suffix(".py") for dots, name in imported)
+    return frozenset({path}).union(*(_sources(each) for each in beside if each.exists()))
+
+
 class _Cache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed; this one, when any kernel file has.
+    """Numba's cache on disk. Numba recompiles a kernel when its own file has changed; this one, when one that it imports has, too.
 
     A kernel that cannot be read from the disk, or not be kept there, is compiled. Files are named after the processor too: machines
     of different kinds that share a folder, and compile at the same time, would otherwise replace each other's files.
@@ -44,9 +54,11 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         super().__init__(function)
         name, stamp = f"{self._impl.filename_base}-{_PROCESSOR}", self._impl.locator.get_source_stamp()
         self._cache_file = IndexDataCacheFile(self._cache_path, name, stamp)
+        texts = (path.read_bytes() for path in sorted(_sources(Path(function.__code__.co_filename))))
+        self._digest = hashlib.sha256(b"".join(texts)).hexdigest()
 
     def _index_key(self, *args: Any) -> tuple[Any, ...]:
-        return (*super()._index_key(*args), _SOURCES)
+        return (*super()._index_key(*args), self._digest)
 
     def load_overload(self, *args: Any) -> Any:
         try:
