@@ -6,6 +6,10 @@ it is what counts.
 """
 
 import os
+from pathlib import Path
+from typing import Any
+
+from .errors import InputError
 
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
@@ -13,4 +17,20 @@ import onnxruntime
 
 onnxruntime.disable_telemetry_events()
 
-__all__ = ["onnxruntime"]
+__all__ = ["onnxruntime", "session"]
+
+
+def session(model: Path | bytes) -> Any:
+    """An onnxruntime session, which computes in the calling thread; any number of threads may call it.
+
+    model: an ONNX file of ours, or its bytes.
+    Raises InputError, which does not name the file, when onnxruntime cannot run it.
+    """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # our pieces run in parallel instead
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 4  # errors are raised anyway
+    try:
+        return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # each error code of onnxruntime has its own class, without a common base
+        raise InputError(f"is not a network that onnxruntime can run ({error})") from error

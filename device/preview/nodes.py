@@ -1,31 +1,40 @@
-"""A small builder of preview graphs in ONNX, which names and collects nodes and constants. Needs `onnx`, like `graph`."""
+"""A small builder of ONNX graphs, which names and collects nodes and constants, and writes them as a file.
+
+A file is one message of Protocol Buffers (protobuf.dev/programming-guides/encoding), with the fields of onnx.proto: writing the few
+that a preview graph needs takes less than the package `onnx`, which no camera has.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import onnx
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
-
-from . import contract
 
 Operand = str | float | Sequence[int] | NDArray[Any]
 """The name of a tensor, or a constant."""
 Shape = Sequence[int | str]
 """Shape of an input or output: sizes, and names for those that vary."""
 
-UINT8, UINT16, FLOAT = int(TensorProto.UINT8), int(TensorProto.UINT16), int(TensorProto.FLOAT)
+OPSET, IR_VERSION = 17, 8
+"""Versions of the operators and of the file; IR 8 is as old as the opset."""
+FLOAT, UINT8, UINT16, INT64 = 1, 2, 4, 7
+"""Types of numbers: TensorProto.DataType in onnx.proto."""
 END = 2**31 - 1
 """The end of a slice that reaches to the last element."""
 
+_CONSTANTS = {"f": (np.float32, FLOAT), "i": (np.int64, INT64), "u": (np.uint8, UINT8)}
+"""Kind of a NumPy array -> the types of numbers, in NumPy and in ONNX, with which it is stored."""
+_INTEGER, _INTEGERS = 2, 7  # AttributeProto.AttributeType
+
+_Value = int | str | bytes
+
 
 class Nodes:
-    """A graph under construction. Every method appends nodes and returns the name of the result."""
+    """A graph under construction. Every method but `to_bytes` appends nodes and returns the name of the result."""
 
     def __init__(self) -> None:
-        self._nodes: list[onnx.NodeProto] = []
-        self._constants: dict[tuple[str, tuple[int, ...], bytes], onnx.TensorProto] = {}
+        self._nodes: list[bytes] = []
+        self._constants: dict[tuple[int, tuple[int, ...], bytes], str] = {}
 
     def __call__(self, operator: str, *inputs: Operand, **attributes: int | list[int]) -> str:
         """Append a node with one output."""
@@ -58,42 +67,82 @@ class Nodes:
         """Reshape to sizes that are numbers or names of one-element tensors."""
         return self("Reshape", values, self("Concat", *([size] if isinstance(size, int) else size for size in shape), axis=0))
 
-    def finish(
-        self, result: str, inputs: Mapping[str, tuple[int, Shape]], kind: tuple[int, Shape], description: contract.Description
-    ) -> onnx.ModelProto:
-        """The finished model, checked by onnx.
+    def to_bytes(
+        self,
+        result: str,
+        inputs: Mapping[str, tuple[int, Shape]],
+        outputs: Mapping[str, tuple[int, Shape]],
+        producer: tuple[str, str],
+        metadata: Mapping[str, str],
+    ) -> bytes:
+        """The finished graph as a file, always with the same bytes.
 
-        result: name of the result that is the picture.
+        result: name of the result that is the output.
         inputs: (type, shape) of each input, by name.
-        kind: (type, shape) of the picture.
-        description: kept in the metadata; its builder is the version of the producer.
+        outputs: (type, shape) of the one output, by name.
+        producer: name and version of the program that wrote the graph.
+        metadata: texts that are kept in the file.
         """
-        self._nodes.append(helper.make_node("Identity", [result], [contract.PICTURE], contract.PICTURE))
-        graph = helper.make_graph(
-            self._nodes,
-            "preview",
-            [helper.make_tensor_value_info(each, *kind) for each, kind in inputs.items()],
-            [helper.make_tensor_value_info(contract.PICTURE, *kind)],
-            list(self._constants.values()),
+        (output,) = outputs
+        constants = [_message({1: shape, 2: kind, 8: name, 9: data}) for (kind, shape, data), name in self._constants.items()]
+        graph = _message(
+            {
+                1: [*self._nodes, _message({1: result, 2: output, 3: output, 4: "Identity"})],
+                2: "preview",
+                5: constants,
+                11: [_described(name, *each) for name, each in inputs.items()],
+                12: [_described(name, *each) for name, each in outputs.items()],
+            }
         )
-        versions = {"opset_imports": [helper.make_opsetid("", contract.OPSET)], "ir_version": contract.IR_VERSION}
-        model = helper.make_model(graph, **versions, producer_name="panchroma", producer_version=description.builder)
-        helper.set_model_props(model, description.to_metadata())
-        onnx.checker.check_model(model, full_check=True)
-        return model
+        texts = [_message({1: name, 2: text}) for name, text in metadata.items()]
+        opset = _message({1: "", 2: OPSET})
+        return _message({1: IR_VERSION, 2: producer[0], 3: producer[1], 7: graph, 8: opset, 14: texts})
 
-    def _append(self, operator: str, inputs: Sequence[Operand], outputs: int, attributes: Mapping[str, Any]) -> list[str]:
+    def _append(
+        self, operator: str, inputs: Sequence[Operand], outputs: int, attributes: Mapping[str, int | list[int]]
+    ) -> list[str]:
         name = f"{operator.lower()}_{len(self._nodes)}"
         results = [name] if outputs == 1 else [f"{name}_{number}" for number in range(outputs)]
         operands = [each if isinstance(each, str) else self._constant(each) for each in inputs]
-        self._nodes.append(helper.make_node(operator, operands, results, name, **attributes))
+        settings = [
+            _message({1: key, 3: value, 20: _INTEGER} if isinstance(value, int) else {1: key, 8: value, 20: _INTEGERS})
+            for key, value in sorted(attributes.items())
+        ]
+        self._nodes.append(_message({1: operands, 2: results, 3: name, 4: operator, 5: settings}))
         return results
 
     def _constant(self, value: Operand) -> str:
         """Name of a constant tensor, stored once: float32 for floats, int64 (indices and shapes) for integers, uint8 unchanged."""
         array = np.asarray(value)
-        array = array.astype({"f": np.float32, "i": np.int64, "u": np.uint8}[array.dtype.kind])
-        key = array.dtype.str, array.shape, array.tobytes()
-        if key not in self._constants:
-            self._constants[key] = numpy_helper.from_array(array, f"constant_{len(self._constants)}")
-        return self._constants[key].name
+        dtype, kind = _CONSTANTS[array.dtype.kind]
+        array = array.astype(np.dtype(dtype).newbyteorder("<"))
+        return self._constants.setdefault((kind, array.shape, array.tobytes()), f"constant_{len(self._constants)}")
+
+
+def _described(name: str, kind: int, shape: Shape) -> bytes:
+    """Name, type and shape of an input or output: a ValueInfoProto."""
+    sizes = [_message({1: size} if isinstance(size, int) else {2: size}) for size in shape]
+    return _message({1: name, 2: _message({1: _message({1: kind, 2: _message({1: sizes})})})})
+
+
+def _message(fields: Mapping[int, _Value | Sequence[_Value]]) -> bytes:
+    """A message of Protocol Buffers: fields by their number, rising; a list for one that is repeated."""
+    parts = []
+    for number, values in fields.items():
+        for value in [values] if isinstance(values, _Value) else values:
+            if isinstance(value, int):
+                parts += [_varint(number << 3), _varint(value)]
+            else:
+                data = value.encode() if isinstance(value, str) else value
+                parts += [_varint(number << 3 | 2), _varint(len(data)), data]
+    return b"".join(parts)
+
+
+def _varint(value: int) -> bytes:
+    """An integer of 64 bits, seven in each byte, the lowest first; the top bit says that another byte follows."""
+    value &= (1 << 64) - 1
+    data = bytearray()
+    while value > 0x7F:
+        data.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*data, value])

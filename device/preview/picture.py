@@ -1,16 +1,11 @@
 """The last stages of a preview graph: camera RGB in planes -> the picture. For the rules of its operations see `graph`."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from shared.display import SATURATED
 
 from . import contract
-from .geometry import Geometry
-
-if TYPE_CHECKING:  # with onnx, which only a builder needs
-    from .nodes import Nodes
+from .pattern_graph import PatternGraph
 
 # The curve of IEC 61966-2-1 without a power: OFFSET + GAIN (s - BEND / s), s = sqrt(x + SHIFT) + KNEE, in codes of 8 bits.
 # Fitted: its error is at most 0.53 codes, 0.31 on average, and 0 at black and white.
@@ -20,28 +15,28 @@ _BURNT = 50.0
 """Multiple of the luminance of saturated cells that is shown: white where every channel has a fiftieth of what white has."""
 
 
-def in_picture_units(g: "Nodes", unit: str, parts: str, white: str) -> str:
-    """Chromaticities that, multiplied by luminance in codes, give scene units, or fractions of display white.
+def in_picture_units(g: PatternGraph, parts: str) -> str:
+    """Chromaticities that, times luminance in codes, give scene units in a linear graph, else fractions of display white.
 
-    unit: scene units per code. parts: gamma_j c_j, (C, blocks). white: what display white reads, (C,); "" = scene units.
+    parts: gamma_j c_j, (C, blocks).
     """
-    per_code = g("Div", unit, contract.GAMMA)
-    return g("Mul", parts, g("Unsqueeze", g("Div", per_code, white) if white else per_code, [1, 2]))
+    per_code = g("Div", g.unit, contract.GAMMA)
+    return g("Mul", parts, g("Unsqueeze", per_code if g.linear else g("Div", per_code, contract.WHITE), [1, 2]))
 
 
-def burnt_out(g: "Nodes", full_scale: str, cells: str) -> str:
+def burnt_out(g: PatternGraph, cells: str) -> str:
     """What the colour of each cell is divided by, (1, cells, patches): 1, or less where samples are saturated, so that it is white.
 
     There the measured luminance is too low, and chromaticity wrong (see `shared.display`).
 
-    full_scale: light at which a panchromatic sample saturates, in the units of `cells`, the mean light of each cell.
+    cells: the mean light of each cell.
     """
     first, last = SATURATED
     fall = (1 - 1 / _BURNT) / (last - first)
-    return g("Clip", g("Add", g("Mul", cells, g("Div", -fall, full_scale)), 1 + fall * first), 1 / _BURNT, 1.0)
+    return g("Clip", g("Add", g("Mul", cells, g("Div", -fall, g.full_scale)), 1 + fall * first), 1 / _BURNT, 1.0)
 
 
-def display(g: "Nodes", camera: str) -> str:
+def display(g: PatternGraph, camera: str) -> str:
     """Convert camera RGB relative to display white, (m, C, ...), to sRGB codes, uint8 (m, 3, n), as `ColourTransform` does."""
     flat = g("Reshape", g("Clip", camera, -1.0, 1.0), [0, 0, -1])
     # A sum of C products, which the kernels of all processors add in order; the only place where a multiply-add may be fused.
@@ -51,12 +46,12 @@ def display(g: "Nodes", camera: str) -> str:
     return g("QuantizeLinear", curve, 1 / _GAIN, np.array(_OFFSET, np.uint8))
 
 
-def interleave(g: "Nodes", geometry: Geometry, patches: list[str], planes: list[str], *, linear: bool) -> str:
+def interleave(g: PatternGraph, planes: list[str]) -> str:
     """Assemble the picture (rows, columns, channels) from its planes, (pixels, channels, cells, patches) in one tensor or more."""
-    within, across, channels = geometry.within, geometry.across, len(geometry.pattern.channels) if linear else 3
+    within, across, channels = g.geometry.within, g.geometry.across, g.shown
     values = planes[0] if len(planes) == 1 else g("Concat", *(g("Reshape", each, [1, channels, -1]) for each in planes), axis=0)
-    values = g.reshape(values, [within, within, channels, across, across, *patches])
+    values = g.reshape(values, [within, within, channels, across, across, *g.patches])
     # Depth to space in two steps: move whole rows of patches into place, then interleave the columns.
     values = g("Transpose", values, perm=[5, 3, 0, 4, 1, 2, 6])
-    values = g.reshape(values, [-1, within * across * channels, patches[1]])
+    values = g.reshape(values, [-1, within * across * channels, g.patches[1]])
     return g("Reshape", g("Transpose", values, perm=[0, 2, 1]), [0, -1, channels])

@@ -4,41 +4,39 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import ByteArray, CodeArray, FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.calibration import SensorCalibration
 from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
-from shared.reading import read_whole
-from shared.runtime import onnxruntime
+from shared.runtime import session
 
 from . import contract
-from .border import ExtendedFrame
+from .border import ExtendedFrame, Span
 from .even_light import even_light
-from .graph_check import check_graph
+from .geometry import Geometry
+from .graph import build_preview
 from .listed_defects import without_defects
 
 _STRIP_PIXELS = 1 << 17
 """Sensor pixels per strip at full resolution; five times as many for smaller pictures. Their planes fit into 2 MB of cache."""
 
-_DAMAGED = "it is damaged; write it again: panchroma export-preview"
-_LARGEST_GRAPH = 2 << 20  # bytes; those that ship have less than thirty thousand, with 240 scattered sites 1.8 million
-
 
 class Preview:
     """A preview graph, loaded once, for any number of mosaics of its pattern, of any size and origin.
 
-    model: path of a graph (`panchroma export-preview` writes one), or its bytes.
+    pattern: the filter pattern; its origin does not matter.
+    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
+    linear: scene units instead of a picture for a screen.
     threads: number of strips that are processed at a time; None = the number of processors that this process may use.
-    Raises InputError when the model cannot be read, or has another version of the contract.
+    Raises InputError when the pattern has no preview of this scale.
 
     >>> import numpy as np
     >>> from device import Preview
@@ -51,28 +49,17 @@ class Preview:
     ((40, 60, 3), [255, 255, 255])
     """
 
-    def __init__(self, model: Path | str | bytes, threads: int | None = None) -> None:
+    def __init__(self, pattern: CfaPattern, scale: int = 1, *, linear: bool = False, threads: int | None = None) -> None:
         if threads is not None and threads < 1:
-            raise InputError(f"a preview with {threads} threads: at least one is needed")
-        self._session = _session(model)
-        try:
-            metadata = self._session.get_modelmeta().custom_metadata_map
-        except UnicodeDecodeError as error:
-            raise InputError(f"the preview graph's description is no text ({error}): {_DAMAGED}") from None
-        self.description = contract.parse(metadata)
+            raise InputError(f"`threads` is {threads}, expected 1 or more")
+        self._geometry, self._linear = Geometry(pattern, scale), linear
+        self._session = session(build_preview(pattern, scale, linear=linear))
         self._threads = threads or _processors()
 
     @classmethod
     def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
-        """The preview for all mosaics of a pattern: a graph from the package, or one built now if `onnx` is installed.
-
-        mosaic: any mosaic with the pattern.
-        scale: sensor pixels per picture pixel, each way; a divisor of the period.
-        linear: scene units instead of a picture for a screen.
-        threads: number of strips that are processed at a time; None = the number of processors that this process may use.
-        Raises InputError when there is no such graph.
-        """
-        return cls(find_model(mosaic.pattern, scale, linear=linear), threads)
+        """The preview for all mosaics with the pattern of this one; for the rest see the class."""
+        return cls(mosaic.pattern, scale, linear=linear, threads=threads)
 
     def run(self, mosaic: Mosaic) -> ByteArray | FloatArray:
         """The picture of a mosaic: uint8 sRGB (h, w, 3), or float32 scene units (h, w, C) of a linear graph.
@@ -81,36 +68,27 @@ class Preview:
         grey.
         Raises InputError for a mosaic of another pattern.
         """
-        pattern, description = mosaic.pattern, self.description
-        description.check(pattern)
+        pattern, scale, linear = mosaic.pattern, self._geometry.scale, self._linear
+        self._check(pattern)
         rows, columns = (
-            _Axis.of(size, origin, block, pattern.period, description.scale)
+            _Axis.of(size, origin, block, pattern.period, scale)
             for size, origin, block in zip(mosaic.shape, pattern.block_origin, pattern.block_shape, strict=True)
         )
-        above, below, left, right = description.halo
-        even, levels = even_light(mosaic)
-        inputs = self._inputs(mosaic.calibration) | levels
-        black, scale, grey = inputs[contract.BLACK], inputs[contract.SCALE], 1 / mosaic.calibration.full_scale
-        codes = without_defects(even, pattern, mosaic.calibration.defects, black, scale, grey)
-        frame = ExtendedFrame(codes, pattern, rows.span(above, below), columns.span(left, right))
-        channels = len(pattern.channels) if description.linear else 3
-        picture = np.empty((rows.size, columns.size, channels), np.float32 if description.linear else np.uint8)
+        above, below, left, right = self._geometry.halo
+        frame, inputs = self._prepared(mosaic, rows.span(above, below), columns.span(left, right))
+        picture = np.empty((rows.size, columns.size, len(pattern.channels) if linear else 3), np.float32 if linear else np.uint8)
         width = columns.patches * pattern.period
-        strip_size = width // description.scale, channels
 
         def develop(patches: range) -> None:
-            count = len(patches) * pattern.period
-            cut = np.empty((above + count + below, left + width + right), np.uint16)
+            cut = np.empty((above + len(patches) * pattern.period + below, left + width + right), np.uint16)
             frame.copy_rows(rows.first + patches.start * pattern.period - above, cut)
-            strip = self._strip(cut, inputs)
-            if strip.dtype != picture.dtype or strip.shape != (count // description.scale, *strip_size):
-                raise InputError(f"the preview graph returns {strip.dtype} {strip.shape} for a strip: {_DAMAGED}")
-            begin = patches.start * pattern.period // description.scale - rows.skip
+            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: cut, **inputs})
+            begin = patches.start * pattern.period // scale - rows.skip
             target = picture[max(begin, 0) : begin + len(strip)]
             first = max(-begin, 0)
             target[:] = strip[first : first + len(target), columns.skip : columns.skip + columns.size]
 
-        most = _STRIP_PIXELS * (1 if description.scale == 1 else 5) // (width * pattern.period)
+        most = _STRIP_PIXELS * (1 if scale == 1 else 5) // (width * pattern.period)
         strips, taking = _strips(rows.patches, max(1, most)), Lock()
 
         def work(_: int) -> None:  # one task per thread, not per strip: handing over each strip takes 6 % longer (12 MP)
@@ -127,14 +105,23 @@ class Preview:
                 pass  # raises an error of a strip
         return picture
 
-    def _strip(self, codes: CodeArray, inputs: dict[str, NDArray[Any]]) -> NDArray[Any]:
-        try:
-            (strip,) = self._session.run([contract.PICTURE], {contract.MOSAIC: codes, **inputs})
-        except MemoryError:
-            raise
-        except Exception as error:  # onnxruntime's errors have no common base class
-            raise InputError(f"the preview graph does not run ({error}): {_DAMAGED}") from error
-        return np.asarray(strip)
+    def _check(self, pattern: CfaPattern) -> None:
+        """Raise InputError unless the graph was made for this pattern."""
+        ours = self._geometry.pattern
+        for name, expected, found in (
+            ("pattern", contract.tile_name(ours), contract.tile_name(pattern)),
+            ("channels", ours.channels, pattern.channels),
+        ):
+            if expected != found:
+                raise InputError(f"the preview is for the {name} {expected}, the mosaic has {found}")
+
+    def _prepared(self, mosaic: Mosaic, rows: Span, columns: Span) -> tuple[ExtendedFrame, dict[str, NDArray[Any]]]:
+        """The frame without shading and listed defects, extended to `rows` and `columns`; and all other inputs of the graph."""
+        even, levels = even_light(mosaic)
+        inputs = self._inputs(mosaic.calibration) | levels
+        black, scale, grey = inputs[contract.BLACK], inputs[contract.SCALE], 1 / mosaic.calibration.full_scale
+        codes = without_defects(even, mosaic.pattern, mosaic.calibration.defects, black, scale, grey)
+        return ExtendedFrame(codes, mosaic.pattern, rows, columns), inputs
 
     def _inputs(self, calibration: SensorCalibration) -> dict[str, NDArray[Any]]:
         """All inputs of the graph except the mosaic."""
@@ -145,7 +132,7 @@ class Preview:
             contract.GAMMA: calibration.gamma,
             contract.NOISE: (noise.shot[-1], noise.read[-1] ** 2) if noise else (0, 0),
         }
-        if not self.description.linear:
+        if not self._linear:
             inputs |= dict(zip((contract.WHITE, contract.MATRIX), _balance(calibration), strict=True))
         return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
@@ -178,46 +165,6 @@ class _Axis:
     def span(self, before: int, after: int) -> tuple[int, int]:
         """(first, last + 1) sensor pixel of the patches, extended by `before` and `after` pixels."""
         return self.first - before, self.first + self.patches * self.period + after
-
-
-def find_model(pattern: CfaPattern, scale: int, *, linear: bool) -> Path | bytes:
-    """The graph for a pattern: the path of one in the package, or the bytes of one built now, which needs `onnx`.
-
-    pattern: the filter pattern.
-    scale: sensor pixels per picture pixel, each way.
-    linear: scene units instead of a picture for a screen.
-    Raises InputError when there is no such graph in the package and `onnx` is not installed, or when the pattern has no such scale.
-    """
-    path = Path(__file__).parent / "models" / contract.file_name(pattern, scale, linear=linear)
-    if pattern.channels == "RGB" and not pattern.is_scattered and path.exists():
-        return path
-    try:
-        from .graph import build_preview
-    except ImportError:
-        raise InputError(
-            f"this program comes without a preview graph for the pattern {'/'.join(pattern.tile)} at scale {scale}, and builds one "
-            "only where the package onnx is: pip install onnx, or run panchroma export-preview on a machine with onnx and give its "
-            "file with `graph`"
-        ) from None
-    graph: bytes = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
-    return graph
-
-
-def _session(model: Path | str | bytes) -> Any:
-    """An onnxruntime session for the graph, which computes in the calling thread."""
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1  # strips run in parallel instead
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 4  # errors are raised anyway
-    name = "the preview graph" if isinstance(model, bytes) else str(model)
-    try:
-        data = model if isinstance(model, bytes) else read_whole(model, _LARGEST_GRAPH, "a preview graph")
-        check_graph(data)
-        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
-    except Exception as error:  # each error code of onnxruntime has its own class, without a common base
-        raise InputError(f"{name}: is not a graph that onnxruntime can run ({error})") from error
 
 
 def _balance(calibration: SensorCalibration) -> tuple[NDArray[Any], NDArray[Any]]:

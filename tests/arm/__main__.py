@@ -19,9 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from device.preview.graph import build_preview
 from shared.errors import InputError, OutputError, PanchromaError
-from tests.arm.probe import PATTERNS, graph_name, graphs
 from tests.data import ROOT
 
 QEMU = "qemu-aarch64"
@@ -64,14 +62,8 @@ def check(cpu: str, onnxruntime: str = "") -> tuple[str, int, list[str]]:
     system = _system(cache)
     emulated = [QEMU, "-cpu", cpu, "-L", str(system), str(system / "usr/bin/python3")]
     site = _site(cache, emulated, onnxruntime)
-    folder = cache / "graphs"
-    folder.mkdir(exist_ok=True)
-    for name, pattern in PATTERNS.items():
-        for scale, linear in graphs(pattern):
-            built = build_preview(pattern, scale, linear=linear).SerializeToString(deterministic=True)
-            (folder / graph_name(name, scale, linear)).write_bytes(built)
-    there = _probe(emulated, [site, ROOT], folder, cache / "there.npz")
-    here = _probe([sys.executable], [ROOT], folder, cache / "here.npz")
+    there = _probe(emulated, [site, ROOT], cache / "there.npz")
+    here = _probe([sys.executable], [ROOT], cache / "here.npz")
     names = [name for name in here if name != "onnxruntime"]
     faults = [_difference(name, here[name], there[name]) for name in names if here[name].tobytes() != there[name].tobytes()]
     return str(there["onnxruntime"]), len(names), faults
@@ -124,8 +116,8 @@ def _site(cache: Path, python: Sequence[str], onnxruntime: str) -> Path:
     return part.rename(site)
 
 
-def _probe(python: Sequence[str], path: Sequence[Path], folder: Path, result: Path) -> dict[str, np.ndarray]:
-    _run([*python, "-m", "tests.arm.probe", str(folder), str(result)], OutputError, PYTHONPATH=os.pathsep.join(map(str, path)))
+def _probe(python: Sequence[str], path: Sequence[Path], result: Path) -> dict[str, np.ndarray]:
+    _run([*python, "-m", "tests.arm.probe", str(result)], OutputError, PYTHONPATH=os.pathsep.join(map(str, path)))
     with np.load(result) as arrays:
         return dict(arrays)
 

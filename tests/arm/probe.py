@@ -1,20 +1,18 @@
 """The results that `tests.arm` compares: everything that the camera's software makes of a few frames, saved as arrays.
 
-Runs with nothing but the base dependencies: python -m tests.arm.probe FOLDER RESULT.npz, where FOLDER holds the graphs.
+Runs with nothing but the base dependencies: python -m tests.arm.probe RESULT.npz
 """
 
 import sys
 from itertools import product
-from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from device import Preview
 from device.capture import Sensor
 from device.capture.frames import FrameLayout, RawFrame
 from device.preview.geometry import Geometry
-from shared import CfaPattern, NoiseModel, SensorCalibration
+from shared import CfaPattern, NoiseModel, SensorCalibration, runtime
 from shared.colorimetry import SRGB_TO_XYZ
 from shared.dng import decode_dng, encode_dng
 
@@ -27,14 +25,9 @@ def graphs(pattern: CfaPattern) -> list[tuple[int, bool]]:
     return list(product(Geometry.scales(pattern), (False, True)))
 
 
-def graph_name(pattern: str, scale: int, linear: bool) -> str:
-    """Name of a graph's file."""
-    return f"{pattern}-{scale}-{'linear' if linear else 'display'}.onnx"
-
-
-def probe(folder: Path) -> dict[str, np.ndarray]:
+def probe() -> dict[str, np.ndarray]:
     """Name -> pictures of noise, the hardest scene, and the samples of a saved shot; for every pattern, graph and packing."""
-    made: dict[str, np.ndarray] = {"onnxruntime": np.array(onnxruntime.__version__)}
+    made: dict[str, np.ndarray] = {"onnxruntime": np.array(runtime.onnxruntime.__version__)}
     for name, pattern in PATTERNS.items():
         for layout in LAYOUTS:
             bits = layout.bits
@@ -49,8 +42,7 @@ def probe(folder: Path) -> dict[str, np.ndarray]:
             data = np.random.default_rng(bits).integers(0, 256, layout.frame_bytes, np.uint8).tobytes()
             mosaic = Sensor(layout, pattern, calibration).mosaic(RawFrame.now(data))
             pictures = {
-                (scale, linear): Preview(folder / graph_name(name, scale, linear), threads=2).run(mosaic)
-                for scale, linear in graphs(pattern)
+                (scale, linear): Preview(pattern, scale, linear=linear, threads=2).run(mosaic) for scale, linear in graphs(pattern)
             }
             made |= {f"{name} {layout.format} {scale}{' linear' * linear}": each for (scale, linear), each in pictures.items()}
             shot = encode_dng(mosaic, np.asarray(pictures[1, False], np.uint8))
@@ -59,4 +51,4 @@ def probe(folder: Path) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    np.savez(sys.argv[2], **probe(Path(sys.argv[1])))  # type: ignore[arg-type]  # NumPy 2.0 would store an "allow_pickle"
+    np.savez(sys.argv[1], **probe())  # type: ignore[arg-type]  # NumPy 2.0 would store an "allow_pickle"

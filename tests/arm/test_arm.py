@@ -30,7 +30,6 @@ def emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, np.nd
     here = {name: array.copy() for name, array in there.items()}
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(shutil, "which", lambda _: "qemu")
-    monkeypatch.setattr(arm, "PATTERNS", {})
     monkeypatch.setattr(arm, "_system", lambda cache: cache.mkdir() or cache)
     monkeypatch.setattr(arm, "_site", lambda *_: tmp_path)
     monkeypatch.setattr(arm, "_probe", lambda python, *_: there if "-cpu" in python else here)

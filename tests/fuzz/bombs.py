@@ -20,7 +20,6 @@ import numpy as np
 import OpenEXR
 import tifffile
 
-from device import Preview
 from shared import read_camera, read_dng
 from shared.dng import encode_dng, verify_dng
 from shared.errors import InputError
@@ -62,7 +61,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     ".defects": read_defects,
     ".jsonl": _journal,
     ".json": read_camera,
-    ".onnx": Preview,
     ".ti3": read_reference,
 }
 

@@ -10,10 +10,8 @@ from pathlib import Path
 import imagecodecs
 import numpy as np
 import OpenEXR
-from onnx import TensorProto, helper
 from PIL import Image
 
-from device.preview import contract
 from shared import CfaPattern
 from shared.dng import encode_dng
 from shared.tiff import Directory, FieldType, encode_tiff
@@ -63,12 +61,6 @@ def codec_bombs() -> dict[str, tuple[bytes, int]]:
         "tiles.exr": (_exr_tiles(), 0),
         "parts.exr": (_exr_parts(), 0),
         "holes-inside.npy": (_npy((14000, 14000, 3)), 14000 * 14000 * 24 + 128),
-        "loop.onnx": (_graph(helper.make_node("Loop", ["n", ""], [contract.PICTURE], body=_body())), 0),
-        "constant.onnx": (_graph(helper.make_node("ConstantOfShape", ["n"], [contract.PICTURE])), 0),
-        "concat.onnx": (_graph(*(helper.make_node("Concat", [f"c{n}"] * 2, [f"c{n + 1}"], axis=0) for n in range(31))), 0),
-        "product.onnx": (_graph(*_product()), 0),
-        "channels.onnx": (_graph(helper.make_node("Conv", ["image", "kernel"], [contract.PICTURE])), 0),
-        "external.onnx": (_graph(helper.make_node("Identity", ["far"], [contract.PICTURE]), external=True), 0),
         "digits.defects": (b"[[" + b"9" * 5000 + b", 1]]", 0),
         "long.defects": (b"1 2\n" * 6_000_000, 0),
         "line.jsonl": (b"{", 3 << 30),
@@ -205,45 +197,3 @@ def _npy(shape: tuple[int, ...]) -> bytes:
     buffer = io.BytesIO()
     np.lib.format.write_array_header_1_0(buffer, {"descr": "<f8", "fortran_order": False, "shape": shape})
     return buffer.getvalue()
-
-
-def _graph(*nodes: object, external: bool = False) -> bytes:
-    """A model that claims to be a preview graph."""
-    constants = [
-        helper.make_tensor("n", TensorProto.INT64, [1], struct.pack("<q", 1 << 62), raw=True),
-        helper.make_tensor("c0", TensorProto.FLOAT, [4], np.zeros(4, np.float32).tobytes(), raw=True),
-        *(
-            helper.make_tensor(name, TensorProto.FLOAT, shape, np.ones(shape, np.float32).tobytes(), raw=True)
-            for name, shape in {"row": [1, 10_000], "image": [1, 1, 100, 100], "kernel": [10_000, 1, 1, 1]}.items()
-        ),
-    ]
-    if external:
-        far = helper.make_tensor("far", TensorProto.FLOAT, [0], b"", raw=True)
-        far.dims[:] = [1 << 28]
-        far.ClearField("raw_data")
-        far.data_location = TensorProto.EXTERNAL
-        far.external_data.add(key="location", value="/dev/zero")
-        constants.append(far)
-    result = helper.make_tensor_value_info(contract.PICTURE, TensorProto.FLOAT, None)
-    graph = helper.make_graph(list(nodes), "preview", [], [result], constants)  # type: ignore[arg-type]
-    versions = {"opset_imports": [helper.make_opsetid("", contract.OPSET)], "ir_version": contract.IR_VERSION}
-    model = helper.make_model(graph, **versions)
-    tile = contract.tile_name(CfaPattern.bayer(6))
-    helper.set_model_props(model, contract.Description(tile, "RGB", 1, True, (0, 0, 0, 0), "2").to_metadata())
-    return bytes(model.SerializeToString())
-
-
-def _product() -> list[object]:
-    """A table of all products of two constants, and some more made of it."""
-    roots = [helper.make_node("Sqrt", [f"r{n}"], [f"r{n + 1}"]) for n in range(8)]
-    outer = helper.make_node("Transpose", ["row"], ["column"], perm=[1, 0]), helper.make_node("Mul", ["row", "column"], ["r0"])
-    return [*outer, *roots, helper.make_node("Identity", ["r8"], [contract.PICTURE])]
-
-
-def _body() -> object:
-    """The body of a loop that goes on for ever."""
-    truth = helper.make_tensor("t", TensorProto.BOOL, [], [1])
-    nodes = [helper.make_node("Constant", [], ["on"], value=truth), helper.make_node("Identity", ["i"], ["out"])]
-    given = [helper.make_tensor_value_info("i", TensorProto.INT64, []), helper.make_tensor_value_info("c", TensorProto.BOOL, [])]
-    back = [helper.make_tensor_value_info("on", TensorProto.BOOL, []), helper.make_tensor_value_info("out", TensorProto.INT64, [])]
-    return helper.make_graph(nodes, "body", given, back)

@@ -14,7 +14,6 @@ import tifffile
 from device import Preview
 from device.capture import Sensor
 from device.capture.frames import FrameLayout, RawFrame, read_frames
-from device.preview.preview import find_model
 from offline import PAPER, render
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_dng
 from shared.dng import encode_dng, read_preview
@@ -54,7 +53,7 @@ class Sample:
 
 def corpus() -> list[Sample]:
     """Every sample, always the same ones."""
-    return [*_shots(), *_pictures(), *_linear(), *_raws(), *_documents(), *_graphs(), *_streams()]
+    return [*_shots(), *_pictures(), *_linear(), *_raws(), *_documents(), *_streams()]
 
 
 def _shots() -> list[Sample]:
@@ -181,20 +180,6 @@ def _read_camera(path: Path) -> bytes:
         assert np.isfinite(render(shot, PAPER).rgb).all()
         Preview.for_mosaic(shot).run(shot)
     return json.dumps(camera.to_json()).encode()
-
-
-def _graphs() -> list[Sample]:
-    samples = []
-    for period, scale, linear in ((6, 1, False), (4, 2, False), (6, 3, True)):
-        shot = mosaic(CfaPattern.bayer(period), (24, 30))
-        model = find_model(shot.pattern, scale, linear=linear)
-        data = model if isinstance(model, bytes) else model.read_bytes()
-
-        def read(path: Path, shot: Mosaic = shot) -> bytes:
-            return Preview(path, threads=1).run(shot).tobytes()
-
-        samples.append(Sample("ONNX", ".onnx", data, read))
-    return samples
 
 
 def _streams() -> list[Sample]:

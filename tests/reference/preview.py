@@ -1,6 +1,6 @@
 """The camera's preview, pixel by pixel and block by block, in double precision and scene units. Slow and literal.
 
-The weights of interpolation come from `device.preview.geometry`, which has its own tests; constants from `device.preview.graph`.
+The weights of interpolation come from `device.preview.geometry`, which has its own tests; constants from the modules of the graph.
 """
 
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from device.preview import graph
+from device.preview import chromaticity, luminance, pattern_graph
 from device.preview.geometry import Geometry
 from shared import Mosaic, site_errors
 from shared.arrays import DoubleArray
@@ -57,7 +57,7 @@ class Block:
         )
         colours = colours / [len(sites) for sites in geometry.readings]
         self.noise = mosaic.calibration.noise
-        least = graph._STILL + 2 * self._variance(down[0])
+        least = pattern_graph._STILL + 2 * self._variance(down[0])
         row_change, column_change = np.mean(row_steps**2) + least, np.mean(column_steps**2) + least
         weights = 1 / row_change, 1 / column_change
         self.contrast = max(row_change, column_change) - least
@@ -76,13 +76,13 @@ class Block:
             float(gamma @ list(map(np.mean, samples))) - self.luminance, 0
         )
         lights = [[float(self.filled[number]) + above for number in numbers] for numbers in at]
-        least_variance = graph._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
-        sigma = max(graph._PRIOR * self.variance, least_variance) ** 0.5
+        least_variance = chromaticity._LEAST_VARIANCE * mosaic.calibration.scale()[-1] ** 2
+        sigma = max(chromaticity._PRIOR * self.variance, least_variance) ** 0.5
         self.chromaticity = solve_block(samples, lights, mosaic.calibration.gamma, sigma)
-        self.light = max(self.luminance, graph._FLOOR)
+        self.light = max(self.luminance, pattern_graph._FLOOR)
         self.colours_of_light = self.light * self.chromaticity * np.array(mosaic.calibration.gamma)
-        self.alike = graph._ALIKE * self.light**2 + graph._ALIKE_NOISE * self.variance
-        self.doubt = self.variance + graph._MISREAD * self.change
+        self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance
+        self.doubt = self.variance + chromaticity._MISREAD * self.change
 
     def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
         """`filled`, corrected by what chromaticity times luminance misses of the samples (`shared.site_errors`)."""
@@ -90,8 +90,8 @@ class Block:
         channels = [channel for _, _, channel in sites]
         missed = (self.colours - chromaticity[channels] * self.filled) * gamma[channels]
         power, noise = np.mean(missed**2), self._variance(self._mean_light(gamma[channels])) * np.mean(gamma[channels] ** 2)
-        contrast = graph._DOUBT * self.contrast
-        share = max(power - graph._MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
+        contrast = luminance._DOUBT * self.contrast
+        share = max(power - luminance._MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
         # The most probable errors of every channel at every site, given those of the measured ones; then their sum, luminance.
         count = len(gamma)
         places = np.array([site[:2] for site in sites], float)
@@ -148,7 +148,7 @@ class Colours:
                 total = total + self.similar((row, right), (row, other)) * along_row(other, times - 1)
             return total
 
-        total = own.colours_of_light * graph._POOLING * own.light**2 + own.doubt * along_row(column, 2)
+        total = own.colours_of_light * chromaticity._POOLING * own.light**2 + own.doubt * along_row(column, 2)
         result: DoubleArray = total / total.sum() / np.array(self._mosaic.calibration.gamma)
         return result
 
@@ -168,8 +168,8 @@ class Colours:
         for down, right in product((0, 1), repeat=2):
             each = self.block(corner[0] + down, corner[1] + right)
             near = (place[0] if down else 1 - place[0]) * (place[1] if right else 1 - place[1])
-            limit = graph._CONTRAST * each.light**2 + graph._NOISE_WEIGHT * each.variance
-            part = near**graph._SPREAD * limit / ((mean - each.light) ** 2 + limit)
+            limit = chromaticity._CONTRAST * each.light**2 + chromaticity._NOISE_WEIGHT * each.variance
+            part = near**chromaticity._SPREAD * limit / ((mean - each.light) ** 2 + limit)
             total, weight = total + part * self.chromaticity(corner[0] + down, corner[1] + right), weight + part
         result: DoubleArray = total / weight
         return result

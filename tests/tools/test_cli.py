@@ -125,7 +125,7 @@ def test_a_dry_run_makes_no_folder(verb: str, shots: Path, tmp_path: Path, monke
 def test_a_command_that_fails_at_once_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert run("evaluate", "missing.npy", "-o", "new").code == 2
-    assert run("capture", "builtin:24x18@50", "-o", "new", "--graph", "missing.onnx").code == 2
+    assert run("capture", "builtin:24x18@50", "-o", "new", "--camera", "missing.json").code == 2
     assert names(tmp_path) == set()
 
 

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=count, metavar="N", help="stop after N shots (default: when the stream ends)")
     parser.add_argument("--burst", type=count, metavar="N", help="save one burst of N frames, all or none, and stop")
     parser.add_argument("--wait", action="store_true", help="let the stream wait, drop nothing: for a piped recording")
-    add(parser, "latest", "graph", "threads", of=" of the preview")
+    add(parser, "latest", "threads", of=" of the preview")
     add(parser, "json", each="frame")
 
 
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         _check_memory(arguments.burst, source.sensor.layout)
     folder = output_folder(arguments.output)
     shots = ShotFolder(folder, arguments.latest)
-    preview = preview_maker(source.sensor, graph=arguments.graph, threads=arguments.threads)
+    preview = preview_maker(source.sensor, threads=arguments.threads)
     for note in source.notes:
         console.note(note)
     saved = failed = 0

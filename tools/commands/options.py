@@ -111,7 +111,6 @@ _SHARED: dict[str, dict[str, Any]] = {
     },
     "linear": {**_SWITCH, "help": "take the pictures' values as linear light, whatever the files say"},
     "max-pixels": {"type": count, "default": MAX_PIXELS, "metavar": "N", "help": "refuse a file with more pixels than this"},
-    "graph": {"metavar": "FILE", "help": "preview graph from export-preview, for a pattern without a built-in graph"},
     # Light and noise of a simulated camera.
     "protocol": {
         "choices": ("paper", "sensor"),

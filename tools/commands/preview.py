@@ -26,14 +26,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_shots(parser)
     add(parser, "output", files="STEM.jpg (subfolders are kept)")
     add(parser, "scale", default=1)
-    add(parser, "quality", "graph", "camera", "max-pixels", "overwrite", instead=", in place of the one in the shots")
+    add(parser, "quality", "camera", "max-pixels", "overwrite", instead=", in place of the one in the shots")
     add(parser, "json", each="shot")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a preview of each shot; returns the exit code."""
     check_quality(arguments.quality)
-    previews = Previews(arguments.scale, arguments.graph)
+    previews = Previews(arguments.scale)
     camera = read_camera(arguments.camera) if arguments.camera else None
     folder = output_folder(arguments.output)
 

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="folder for shots, created if missing; without it there is no button")
     parser.add_argument("--bind", default="127.0.0.1", metavar="ADDRESS", help="network interface that serves the page")
     parser.add_argument("--port", type=int, default=8000, help="port of the page; 0 takes any free one")
-    add(parser, "scale", "latest", "graph", "threads", of=" of the preview")
+    add(parser, "scale", "latest", "threads", of=" of the preview")
 
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
@@ -46,10 +46,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     shots = None
     if arguments.output is not None:
         shots = ShotFolder(output_folder(arguments.output), arguments.latest)
-    scale = arguments.scale
-    if scale is None:
-        scale = 1 if arguments.graph else _scale(sensor.layout.width, sensor.pattern)
-    preview = preview_maker(sensor, graph=arguments.graph, scale=scale, threads=arguments.threads)
+    scale = _scale(sensor.layout.width, sensor.pattern) if arguments.scale is None else arguments.scale
+    preview = preview_maker(sensor, scale=scale, threads=arguments.threads)
     for note in source.notes:
         console.note(note)
     failed = False

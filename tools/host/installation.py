@@ -58,7 +58,6 @@ _PACKAGES = (
     ("onnxruntime", "shared.runtime", (1, 22, 1), ""),
     ("numba", "numba", (0, 61), "render, demo, evaluate, calibrate"),
     ("scipy", "scipy", (1, 14), "render, demo, evaluate, calibrate"),
-    ("onnx", "onnx", (1, 17), "export-preview, previews of unusual patterns"),
     ("rawpy", "rawpy", (0, 24), "camera RAWs as scenes"),
     ("Pillow", "PIL", (11,), "JPEG, WebP and PNG scenes"),
     ("OpenEXR", "OpenEXR", (3, 3), "EXR scenes and renders"),

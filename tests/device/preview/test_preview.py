@@ -1,4 +1,3 @@
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
@@ -9,8 +8,6 @@ from scipy.ndimage import uniform_filter
 
 from device import Preview
 from device.preview import preview as runtime
-from device.preview.graph import build_preview
-from device.preview.preview import find_model
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import CodeArray, FloatArray
 from shared.colorimetry import encode_srgb
@@ -71,7 +68,7 @@ def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int,
 def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
     mosaic = shot(shape, pattern)
     for scale, linear in product((1, 2) if pattern.period % 2 == 0 else (1,), (False, True)):
-        picture = Preview(find_model(pattern, scale, linear=linear), threads=1).run(mosaic)
+        picture = Preview(pattern, scale, linear=linear, threads=1).run(mosaic)
         assert picture.shape == (shape[0] // scale, shape[1] // scale, 3)
         assert np.isfinite(picture).all()
 
@@ -146,62 +143,15 @@ def test_another_pattern_is_refused_with_both_named() -> None:
     preview = Preview.for_mosaic(shot(pattern=CfaPattern.bayer(4)))
     with pytest.raises(InputError, match=r"pattern BWWG/WWWW/WWWW/GWWR, the mosaic has GWWB/WWWW/WWWW/RWWG"):
         preview.run(shot(pattern=CfaPattern.bayer(4, "GRBG")))
-
-
-def test_it_comes_with_the_common_graphs() -> None:
-    for period, order in product((4, 6, 8), ("RGGB", "BGGR", "GRBG", "GBRG")):
-        assert isinstance(find_model(CfaPattern.bayer(period, order, (1, 3)), 1, linear=False), Path)
-        assert isinstance(find_model(CfaPattern.bayer(period, order), 2, linear=False), Path)
-
-
-def test_any_other_is_built_where_onnx_is() -> None:
-    assert isinstance(find_model(CfaPattern.bayer(5), 1, linear=False), bytes)
-    assert isinstance(find_model(CfaPattern(CfaPattern.bayer(6).tile, channels="BGR"), 1, linear=False), bytes)
+    with pytest.raises(InputError, match="channels RGB, the mosaic has BGR"):
+        preview.run(shot(pattern=CfaPattern(CfaPattern.bayer(4).tile, channels="BGR")))
     with pytest.raises(InputError, match="has 1, 5"):
-        find_model(CfaPattern.bayer(5), 3, linear=False)
-
-
-def test_without_onnx_it_says_how_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "device.preview.graph", None)
-    assert isinstance(find_model(CfaPattern.bayer(6), 1, linear=False), Path)
-    with pytest.raises(InputError, match=r"RGWWW/GBWWW/WWWWW/WWWWW/WWWWW at scale 1.* pip install onnx, .*`graph`"):
-        find_model(CfaPattern.bayer(5), 1, linear=False)
-
-
-def test_a_file_of_ones_own(tmp_path: Path) -> None:
-    mosaic = shot(pattern=CfaPattern.bayer(5))
-    path = tmp_path / "mine.onnx"
-    path.write_bytes(build_preview(mosaic.pattern).SerializeToString())
-    assert np.array_equal(Preview(path).run(mosaic), Preview.for_mosaic(mosaic).run(mosaic))
-    assert np.array_equal(Preview(str(path)).run(mosaic), Preview(path.read_bytes()).run(mosaic))
-
-
-def test_a_file_that_is_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"gone.onnx: there is no such file"):
-        Preview(tmp_path / "gone.onnx")
-    path = tmp_path / "text.onnx"
-    path.write_text("no graph")
-    with pytest.raises(InputError, match=r"text.onnx: is not a graph that onnxruntime can run"):
-        Preview(path)
-    whole = build_preview(CfaPattern.bayer()).SerializeToString()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"text.onnx: is not a graph"):
-        Preview(path)
-
-
-def test_another_contract_is_refused() -> None:
-    model = build_preview(CfaPattern.bayer())
-    next(each for each in model.metadata_props if each.key == "panchroma.contract").value = "0"
-    with pytest.raises(InputError, match="contract 0, this program 1"):
-        Preview(model.SerializeToString())
-    del model.metadata_props[:]
-    with pytest.raises(InputError, match="no preview graph of Panchroma"):
-        Preview(model.SerializeToString())
+        Preview(CfaPattern.bayer(5), 3)
 
 
 def test_threads_below_one() -> None:
-    with pytest.raises(InputError, match="0 threads"):
-        Preview(find_model(CfaPattern.bayer(), 1, linear=False), threads=0)
+    with pytest.raises(InputError, match="`threads` is 0"):
+        Preview(CfaPattern.bayer(), threads=0)
 
 
 MEMORY = """

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from device import Preview
-from device.preview.graph import build_preview
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive
@@ -28,8 +27,7 @@ def seen(pattern: CfaPattern, sigma: float, scale: int = 1, seed: int = 0, light
     light = drawing()[0] if light is None else light
     calibration = SensorCalibration(channels=pattern.channels)
     shot = simulate_additive(light, pattern, calibration, sigma, np.random.default_rng(seed))
-    model = build_preview(pattern, scale, linear=True).SerializeToString()
-    return np.asarray(Preview(model, threads=1).run(shot), np.float32)
+    return np.asarray(Preview(pattern, scale, linear=True, threads=1).run(shot), np.float32)
 
 
 @pytest.mark.parametrize("sigma", BARS)

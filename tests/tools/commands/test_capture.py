@@ -270,18 +270,6 @@ def test_another_pattern_than_the_camera_file_s_is_refused(
     assert shots(out) == []
 
 
-def test_a_graph_of_ones_own_makes_the_preview(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    graph = tmp_path / "mine.onnx"
-    assert command("export-preview", "-o", graph, "--period", "10", "--scale", "5").code == 0
-    assert run("builtin:60x40@50", "-o", str(out), "--frames", "1", "--period", "10", "--graph", str(graph)) == 0
-    assert imagecodecs.jpeg8_decode(read_preview(shots(out)[0])).shape == (8, 12, 3)
-    capsys.readouterr()
-    assert run("builtin:60x40@50", "-o", str(out), "--frames", "1", "--period", "6", "--graph", str(graph)) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"panchroma: {graph}: ")
-    assert "the mosaic has" in error
-
-
 def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) -> None:
     camera = SensorCalibration(gamma=(0.8, 1.0, 0.9), black_level=(60.0, 61.0, 62.0, 63.0), white_level=4000, sensor="mine")
     file = tmp_path / "camera.json"
@@ -309,7 +297,6 @@ def test_the_camera_file_is_the_shot_s_calibration(out: Path, tmp_path: Path) ->
         (["builtin:64x48@9", "--threads", "-1"], "argument -j/--threads: '-1' is not a whole number from 1 on"),
         (["builtin:64x48@9", "--period", "2"], "the period is 2, expected 3 to 16"),
         (["builtin:64x48@9", "--camera", "missing.json"], "missing.json: there is no such file"),
-        (["builtin:64x48@9", "--graph", "missing.onnx"], "missing.onnx: there is no such file"),
         (["builtin:64x48@9", "--latest", "."], "exists and is no link"),
         ([".", "--width", "64", "--height", "48", "--pixel-format", "raw14"], "'raw14' is unknown"),
         ([".", "--width", "64", "--height", "48", "--pixel-format", "raw12", "--stride", "7"], "the stride is 7 bytes"),

@@ -116,20 +116,6 @@ def test_a_scale_that_the_pattern_has_not(tmp_path: Path) -> None:
     assert (outcome.code, outcome.errors) == (2, ["panchroma: --scale is 0, expected 1 or more"])
 
 
-def test_a_graph_of_ones_own(tmp_path: Path) -> None:
-    pattern = CfaPattern.bayer(10)
-    source, graph = shot(tmp_path, pattern=pattern), tmp_path / "mine.onnx"
-    assert run("export-preview", "-o", graph, "--period", "10", "--scale", "2").code == 0
-    assert run("preview", source, "-o", tmp_path, "--graph", graph).code == 0
-    assert distance(decoded(tmp_path / "shot.jpg"), picture(source, 2)) < JPEG_LOSS
-    other = shot(tmp_path, "other.dng")
-    assert_refused(
-        run("preview", other, "-o", tmp_path, "--graph", graph), "pattern BWWWWWWWWG/", "the mosaic has", name=str(other)
-    )
-    outcome = run("preview", source, "-o", tmp_path, "--graph", graph, "--scale", "5")
-    assert (outcome.code, outcome.errors) == (2, [f"panchroma: {graph}: has scale 2, not 5; leave --scale out"])
-
-
 def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path) -> None:
     source, file = shot(tmp_path), tmp_path / "camera.json"
     own = read_dng(source)
@@ -139,14 +125,6 @@ def test_a_camera_file_takes_the_place_of_the_shot_s_calibration(tmp_path: Path)
     mosaic = replace(own, calibration=camera)
     expected = np.asarray(Preview.for_mosaic(mosaic).run(mosaic), np.uint8)
     assert distance(decoded(tmp_path / "shot.jpg"), expected) < JPEG_LOSS < distance(expected, picture(source))
-
-
-def test_a_graph_for_measurements_is_refused(tmp_path: Path) -> None:
-    source, graph = shot(tmp_path), tmp_path / "mine.onnx"
-    assert run("export-preview", "-o", graph, "--like", source, "--space", "camera").code == 0
-    outcome = run("preview", source, "-o", tmp_path, "--graph", graph)
-    assert outcome.code == 2
-    assert "makes scene units" in outcome.errors[0]
 
 
 @pytest.mark.parametrize("command", [("simulate", "builtin:90x60"), ("demo",)])

@@ -331,7 +331,6 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.preview("shot.dng", scale=0), "scale is 0"),
         (lambda: panchroma.preview("shot.dng", scale=5), "period"),
-        (lambda: panchroma.preview("shot.dng", graph="nothing.onnx"), "nothing.onnx"),
         (lambda: panchroma.to_srgb(GREY, exposure=99), "exposure"),
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]

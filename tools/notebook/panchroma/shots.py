@@ -102,12 +102,11 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
 
 
 @for_notebooks
-def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None = None) -> Image:
+def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     """The camera's own picture of a shot: made in milliseconds by an ONNX graph, upright.
 
     shot: a `Shot`, or the name of its file.
     scale: pixels of the sensor, each way, that become one of the preview; a divisor of the pattern's period.
-    graph: a file of `panchroma export-preview` to use in place of the graph that comes with the program.
     Raises PanchromaError for another scale.
 
     >>> import panchroma
@@ -115,7 +114,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1, graph: str | Path | None
     <Image 40 x 30, 8-bit sRGB>
     """
     mosaic = as_shot(shot).mosaic
-    pixels = _previews(scale, None if graph is None else str(graph))(mosaic)
+    pixels = _previews(scale)(mosaic)
     return Image(np.ascontiguousarray(upright(pixels, mosaic.metadata.orientation)))
 
 
@@ -142,6 +141,6 @@ def as_shot(shot: Shot | str | Path) -> Shot:
     )
 
 
-@cache  # graphs are loaded once
-def _previews(scale: int = 1, graph: str | None = None) -> Previews:
-    return Previews(scale, graph)
+@cache  # graphs are built once
+def _previews(scale: int = 1) -> Previews:
+    return Previews(scale)

@@ -36,7 +36,7 @@ _ARGUMENTS = {
 _OPTION = re.compile(r"(panchroma [a-z-]+ [^;:,()]*)|--([a-z]+(?:-[a-z]+)*)")
 # Arguments of any function, what they are to be, and their types. True is no number, although Python takes it for 1.
 _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
-    (("path", "camera", "graph"), "the name of a file", (str, PathLike)),
+    (("path", "camera"), "the name of a file", (str, PathLike)),
     (("preset", "channels", "format", "space"), "a text", (str,)),
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure", "white"), "a number", (Real,)),

@@ -1,0 +1,53 @@
+"""A preview graph under construction: the geometry of its pattern, and its inputs in the units of the graph."""
+
+from shared.pattern import CfaPattern
+
+from . import contract
+from .geometry import REACH, Geometry
+from .nodes import Nodes
+
+_FLOOR = 1e-3
+"""Least luminance of a block, scene units; keeps ratios to it finite."""
+_STILL = 1e-4
+"""Mean squared difference, (scene units)^2, below which rows and columns have equal weight."""
+
+
+class PatternGraph(Nodes):
+    """The graph of one pattern and scale. Every method appends nodes and returns the name of the result.
+
+    The attributes are the geometry, the number of `channels` of the sensor, that of those `shown` in the picture, and names of
+    results: the size of the frame in `patches` (rows, columns), and the inputs; `unit` is the scene units per panchromatic code.
+
+    pattern: the filter pattern; its origin does not matter.
+    scale: sensor pixels per picture pixel, each way; one of `Geometry.scales(pattern)`.
+    linear: camera RGB in scene units instead of a picture for a screen.
+    Raises InputError for any other scale.
+    """
+
+    def __init__(self, pattern: CfaPattern, scale: int, *, linear: bool) -> None:
+        super().__init__()
+        self.geometry, self.linear = Geometry(pattern, scale), linear
+        self.channels = channels = len(pattern.channels)
+        self.shown = channels if linear else 3
+        above, below, left, right = self.geometry.halo
+        lengths = (
+            self("Sub", self("Shape", contract.MOSAIC, start=axis, end=axis + 1), [halo])
+            for axis, halo in enumerate((above + below, left + right))
+        )
+        self.patches = [self("Div", length, [pattern.period]) for length in lengths]
+        self.gamma = self("Unsqueeze", contract.GAMMA, [1, 2])
+        self.black = self("Slice", contract.BLACK, [channels], [channels + 1])
+        self.unit = self("Slice", contract.SCALE, [channels], [channels + 1])
+        square = self("Mul", self.unit, self.unit)
+        self.full_scale = self("Div", self.total(self.gamma, channels, axis=0), self.unit)
+        self.floor, self.still = self("Div", _FLOOR, self.unit), self("Div", _STILL, square)
+        shot, read_variance = self.split(contract.NOISE, (1, 1), axis=0)
+        self._shot, self._read_variance = self("Div", shot, self.unit), self("Div", read_variance, square)
+
+    def variance(self, luminance: str) -> str:
+        """Noise variance sigma_z^2 of a panchromatic sample, codes^2."""
+        return self("Add", self("Mul", self("Relu", luminance), self._shot), self._read_variance)
+
+    def inner(self, values: str) -> str:
+        """Values of the inner blocks, those at the corners of the patches, out of values of all blocks that are read."""
+        return self("Slice", values, list(REACH), [-blocks for blocks in REACH], [1, 2])
