@@ -194,7 +194,7 @@ def test_the_input_is_left_alone() -> None:
     [
         (SensorCalibration(), "cmyk", "unknown output space 'cmyk'"),
         (SensorCalibration(channels="RGE"), "srgb", "no colour matrix for the channels RGE: calibrate"),
-        (SensorCalibration(channels="CMY"), "srgb", "--space camera"),
+        (SensorCalibration(channels="CMY"), "srgb", '`space="camera"`'),
         (SensorCalibration(camera_to_xyz=((-1, 0, 0), (0, -1, 0), (0, 0, -1)), neutral=(1, 1, 1)), "srgb", "no colour of light"),
         (SensorCalibration(camera_to_xyz=((1, 0, 0), (0, 1, 0), (0, 0, -1))), "srgb", "no colour of light"),
     ],

@@ -28,7 +28,7 @@ def test_takes_a_string_and_no_parts(tmp_path: Path) -> None:
 def test_never_overwrites_unless_told(tmp_path: Path) -> None:
     path = tmp_path / "shot.dng"
     path.write_bytes(b"old")
-    with pytest.raises(OutputError, match=r"shot\.dng.*exists already.*--overwrite"):
+    with pytest.raises(OutputError, match=r"shot\.dng.*exists already.*`overwrite=True`"):
         write_durably(path, b"new")
     assert path.read_bytes() == b"old"
     write_durably(path, b"new", overwrite=True)

@@ -37,7 +37,6 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
     )
     parser.add_argument(
         "--wb",
-        dest="white",
         type=WhiteBalance.parse,
         default="camera",
         metavar="BALANCE",
@@ -81,12 +80,12 @@ def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
     check_gain(kind, arguments.exposure)
-    arguments.white.check(kind)
+    arguments.wb.check(kind)
     return {
         "kind": kind,
         "preset": arguments.preset,
         "exposure": arguments.exposure,
-        "white": arguments.white,
+        "white": arguments.wb,
         "camera": read_camera(arguments.camera) if arguments.camera else None,
         "defects": read_defects(arguments.defects) if arguments.defects else (),
         "folder": output_folder(arguments.output, dry_run=arguments.dry_run),

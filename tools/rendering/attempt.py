@@ -131,7 +131,7 @@ def _make_locked(order: Order, share: Share, shot: Shot, note: Note, progress: S
             note(f"{source}: the noise level is unknown and {taken}; calibrate the camera for better colour")
         calibration = mosaic.calibration
         if calibration.neutral is None and calibration.camera_to_xyz is None and order.kind.has_white_balance:
-            note(f'{source}: the white balance is unknown and taken as even; `white="auto"` estimates it, `white="R,G,B"` sets it')
+            note(f'{source}: the white balance is unknown and taken as even; `wb="auto"` estimates it, `wb="R,G,B"` sets it')
         for zoomed in calibration.zoomed(mosaic.metadata.focal_length):
             note(f"{source}: {zoomed}")
         subject.prepare(settings, progress)

@@ -35,17 +35,17 @@ class WhiteBalance:
         except ValueError:
             multipliers = ()
         if len(multipliers) < 2:
-            raise InputError(f"`white` is {text!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
+            raise InputError(f"`wb` is {text!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
         if not all(math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers):
-            raise InputError(f"`white` is {text!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
+            raise InputError(f"`wb` is {text!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
         return cls("", tuple(each / min(multipliers) for each in multipliers))
 
     def check(self, kind: PictureKind) -> None:
         """Raise InputError if this kind of picture has no white balance."""
         if self.changes and not kind.has_white_balance:
             raise InputError(
-                '`white` does not go with `space="camera"`, the scene as measured, not balanced; choose another space, such '
-                "as linear-srgb, or leave `white` out"
+                '`wb` does not go with `space="camera"`, the scene as measured, not balanced; choose another space, such '
+                "as linear-srgb, or leave `wb` out"
             )
 
     @property
@@ -62,12 +62,12 @@ class WhiteBalance:
             neutral = estimate_neutral(mosaic)
             if neutral is None:
                 raise InputError(
-                    'too dark, too bright or too small to estimate the white balance; give `white="camera"` or multipliers'
+                    'too dark, too bright or too small to estimate the white balance; give `wb="camera"` or multipliers'
                 )
             return replace(mosaic, calibration=balanced(calibration, np.array(neutral), estimated=True))
         if len(self.multipliers) != len(calibration.channels):
             count, channels = len(self.multipliers), ", ".join(calibration.channels)
-            raise InputError(f"`white` has {count} multipliers, expected one for each channel of the sensor: {channels}")
+            raise InputError(f"`wb` has {count} multipliers, expected one for each channel of the sensor: {channels}")
         return replace(mosaic, calibration=balanced(calibration, 1 / np.array(self.multipliers)))
 
 

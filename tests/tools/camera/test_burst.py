@@ -86,7 +86,7 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         rows, columns = 200 // pixel, 240 // pixel
         blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
         np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
-    with pytest.raises(InputError, match="the scene has 240 x 200 pixels: --reduce 201 leaves nothing of it"):
+    with pytest.raises(InputError, match="the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"):
         next(burst_frames(leaves, Burst(1), random(), 201))
 
 
@@ -167,11 +167,11 @@ def test_the_text_of_the_motion(leaves: FloatArray) -> None:
 @pytest.mark.parametrize(
     ("figures", "words"),
     [
-        ({"frames": 0}, "--burst is 0"),
-        ({"pixels": -1}, "--motion is -1 pixels"),
-        ({"pixels": np.nan}, "--motion is nan"),
-        ({"degrees": 31}, "--rotation is 31 degrees, expected 0 to 30"),
-        ({"stops": (0, 1)}, "--bracket has 2 figures for 3 frames"),
+        ({"frames": 0}, "`burst` is 0"),
+        ({"pixels": -1}, "`motion` is -1 pixels"),
+        ({"pixels": np.nan}, "`motion` is nan"),
+        ({"degrees": 31}, "`rotation` is 31 degrees, expected 0 to 30"),
+        ({"stops": (0, 1)}, "`bracket` has 2 figures for 3 frames"),
         ({"stops": (0, 1, 99)}, "expected -10 to 10"),
         ({"stops": (0, 1, np.nan)}, "expected -10 to 10"),
     ],

@@ -420,7 +420,7 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
     data = pack(levels, "raw12", 0) * 2
     done = piped(data, "-o", str(out), *DESCRIBED, "--wait")
     assert done.returncode == 1
-    assert b"likely --dark, if the lens is covered, and --black N" in done.stderr
+    assert b"likely --covered, if the lens is covered, and --black N" in done.stderr
     for number, options in enumerate((["--covered"], ["--black", "16"], ["--covered", "--black", "16"])):
         done = piped(data, "-o", str(out / str(number)), *DESCRIBED, "--wait", *options)
         assert done.returncode == 0, done.stderr
@@ -434,7 +434,7 @@ def test_the_first_darks_of_a_sensor_with_a_low_black_level_can_be_captured(out:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--covered", "--unchecked"], "--dark does not go with -"),
+        (["--covered", "--unchecked"], "--covered does not go with -"),
         (["--black", "-1"], "--black is -1, expected a code from 0 to 2047"),
         (["--black", "4000"], "--black is 4000, expected a code from 0 to 2047"),
         (["--black", "16", "--camera", "camera.json"], "--black does not go with --camera"),

@@ -115,7 +115,7 @@ def test_nothing_is_overwritten_unless_asked_for(tmp_path: Path, capsys: Said) -
     assert do(["one.in", "two.in"], tmp_path) == 1
     assert (tmp_path / "one.out").read_text() == "old"
     assert (tmp_path / "two.out").read_text() == "two.in"
-    assert capsys.readouterr().err == f"panchroma: {tmp_path}/one.out: exists already; use --overwrite to replace it\n"
+    assert capsys.readouterr().err == f"panchroma: {tmp_path}/one.out: exists already; use `overwrite=True` to replace it\n"
     assert do(["one.in"], tmp_path, overwrite=True) == 0
     assert (tmp_path / "one.out").read_text() == "one.in"
 

@@ -371,7 +371,7 @@ def test_every_space_has_a_format() -> None:
         (PictureKind.of("uhdr"), CALIBRATION, (4, 65501), 0.0, "65501 x 4 pixels: a side of a uhdr"),
         (PictureKind.of("dng"), CALIBRATION, (65501, 4), 0.0, "4 x 65501 pixels: a side of a dng"),
         (PictureKind.of("tif"), CALIBRATION, (4, 4), 99.0, "exposure is 99.0 stops"),
-        (PictureKind.of("npy"), CALIBRATION, (4, 4), 1.0, "an exposure of 1 stops with --space camera"),
+        (PictureKind.of("npy"), CALIBRATION, (4, 4), 1.0, 'an exposure of 1 stops with `space="camera"`'),
     ],
     ids=str,
 )

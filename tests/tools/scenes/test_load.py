@@ -67,7 +67,7 @@ def test_sizes_are_bounded_before_decoding() -> None:
     check_size(11648, 8736, 6, 300 * 2**20)
     with pytest.raises(InputError, match="empty"):
         check_size(0, 5)
-    with pytest.raises(InputError, match="--max-pixels raises it"):
+    with pytest.raises(InputError, match="`max_pixels` raises it"):
         check_size(MAX_PIXELS, 2)
     with pytest.raises(InputError, match="fill the memory"):
         check_size(10000, 10000, 6, 500_000)
