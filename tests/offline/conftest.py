@@ -1,20 +1,20 @@
 """What several tests of the renderer need."""
 
+import multiprocessing
 from collections.abc import Iterator
 
 import pytest
 
-from offline import available_threads, kernels_to_compile, threads, use_threads
+from offline import available_threads, compile_kernel, kernels_to_compile, threads, use_threads
 from offline.kernels import compile as compiling
-from tools.host.compilation import compile_all
-from tools.host.processors import processors
 
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
     """All kernels are compiled, side by side, before the first test would compile them one by one."""
-    for _, error in compile_all(kernels_to_compile(), processors(), print):
-        assert error is None
+    if names := kernels_to_compile():
+        with multiprocessing.get_context("spawn").Pool(available_threads()) as pool:
+            pool.map(compile_kernel, names, 1)
 
 
 @pytest.fixture

@@ -27,12 +27,12 @@ from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
-from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.host.jobs import Job, output_folder, run_jobs
 from tools.host.processors import processors
 from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
+from tools.rendering.compilation import announced_compilation, compile_ahead
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
 

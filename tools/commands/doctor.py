@@ -6,12 +6,12 @@ With --compile, compile the renderer for this processor first, so that no render
 import argparse
 import time
 
-from tools.host.compilation import CACHE_REMEDY, compile_all
 from tools.host.console import Console
-from tools.host.installation import BAD, CHECKS, GOOD, MISSING, Finding
 from tools.host.jobs import FAILED
 from tools.host.processors import processors
+from tools.rendering.compilation import compile_all
 
+from .checks import ALL, BAD, CACHE_REMEDY, CHECKS, GOOD, MISSING, Finding
 from .options import add
 
 
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
 def _compiled(console: Console) -> Finding:
     """Compile all kernels that are not in the cache."""
-    name, everything = "compilation", "pip install -e '.[all]'"
+    name = "compilation"
     try:
         from offline import kernels_to_compile
 
@@ -58,7 +58,7 @@ def _compiled(console: Console) -> Finding:
         if missing := kernels_to_compile():
             return Finding(name, BAD, f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
     except ModuleNotFoundError as error:
-        return Finding(name, BAD, f"needs {error.name}, which is not installed", everything)
+        return Finding(name, BAD, f"needs {error.name}, which is not installed", ALL)
     except RuntimeError:
         return Finding(name, BAD, "there is no folder to keep compiled kernels in", CACHE_REMEDY)
     took = f"{len(names)} kernels in {time.monotonic() - start:.0f} s" if names else "all kernels were compiled already"

@@ -6,8 +6,6 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from .isolated import system_figure
-
 _POWERS = " KMGT"
 _SHARE = 0.8  # of the free memory, without --max-memory
 _UNKNOWN = 4 * 2**30
@@ -64,6 +62,13 @@ def _machine() -> int:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
     except (AttributeError, ValueError, OSError):
         return _UNKNOWN
+
+
+def system_figure(file: str, name: str) -> int:
+    """Return the bytes that a file of the system, with lines such as "MemAvailable: 12 kB", has under a name; 0 = unknown."""
+    with suppress(OSError), Path(file).open(encoding="ascii") as lines:
+        return next((int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:")), 0)
+    return 0
 
 
 def format_bytes(size: int) -> str:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from shared.errors import ForeignFileError, InputError, OutputError
 from shared.writing import keep_old, write_durably
-from tools.host.compilation import announced_compilation, compile_ahead, load_compiled
 from tools.host.jobs import file_status, identity, reason, refuse_existing
 from tools.host.progress import StageProgress
 from tools.pictures.writer import written_shape
+from tools.rendering.compilation import announced_compilation, compile_ahead, load_compiled
 
 from .journal import Entry, Journal, digest, key
 from .lock import output_lock

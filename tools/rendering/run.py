@@ -8,7 +8,6 @@ from functools import cache, partial
 
 from shared.errors import PanchromaError
 from tools.host import worker_pool
-from tools.host.compilation import compile_ahead
 from tools.host.console import Console
 from tools.host.countdown import Countdown
 from tools.host.jobs import fail, file_status, identity, refuse_existing, refuse_loss
@@ -16,6 +15,7 @@ from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.host.signals import raise_lost_signal
+from tools.rendering.compilation import compile_ahead
 
 from .attempt import attempt
 from .order import Order, Outcome, Share

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from offline import RenderSettings, render_bands, threads, use_threads
 from shared import Mosaic, read_dng
 from shared.arrays import FloatArray
+from tests.benchmarks.speed.isolated import memory, run_isolated
 from tools.evaluation.presets import PRESETS
-from tools.host.isolated import peak_memory, run_isolated
 from tools.pictures.band_writer import write_picture_bands
 from tools.pictures.writer import PictureKind
 
@@ -60,7 +60,7 @@ def _measure(shot: Path, preset: str, count: int) -> FileTiming:
         start = time.perf_counter()
         rendering.append(render_file(shot, settings))
         whole.append(time.perf_counter() - start)
-    return FileTiming(pixels, statistics.median(rendering), statistics.median(whole), peak_memory())
+    return FileTiming(pixels, statistics.median(rendering), statistics.median(whole), memory("VmHWM"))
 
 
 def render_file(shot: Path, settings: RenderSettings) -> float:

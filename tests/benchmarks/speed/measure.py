@@ -14,9 +14,9 @@ from offline import RenderSettings, render, render_bands
 from shared import Mosaic
 from shared.dng import decode_dng, encode_dng
 from tools.evaluation.presets import PRESETS
-from tools.host.compilation import announced_compilation, compile_ahead
 from tools.host.console import Console
 from tools.pictures.previews import Previews
+from tools.rendering.compilation import announced_compilation, compile_ahead
 
 from .files import FileTiming, measure_files, render_file
 from .material import Material

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tools.host.isolated import memory_now, peak_memory, run_isolated
+from tests.benchmarks.speed.isolated import memory, run_isolated
 
 if TYPE_CHECKING:
     from .material import Material
@@ -53,16 +53,16 @@ def _measure(shot: Path, scale: int, frames: int, threads: int) -> PreviewTiming
     import numpy as np
 
     mosaic = read_dng(shot)
-    before = memory_now()
+    before = memory("VmRSS")
     start = time.perf_counter()
     preview = Preview.for_mosaic(mosaic, scale, threads=threads)
     preview.run(mosaic)
     first = time.perf_counter() - start
-    held, seconds = memory_now(), []
+    held, seconds = memory("VmRSS"), []
     for _ in range(frames):
         start = time.perf_counter()
         preview.run(mosaic)
         seconds.append(time.perf_counter() - start)
     middle, slowest = np.quantile(seconds, (0.5, 0.99)).tolist()
-    grown, leaked = peak_memory() - before, memory_now() - held
+    grown, leaked = memory("VmHWM") - before, memory("VmRSS") - held
     return PreviewTiming(scale, mosaic.samples.size, imported, first, middle, slowest, grown, leaked)

@@ -12,13 +12,13 @@ from offline.ahead import used_kernels
 from tests.python import run_python
 from tests.tools.command import run, spawn
 from tests.tools.test_base_install import camera
-from tools.host import installation
-from tools.host.installation import BAD, GOOD, MISSING, Finding
+from tools.commands import checks
+from tools.commands.checks import BAD, GOOD, MISSING, Finding
 from tools.host.versions import package_version
 
 
 def findings(name: str) -> list[Finding]:
-    return [finding for check in installation.CHECKS for finding in check() if finding.name == name]
+    return [finding for check in checks.CHECKS for finding in check() if finding.name == name]
 
 
 def only(name: str) -> Finding:
@@ -53,7 +53,7 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
     def version(name: str) -> str | None:
         return {"rawpy": None, "numpy": None, "onnxruntime": "1.21.0"}.get(name, package_version(name))
 
-    monkeypatch.setattr(installation, "package_version", version)
+    monkeypatch.setattr(checks, "package_version", version)
     assert (only("rawpy").state, only("rawpy").found) == (MISSING, "not installed: camera RAWs as scenes")
     assert (only("numpy").state, only("onnxruntime").state) == (BAD, BAD)
     assert "older than 1.22.1" in only("onnxruntime").found
@@ -72,7 +72,7 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
     ],
 )
 def test_there_is_one_opencv(installed: tuple[str, ...], state: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "package_version", lambda name: "5.0" if name in installed else None)
+    monkeypatch.setattr(checks, "package_version", lambda name: "5.0" if name in installed else None)
     finding = only("OpenCV")
     assert finding.state == state
     assert words in finding.found
@@ -130,11 +130,11 @@ def test_thread_settings_are_judged(value: str, state: str, monkeypatch: pytest.
 
 
 def test_little_memory_and_a_folder_that_takes_nothing_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "available_memory", lambda: 100 * 2**20)
+    monkeypatch.setattr(checks, "available_memory", lambda: 100 * 2**20)
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")
 
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(installation, "write_durably", full)
+    monkeypatch.setattr(checks, "write_durably", full)
     assert only("writing").state == BAD

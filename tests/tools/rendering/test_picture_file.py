@@ -15,11 +15,11 @@ from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
 from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
-from tools.host.compilation import announced_compilation
 from tools.host.memory import allowed_memory, available_memory, format_bytes, parse_bytes
 from tools.host.progress import LineProgress, StageProgress
 from tools.pictures.writer import POSSIBLE, PictureKind
 from tools.rendering import picture_file as rendering
+from tools.rendering.compilation import announced_compilation
 
 SMALL = (60, 90)
 LARGE = (1700, 1500)

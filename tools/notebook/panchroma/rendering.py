@@ -41,9 +41,9 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     <Picture 120 x 90, linear R, G, B>
     """
     from offline import BEST, PAPER, SolverLog, render_bands
-    from tools.host.compilation import announced_compilation
     from tools.host.memory import allowed_memory, format_bytes
     from tools.host.progress import StageProgress
+    from tools.rendering.compilation import announced_compilation
     from tools.rendering.picture_file import check_light, needed_memory
 
     settings = {"best": BEST if learned else replace(BEST, learned=PAPER.learned), "paper": PAPER}.get(preset)

@@ -6,15 +6,15 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-from . import worker_pool
-from .memory import available_memory
-from .progress import StageProgress
-from .worker_pool import Note
+from tools.host import worker_pool
+from tools.host.memory import available_memory
+from tools.host.progress import StageProgress
+from tools.host.worker_pool import Note
 
 _BETWEEN_NOTES = 10.0  # seconds
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 _REMEDY = "close other programs, or let the first render compile"
-CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
+_CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 
 
 @contextmanager
@@ -94,7 +94,7 @@ def _teller(note: Note, progress: StageProgress) -> Callable[[str], None]:
         try:
             kernel_cache()
         except RuntimeError:
-            often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
+            often = f"every time: there is no folder to keep the result in; {_CACHE_REMEDY}"
         else:
             often = "once"
         note_once(f"compiling the renderer for this processor; it takes up to a minute, {often}")

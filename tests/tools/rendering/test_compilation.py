@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import pytest
 
 import offline
-from tools.host import compilation as product
 from tools.host.progress import LineProgress, StageProgress
+from tools.rendering import compilation as product
 
 
 @pytest.fixture
