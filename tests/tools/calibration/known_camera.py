@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.perspective import apply_homography, homography, rectangle
 from shared.sensor import simulate_sensor
 from tools.calibration.assumed import Assumed
 from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
 from tools.scenes.drawn.chart import CORNERS, chart_scene
-from tools.scenes.drawn.perspective import apply_homography, homography, rectangle
 from tools.scenes.scene import Scene
 
 TRUTH = SensorCalibration(

@@ -10,8 +10,8 @@ from shared import Mosaic
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from shared.colorimetry import Matrix
 from shared.errors import InputError
+from shared.perspective import apply_homography, homography, rectangle
 from shared.progress import SILENT, Progress
-from tools.scenes.drawn.perspective import apply_homography, homography, rectangle
 
 from .detector import BOX_MARGIN, detect, median_filtered, resized
 from .judge import FoundChart, Judge, examine

@@ -3,11 +3,11 @@
 import numpy as np
 
 from shared.colorimetry import SRGB_TO_XYZ
+from shared.perspective import apply_homography, homography, rectangle
 
 from ..scene import Scene
 from .charts import CARD
 from .color_checker import color_checker, draw_patches
-from .perspective import apply_homography, homography, rectangle
 
 SAMPLES = 3  # per pixel and axis
 WALL = (0.36, 0.34, 0.31)
