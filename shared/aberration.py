@@ -6,7 +6,6 @@ coloured fringes. A panchromatic sample is the sum of displaced channels.
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +13,11 @@ from numpy.typing import NDArray
 from .arrays import CACHED, FloatArray, mirrored, strips
 from .errors import InputError
 from .figures import tables
-from .lens import OfLens
+from .lens import OfLens, spline_weights
 
 _LARGEST = 0.05
 _POLE = 3**0.5 - 2  # of the filter that turns samples into coefficients of a cubic B-spline (Unser 1999, IEEE SPM 16(6), box 2)
 _TERMS = 24  # the pole to this power is less than single precision sees
-_FIGURES = {"radial", "size", "focal_length"}
 
 
 @dataclass(frozen=True)
@@ -54,6 +52,11 @@ class Aberration(OfLens):
             raise InputError(f"aberration: radial is {pairs}, expected one channel with [0, 0], to which the others relate")
         object.__setattr__(self, "radial", pairs)
         self._check_frame()
+
+    def check_channels(self, channels: str) -> None:
+        """Raise InputError unless there is one [a, b] for each of these channels (letters)."""
+        if len(self.radial) != len(channels):
+            raise InputError(f"calibration: aberration has {len(self.radial)} channels, expected {len(channels)} ({channels})")
 
     def corner(self, shape: tuple[int, int]) -> tuple[float, ...]:
         """How far outside the corners of a frame, (rows, columns), each channel looks there, pixels."""
@@ -90,13 +93,6 @@ class Aberration(OfLens):
                 result[rows, :, channel] = _values(spline, *places)
         return result
 
-    @classmethod
-    def from_json(cls, document: Any) -> "Aberration":
-        """The aberration in a JSON object whose fields are those of this class. Raises InputError that names the field."""
-        if not isinstance(document, dict) or not {"radial", "size"} <= document.keys() <= _FIGURES:
-            raise InputError('calibration: aberration is not an object with "radial", "size" and "focal_length"')
-        return cls(**document)
-
 
 def half_diagonal(shape: tuple[int, int]) -> float:
     """Half the diagonal of a frame, (rows, columns), from the middle of its first pixel to that of its last, pixels.
@@ -125,16 +121,9 @@ def _values(spline: FloatArray, y: NDArray[np.float64], x: NDArray[np.float64]) 
     """A spline's values at places, by its coefficients; all (H, W)."""
     total = np.zeros(y.shape, np.float32)
     top, left = (np.floor(place).astype(np.intp) for place in (y, x))
-    down, right = (_weights((place - first).astype(np.float32)) for place, first in ((y, top), (x, left)))
+    down, right = (spline_weights((place - first).astype(np.float32)) for place, first in ((y, top), (x, left)))
     columns = [mirrored(left + tap - 1, spline.shape[1]) for tap in range(4)]
     for tap, weight in enumerate(down):
         rows = mirrored(top + tap - 1, spline.shape[0])
         total += weight * sum(right[each] * spline[rows, columns[each]] for each in range(4))
     return total
-
-
-def _weights(t: FloatArray) -> FloatArray:
-    """Weights of four coefficients for places 0 <= t < 1 after the second; (4, H, W)."""
-    found: FloatArray = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3])
-    found /= np.float32(6)
-    return found

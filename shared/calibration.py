@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -171,10 +171,8 @@ class SensorCalibration:
                 raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")
             object.__setattr__(self, "camera_to_xyz", rows)
         object.__setattr__(self, "defects", _places(self.defects))
-        if self.shading is not None and len(self.shading.gain) != count + 1:
-            raise InputError(f"calibration: shading has {len(self.shading.gain)} planes, expected {count + 1} ({letters}W)")
-        if self.aberration is not None and len(self.aberration.radial) != count:
-            raise InputError(f"calibration: aberration has {len(self.aberration.radial)} channels, expected {count} ({letters})")
+        for fault in self.lens:
+            fault.check_channels(letters)
 
     @classmethod
     def of_bits(cls, bits: int, *, headroom: bool = True, **fields: Any) -> "SensorCalibration":
@@ -197,7 +195,7 @@ class SensorCalibration:
     @property
     def lens(self) -> tuple[OfLens, ...]:
         """What is known of the lens: shading, aberration."""
-        return tuple(each for each in (self.shading, self.aberration) if each is not None)
+        return tuple(fault for name in LENS if (fault := getattr(self, name)) is not None)
 
     def zoomed(self, focal_length: float | None) -> tuple[str, ...]:
         """Remarks on a shot at this focal length, millimetres: one for each part of `lens` that was measured at another one."""
@@ -248,7 +246,7 @@ class SensorCalibration:
         document = {"schema": SCHEMA, **asdict(self)}
         if not self.neutral_estimated:  # so that ids and files from before there were estimates stay the same
             del document["neutral_estimated"]
-        for name in ("shading", "aberration"):  # likewise
+        for name in LENS:  # likewise
             if document[name] is None:
                 del document[name]
         return document
@@ -271,14 +269,22 @@ class SensorCalibration:
             if not isinstance(noise, dict) or sorted(noise) != ["read", "shot"]:
                 raise InputError('calibration: noise is not an object with "shot" and "read"')
             given["noise"] = NoiseModel(**noise)
-        if "shading" in given:
-            given["shading"] = Shading.from_json(given["shading"])
-        if "aberration" in given:
-            given["aberration"] = Aberration.from_json(given["aberration"])
+        for name, fault in LENS.items():
+            if name in given:
+                given[name] = fault.from_json(given[name])
         return cls(**given)
 
     def _set(self, name: str, values: Any, count: int) -> None:
         object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
+
+
+LENS: dict[str, type[OfLens]] = {
+    each.name: kind
+    for each in fields(SensorCalibration)
+    for kind in get_args(each.type)
+    if isinstance(kind, type) and issubclass(kind, OfLens)
+}
+"""The fields of a calibration that describe faults of the lens, and their classes."""
 
 
 def _absent(values: Any) -> bool:

@@ -9,14 +9,14 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .calibration import SensorCalibration
+from .calibration import LENS, SensorCalibration
 from .errors import InputError
 from .figures import parsed_json, shown
 from .mosaic import Mosaic
 from .pattern import CfaPattern
 from .reading import MAX_DOCUMENT, read_text
 
-MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", "shading", "aberration")
+MEASURABLE = ("gamma", "noise", "black_level", "defects", "colour", *LENS)
 """The parts of a calibration that "measured" may describe; "colour" is camera_to_xyz and neutral."""
 
 
@@ -61,13 +61,12 @@ class Camera:
         self.check(mosaic.pattern, mosaic.calibration)
         known, own = self.calibration, mosaic.calibration
         colours = own if known.camera_to_xyz is None and known.neutral is None else known
+        # What this camera's file does not state stays that of the shot; what was measured to be absent does not.
+        parts = ("noise", "defects", "sensor", *LENS)
+        kept = {name: getattr(known, name) or getattr(own, name) for name in parts if name not in self.measured}
         calibration = replace(
             known,
-            noise=known.noise or own.noise,
-            defects=known.defects if "defects" in self.measured else known.defects or own.defects,
-            shading=known.shading if "shading" in self.measured else known.shading or own.shading,
-            aberration=known.aberration if "aberration" in self.measured else known.aberration or own.aberration,
-            sensor=known.sensor or own.sensor,
+            **kept,
             camera_to_xyz=colours.camera_to_xyz,
             neutral=colours.neutral,
             neutral_estimated=colours.neutral_estimated,

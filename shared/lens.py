@@ -1,10 +1,16 @@
-"""What is measured of a lens belongs to one part of the sensor, and to one focal length."""
+"""What all measured faults of a lens share: each belongs to one part of the sensor, and to one focal length."""
 
 import math
-from typing import ClassVar
+from dataclasses import MISSING, fields
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InputError
 from .figures import number, shown
+
+Number = TypeVar("Number", bound=np.floating)
 
 ZOOMED = 0.02
 """Relative difference of focal lengths from which on they are two."""
@@ -37,6 +43,20 @@ class OfLens:
         if not 0 <= value < 1e6:
             raise InputError(f"{self._name}: {name} is {value:g}, expected 0 to a million")
 
+    def check_channels(self, channels: str) -> None:
+        """Raise InputError unless it has figures for each of these channels (letters), and for no others."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_json(cls, document: Any) -> Self:
+        """Return what a JSON object with this class's fields describes. Raises InputError that names the field."""
+        known = {each.name: each.default is MISSING for each in fields(cls)}  # type: ignore[arg-type]
+        required = {name for name, needed in known.items() if needed}
+        if not isinstance(document, dict) or not required <= document.keys() <= known.keys():
+            *names, last = (f'"{name}"' for name in known)
+            raise InputError(f"calibration: {cls._name} is not an object with {', '.join(names)} and {last}")
+        return cls(**document)
+
     def check(self, shape: tuple[int, int]) -> None:
         """Raise InputError unless it can be that of frames of this shape, (rows, columns)."""
         if abs(math.log(shape[0] * self.size[1] / (shape[1] * self.size[0]))) > _STRETCH:
@@ -61,3 +81,18 @@ class OfLens:
         if not known or not focal_length or abs(math.log(focal_length / known)) <= ZOOMED:
             return ""
         return f"taken at {focal_length:g} mm, but its {self._name} was measured at {known:g} mm: {self._harm}"
+
+
+def spline_weights(t: NDArray[Number]) -> NDArray[Number]:
+    """Return the weights of the four control points of a uniform cubic B-spline around places 0 <= t < 1, (4, ...).
+
+    The places lie between the second and the third control point.
+
+    >>> import numpy as np
+    >>> from shared.lens import spline_weights
+    >>> (6 * spline_weights(np.array([0.0]))).ravel().tolist()
+    [1.0, 4.0, 1.0, 0.0]
+    """
+    weights: NDArray[Number] = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 1 + 3 * t + 3 * t**2 - 3 * t**3, t**3])
+    weights /= t.dtype.type(6)
+    return weights

@@ -7,7 +7,6 @@ over the frame, so that it also serves frames with fewer, larger pixels of the s
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from .arrays import FloatArray
 from .errors import InputError
 from .figures import tables
-from .lens import OfLens
+from .lens import OfLens, spline_weights
 
 _WHOLE = slice(None)
 _GAINS = (0.05, 64.0)
@@ -72,6 +71,11 @@ class Shading(OfLens):
         if np.abs(middle - 1).max() > _MIDDLE:
             raise InputError(f"shading: the gains in the middle of the frame are {middle.tolist()}, expected 1")
 
+    def check_channels(self, channels: str) -> None:
+        """Raise InputError unless there is one map for each of these channels (letters), and one for panchromatic."""
+        if len(self.gain) != len(channels) + 1:
+            raise InputError(f"calibration: shading has {len(self.gain)} planes, expected {len(channels) + 1} ({channels}W)")
+
     def of_plane(self, shape: tuple[int, int], plane: int = -1, rows: slice = _WHOLE, columns: slice = _WHOLE) -> FloatArray:
         """The gain of a plane in a part of a frame, float32 (rows, columns).
 
@@ -115,18 +119,6 @@ class Shading(OfLens):
         """
         return f"{self.stops:.2f} stops, {100 * self.colour:.1f} % between colours{self.at_focal_length}"
 
-    @classmethod
-    def from_json(cls, document: Any) -> "Shading":
-        """The shading in a JSON object whose fields are those of this class. Raises InputError that names the field."""
-        if not isinstance(document, dict) or not {"gain", "size"} <= document.keys() <= {
-            "gain",
-            "size",
-            "focal_length",
-            "residual",
-        }:
-            raise InputError('calibration: shading is not an object with "gain", "size", "focal_length" and "residual"')
-        return cls(**document)
-
 
 def basis(length: int, points: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
     """The weights of all control points at some places, float64 (places, points).
@@ -157,6 +149,4 @@ def _pieces(place: NDArray[np.float64], points: int) -> tuple[NDArray[np.intp], 
     """For each place, from 0 to 1 across the frame, the first of its four control points, and their weights, (4, places)."""
     along = place * (points - 3)
     first = np.clip(along.astype(np.intp), 0, points - 4)
-    t = along - first
-    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]) / 6
-    return first, weights
+    return first, spline_weights(along - first)

@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from ..calibration import SensorCalibration
+from ..calibration import LENS, SensorCalibration
 from ..errors import InputError
 from ..figures import parsed_json
 from ..figures import whole as whole_number
@@ -20,7 +20,7 @@ from .tags import MAKER
 SCHEMA = 1
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
-_BESIDE = {"neutral_estimated", "shading", "aberration"}  # fields of the calibration that came later than the record
+_BESIDE = ("neutral_estimated", *LENS)  # fields of the calibration that came later than the record
 
 
 @dataclass(frozen=True)
