@@ -29,7 +29,7 @@ ROOMS = {
     "camera": {"camera", "scenes"},
     "pictures": {"pictures", "scenes", "host"},
     "rendering": {"rendering", *_BELOW},
-    "calibration": {"calibration", *_BELOW},
+    "calibration": {"calibration", "pictures", "host"},
     "evaluation": {"evaluation", *_BELOW},
     "live": {"live", *_BELOW},
     "training": {"training", *_BELOW},

@@ -28,6 +28,7 @@ from shared.sensor import simulate_additive
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import Edges, find_edges
 from tools.camera.lens import lens_aberration
+from tools.commands.calibrate import filled_luminance
 from tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
 from tools.scenes.load import load_scene
 
@@ -66,7 +67,7 @@ def from_edges(scenes: Sequence[str], sigma: float, corners: tuple[float, float]
         rgb = load_scene(source).rgb
         lens = lens_aberration(*corners, rgb.shape[2], (rgb.shape[0], rgb.shape[1]))
         with suppress(InputError):
-            shots.setdefault(rgb.shape[:2], []).append(find_edges(source, photographed(rgb, sigma, lens)))
+            shots.setdefault(rgb.shape[:2], []).append(find_edges(source, photographed(rgb, sigma, lens), filled_luminance))
     found = {}
     for size, edges in shots.items():
         with suppress(InputError):

@@ -23,10 +23,12 @@ from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
 from tools.calibration.noise import measure_flats, noise_of_flats
 from tools.calibration.observations import Observations
-from tools.calibration.reference import color_checker_xyz
+from tools.calibration.parts.colour import ColourPart
+from tools.calibration.parts.gamma import gamma_of
 from tools.calibration.samples import patch_samples
 from tools.calibration.scene_gamma import fit_scene_gamma
 from tools.calibration.shot import measure_chart, measure_scene
+from tools.commands.calibrate import color_checker_xyz
 from tools.scenes.drawn.chart import chart_scene
 from tools.scenes.load import load_scene
 
@@ -105,13 +107,13 @@ def photograph(path: Path, *, chart: bool = True) -> None:
     except InputError as error:
         print(f"{path.name}: refused: {error}")
         return
-    seen = Observations(charts=(measured,)) if chart else Observations(scenes=(measured,))
-    outcome = conclude(mosaic, seen, REFERENCE)
-    assert outcome.gamma is not None
-    off = ", ".join(f"{100 * (value - 1):+.2f}" for value in outcome.gamma.gamma)
-    line = f"{path.name}{'' if chart else ' without chart'}: gamma off by {off} % (± {100 * outcome.gamma.worst:.1f})"
-    if outcome.colour is not None:
-        colour = outcome.colour
+    outcome = conclude(Observations(mosaic, shots=(measured,)), REFERENCE)
+    gamma, colours = gamma_of(outcome.evidence), outcome.part(ColourPart)
+    assert gamma is not None
+    off = ", ".join(f"{100 * (value - 1):+.2f}" for value in gamma.gamma)
+    line = f"{path.name}{'' if chart else ' without chart'}: gamma off by {off} % (± {100 * gamma.worst:.1f})"
+    if colours is not None:
+        colour = colours.fit
         line += (
             f"; dE2000 {colour.difference.mean():.2f}, without field {colour.plain.mean():.2f}, "
             f"left out {colour.left_out.mean():.2f}; light uneven by {colour.unevenness:.2f}"

@@ -12,7 +12,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from unittest.mock import patch
 
 import numpy as np
 
@@ -20,11 +19,11 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import true_place
-from tools.calibration import session as sessions
 from tools.calibration.chart.place import ChartPlace
-from tools.calibration.measure import Outcome, conclude
-from tools.calibration.observations import Observations
-from tools.calibration.reference import color_checker_xyz
+from tools.calibration.measure import Conclusion, conclude
+from tools.calibration.parts.gamma import gamma_of
+from tools.calibration.session import ChartSearch, Session
+from tools.commands.calibrate import color_checker_xyz
 from tools.host.console import Console
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.drawn.chart import chart_scene
@@ -41,7 +40,7 @@ KINDS = (
     "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat",
     "scene", "scene+dark+flat", "scenes+dark+flat", "chart+scene+dark+flat", "dark+flat", "flat",
 )  # fmt: skip
-REFERENCE = color_checker_xyz()
+CHART = color_checker_xyz()
 SIGMAS = 1.96
 NAMES = ("gamma", "black", "shot", "read")
 
@@ -174,36 +173,35 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
     return frames
 
 
-def calibrated(frames: Frames, kind: str) -> Outcome | None:
+def calibrated(frames: Frames, kind: str) -> Conclusion | None:
     """Calibrate from a subset: chart, charts, scene, scenes, dark, flat, or flat1, one flat frame; None = no frame can be used."""
-    parts = kind.split("+")
-    with patch.object(sessions, "read_dng", frames.mosaics.__getitem__):
-        session = sessions.Session(Silent(), None)
-        with patch.object(session, "_skip", lambda *_: None):
-            dark = session.dark(frames.named("dark")) if "dark" in parts else None
-            flat = frames.named("flat")
-            flats = session.flat(flat if "flat" in parts else flat[-1:], dark) if {"flat", "flat1"} & set(parts) else None
-            wanted = frames.named("chart")[: 3 if "charts" in parts else 1] if {"chart", "charts"} & set(parts) else []
-            found = [shot for name in wanted for shot in session.charts([name], REFERENCE, frames.places[name].corners)]
-            many = frames.named("scene")[: 2 if "scenes" in parts else 1] if {"scene", "scenes"} & set(parts) else []
-            scenes = session.scenes(many)
-    if session.base is None or ((wanted or many) and not (found or scenes)):
+    parts, session = set(kind.split("+")), Session(Silent(), read=frames.mosaics.__getitem__)
+    if "dark" in parts:
+        session.dark(frames.named("dark"))
+    if parts & {"flat", "flat1"}:
+        session.flat(frames.named("flat")[0 if "flat" in parts else -1 :])
+    charts = frames.named("chart")[: 3 if "charts" in parts else 1] if parts & {"chart", "charts"} else []
+    for name in charts:
+        session.shots([name], ChartSearch(CHART, frames.places[name].corners))
+    scenes = frames.named("scene")[: 2 if "scenes" in parts else 1] if parts & {"scene", "scenes"} else []
+    session.shots(scenes, None)
+    if session.seen.base is None or ((charts or scenes) and not session.seen.shots):
         return None
-    seen = Observations(dark, flats, tuple(found), tuple(scenes))
     try:
-        return conclude(session.base, seen, REFERENCE, {}, session.notes, session.shading)
+        return conclude(session.seen, CHART)
     except InputError:
         return None
 
 
-def errors(outcome: Outcome, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
+def errors(outcome: Conclusion, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
     """How far each figure is off, in half widths of its interval; a figure that was not measured is left out."""
     truths, found = camera.truths(), {}
-    if outcome.gamma is not None:
-        found["gamma"] = (outcome.gamma.gamma - truths["gamma"]) / outcome.gamma.half_width
-    if outcome.dark is not None:
-        found["black"] = (outcome.dark.black - truths["black"]) / (SIGMAS * outcome.dark.black_error)
-    if outcome.noise is not None and outcome.camera is not None and outcome.camera.calibration.noise is not None:
+    gamma, dark = gamma_of(outcome.evidence), outcome.evidence.seen.dark
+    if gamma is not None:
+        found["gamma"] = (gamma.gamma - truths["gamma"]) / gamma.half_width
+    if dark is not None:
+        found["black"] = (dark.black - truths["black"]) / (SIGMAS * dark.black_error)
+    if outcome.camera is not None and "noise" in outcome.camera.measured:
         model, how = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
         scale = 1.0 if gamma_known else 3.0 / camera.gamma.sum()
         for name in ("shot", "read"):
@@ -238,7 +236,7 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str], *, black: float = 1.0
         frames = session_of(camera, random)
         for kind, count in counts.items():
             outcome = calibrated(frames, kind)
-            if outcome is None or (outcome.camera is None and not getattr(outcome, "contradictions", ())):
+            if outcome is None or (outcome.camera is None and not outcome.contradictions):
                 count.refused += 1
                 continue
             if outcome.verdict == "do not use it":
@@ -246,8 +244,8 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str], *, black: float = 1.0
                 continue
             for name, off in errors(outcome, camera, gamma_known="chart" in kind or "scene" in kind).items():
                 count.off[name] += off.tolist()
-            if outcome.gamma is not None:
-                count.wide.append(outcome.gamma.worst)
+            if (gamma := gamma_of(outcome.evidence)) is not None:
+                count.wide.append(gamma.worst)
     return counts
 
 

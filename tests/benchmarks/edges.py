@@ -17,6 +17,7 @@ from tests.tools.calibration.known_camera import TRUTH
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import find_edges
 from tools.camera.lens import lens_aberration
+from tools.commands.calibrate import filled_luminance
 from tools.scenes.load import load_scene
 
 LENSES = (1.0, -0.5), (-0.6, 0.8), (0.2, 0.0), (0.0, 0.0)
@@ -47,7 +48,9 @@ def main() -> None:
         off, units, refused = [], [], 0
         for title, sources in SETS.items():
             for lens in LENSES:
-                shots = [find_edges(source, taken(source, pattern, lens, seed)) for seed, source in enumerate(sources)]
+                shots = [
+                    find_edges(source, taken(source, pattern, lens, seed), filled_luminance) for seed, source in enumerate(sources)
+                ]
                 line = f"{name}, {title}, R {lens[0]:+.1f} B {lens[1]:+.1f}: "
                 try:
                     found = measure_aberration(shots)

@@ -24,8 +24,9 @@ from tools.calibration.camera_file import read_known
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
 from tools.calibration.observations import Observations
-from tools.calibration.reference import color_checker_xyz, read_reference, ti3
+from tools.calibration.reference import read_reference, ti3
 from tools.calibration.shot import measure_chart
+from tools.commands.calibrate import color_checker_xyz
 from tools.pictures.writer import PictureKind, encode_picture
 from tools.scenes.load import load_scene
 
@@ -161,22 +162,22 @@ def _documents() -> list[Sample]:
 
 
 def _measured() -> Camera:
-    """A camera file that keeps what it was measured from: dark frames, and a chart."""
+    """A camera file that was measured: from a dark frame, and a chart."""
     dark, lit = frame(np.zeros((60, 60, 3))), frame(chart().rgb)
     shot = measure_chart("chart.dng", lit, color_checker_xyz(), true_place().corners)
-    camera = conclude(lit, Observations(measure_dark([dark]), charts=(shot,)), color_checker_xyz()).camera
+    camera = conclude(Observations(lit, measure_dark([dark]), shots=(shot,)), color_checker_xyz()).camera
     assert camera is not None
     return camera
 
 
 def _read_camera(path: Path) -> bytes:
     """The file, and all that is computed from it, where no number may overflow: an update, a preview and a render."""
-    camera, seen = read_known(path)
+    camera = read_known(path)
     pattern = camera.pattern or CfaPattern.bayer(6)
     codes = np.linspace(0, (1 << camera.calibration.bits) - 1, 24 * 30).astype(np.uint16).reshape(24, 30)
     with np.errstate(all="raise", under="ignore"):
         shot = Mosaic(codes, pattern, camera.calibration)
-        conclude(shot, seen, color_checker_xyz())
+        conclude(Observations(shot), color_checker_xyz(), old=camera)
         assert np.isfinite(render(shot, PAPER).rgb).all()
         Preview.for_mosaic(shot).run(shot)
     return json.dumps(camera.to_json()).encode()

@@ -8,7 +8,8 @@ from shared import read_camera
 from shared.errors import InputError
 from shared.pattern_text import read_pattern
 from shared.reading import opened_file, read_text, read_whole
-from tools.calibration.reference import color_checker_xyz, read_reference, ti3
+from tools.calibration.reference import read_reference, ti3
+from tools.commands.calibrate import color_checker_xyz
 from tools.host.cluster import _written_address
 from tools.rendering.defect_list import read_defects
 

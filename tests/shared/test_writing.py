@@ -10,7 +10,7 @@ from typing import IO
 import pytest
 
 from shared.errors import OutputError
-from shared.writing import durable_file, own_file, sweep, write_durably
+from shared.writing import durable_file, keep_old, own_file, sweep, write_durably
 from tests.data import ROOT
 
 
@@ -297,7 +297,7 @@ def umask() -> int:
 
 def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path: Path) -> None:
     script = (
-        "import os, sys\nfrom pathlib import Path\nfrom shared.writing import write_durably\n"
+        "import os, sys\nfrom pathlib import Path\nfrom shared.writing import keep_old, write_durably\n"
         "folder = os.fsencode(sys.argv[1])\n"
         "for name in (b'caf\\xc3\\xa9', b'\\xff\\xfe', b'\\xe5\\x86\\x99' * 85):\n"
         "    write_durably(os.fsdecode(folder + b'/' + name), b'')"
@@ -305,3 +305,24 @@ def test_a_name_that_is_no_utf_8_and_one_beyond_the_locale_are_written(tmp_path:
     environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0"}
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT, check=True, env=environment)
     assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_no_copy_of_an_old_file_is_ever_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool) -> None:
+    path, real_link = tmp_path / "camera.json", os.link
+    (tmp_path / "camera.json.bak").write_text("mine")
+    (tmp_path / "camera.json.bak2").symlink_to("nowhere")
+
+    def link(old: Path, new: Path) -> None:
+        if not links:
+            raise OSError(errno.EPERM, "no links here")
+        real_link(old, new)
+
+    monkeypatch.setattr(os, "link", link)
+    for number in range(3):
+        if number:
+            assert keep_old(path).name == f"camera.json.bak{number + 2}"
+        write_durably(path, str(number).encode(), overwrite=True)
+    assert (tmp_path / "camera.json.bak").read_text() == "mine"
+    assert (tmp_path / "camera.json.bak2").is_symlink()
+    assert [(tmp_path / f"camera.json.bak{number}").read_text() for number in (3, 4)] == ["0", "1"]

@@ -14,7 +14,7 @@ from shared.aberration import half_diagonal
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 
-from .displacement import FARTHEST, LIKELY, RINGS, TERMS, Seen, fitted, jackknife
+from .displacement import FARTHEST, LIKELY, RINGS, TERMS, ShotStep, fitted, jackknife
 from .edges import Edges
 from .flat_frames import common_focal_length
 
@@ -92,7 +92,7 @@ def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
     return AberrationResult(aberration, channels, len(shots), curve.sum(axis=1), error, curve, _rings(seen, curve, others))
 
 
-def _rings(seen: Sequence[Seen], curve: DoubleArray, others: Sequence[int]) -> DoubleArray:
+def _rings(seen: Sequence[ShotStep], curve: DoubleArray, others: Sequence[int]) -> DoubleArray:
     """Return what rings of the frame show, see `AberrationResult`."""
     rings = np.full((RINGS, len(curve), 3), np.nan)
     for ring in range(RINGS):
@@ -110,7 +110,7 @@ def _rings(seen: Sequence[Seen], curve: DoubleArray, others: Sequence[int]) -> D
 
 
 def _check(
-    shots: Sequence[Edges], seen: Sequence[Seen], terms: DoubleArray, spread: DoubleArray, likely: DoubleArray, half: float
+    shots: Sequence[Edges], seen: Sequence[ShotStep], terms: DoubleArray, spread: DoubleArray, likely: DoubleArray, half: float
 ) -> None:
     """Raise InputError if the edges do not tell the displacement, or tell one that no lens makes.
 
@@ -151,8 +151,8 @@ def _check(
         )
     allowed = max(_WORST, min(largest / _ERRORS, _LARGEST))
     if not error.max() <= allowed:
-        told = f"{largest:.2g} pixels, only to ±{error.max():.3g} (standard error), {allowed:.3g} is allowed"
         raise InputError(
-            f"shots with edges: they tell the displacement in the corners, {told}; take more shots, with more sharp edges all over "
+            f"shots with edges: they tell the displacement in the corners, {largest:.2g} pixels, only to ±{error.max():.3g} "
+            f"(standard error), {allowed:.3g} is allowed; take more shots, with more sharp edges all over "
             "the frame, well exposed"
         )

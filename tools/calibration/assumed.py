@@ -7,13 +7,16 @@ and flat frames have measured them, wide if not. So intervals of gamma cover wha
 them narrower again.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from shared import SensorCalibration
 from shared.arrays import DoubleArray
-from shared.figures import number
+from shared.figures import numbers
 
 from .dark_frames import DarkResult
 
@@ -46,20 +49,25 @@ class Assumed:
 
     @classmethod
     def of(
-        cls, calibration: SensorCalibration, dark: DarkResult | None = None, *, black_error: object = None, even: bool = False
+        cls,
+        calibration: SensorCalibration,
+        dark: DarkResult | None = None,
+        measured: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+        *,
+        even: bool = False,
     ) -> "Assumed":
         """What is assumed of a camera.
 
         calibration: with its black level.
-        dark: measurement of the black level; None = it is assumed, or
-        black_error: (C + 1,), its standard error, as an earlier calibration has measured it.
-        even: whether flat frames have measured shading, if only that there is none.
+        dark: measurement of the black level by dark frames; None = there are none.
+        measured: parts of the camera that an earlier calibration has measured, as its camera file describes them.
+        even: whether these frames have measured shading, if only that there is none.
         """
         steady = _STEADY * 2.0 ** (calibration.bits - 12)
         level = np.array(calibration.black_level)
         errors: DoubleArray | None = None if dark is None else dark.black_error
-        if errors is None and black_error is not None:
-            errors = np.array([number("black_error", each) for each in black_error])  # type: ignore[attr-defined]
+        if errors is None and (known_errors := measured.get("black_level", {}).get("standard_error")) is not None:
+            errors = np.array(numbers("measured.black_level.standard_error", known_errors, len(level)))
         wide = np.maximum(_UNKNOWN_BLACK * level, 4 * steady)
         black = wide if errors is None else np.hypot(errors, steady)
         known = cls(black, errors is not None, np.full(len(calibration.channels), _KNOWN_COLOUR), _KNOWN_COLOUR)
@@ -69,9 +77,9 @@ class Assumed:
             *colours, panchromatic = calibration.shading.sketch
             falls = np.array([float(np.abs(panchromatic / each - 1).max()) for each in colours])
             return replace(known, colour=np.hypot(known.colour, falls))
-        return known if even else known.uneven()
+        return known if even or "shading" in measured else known._of_any_lens()
 
-    def uneven(self) -> "Assumed":
+    def _of_any_lens(self) -> "Assumed":
         """What is assumed of shots whose shading was not undone."""
         return replace(self, colour=np.full_like(self.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT)
 

@@ -46,7 +46,7 @@ def _check_order(names: str, shown: DoubleArray, levels: DoubleArray, pattern: C
     block = "/".join("".join(true.get(letter, letter) for letter in row) for row in pattern.letters_from())
     raise InputError(
         f"the chart shows that {wrong} are exchanged: the pattern in the shot does not fit its sensor, whose pattern probably is "
-        f"{block}; capture the shot again with the right --order or --pattern"
+        f"{block}; capture the shot again with the right pattern"
     )
 
 

@@ -16,7 +16,7 @@ from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
 from .assumed import Assumed, unknowns
-from .gamma import INSTEAD, GammaFit, too_few_colours
+from .gamma import INSTEAD, GammaFit, NormalEquations, too_few_colours
 from .photon_transfer import fit_photon_transfer
 from .samples import PlaceSamples, robust_deviation
 
@@ -69,8 +69,7 @@ def fit_chart_gamma(places: PlaceSamples, calibration: SensorCalibration, assume
             f"{too_few_colours(channels)}"
         )
     return GammaFit(
-        information=information,
-        told=(information + prior) @ found,
+        equations=NormalEquations(information, (information + prior) @ found),
         assumed=assumed,
         calibration=calibration,
         freedom=freedom,
@@ -110,13 +109,13 @@ class _Problem:
         return least_squares(missed, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x
 
     def information(self, used: BoolArray, found: DoubleArray) -> DoubleArray:
-        """Return what the places tell, (P, P), from the most likely true channels: the spread of noisy ones would count as told."""
+        """Return what the places tell, (P, P), from the most likely true channels: noisy ones spread more than the true ones."""
         gamma = found[: self.colours.shape[1]]
         total = _total(self.variance, gamma)
         pull = self.variance[:, :-1] * gamma * ((self.level - self.terms @ found) / total)[:, None]
         likely = unknowns(self.colours + pull, self.places)[used]
-        told: DoubleArray = (likely / total[used, None]).T @ likely
-        return told
+        information: DoubleArray = (likely / total[used, None]).T @ likely
+        return information
 
 
 def reconciled(places: PlaceSamples, gamma: DoubleArray) -> DoubleArray:

@@ -34,8 +34,8 @@ def refuse_copies(frames: Sequence[tuple[str, Mosaic]], alike: float) -> None:
         if likeness > alike:
             raise InputError(
                 f"{frames[other][0]} and {frames[one][0]} have the same noise (correlation {likeness:.2f}): one is a copy of the "
-                "other, and their difference measures nothing, or they show a scene or a texture; take each frame anew (panchroma "
-                "simulate: with another --seed), of an even surface"
+                "other, and their difference measures nothing, or they show a scene or a texture; take each frame anew (a "
+                "simulated one with another seed), of an even surface"
             )
 
 

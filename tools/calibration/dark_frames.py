@@ -9,7 +9,7 @@ from shared import Mosaic
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 
-from .samples import CLIP, LEAST_SAMPLES, clipped_moments, tiles
+from .samples import CLIP, LEAST_SAMPLES, clipped_moments, figures, tiles
 
 ROUNDING = 1 / 12  # code^2, the variance that rounding to whole codes adds (Sheppard's correction)
 HIDDEN = 0.5  # code: rounding distorts a smaller standard deviation, whatever is subtracted for it (EMVA 1288 asks for as much)
@@ -47,6 +47,12 @@ class DarkResult:
     def shows_read(self) -> bool:
         """Whether the codes are fine enough to show the read noise."""
         return bool((self.read >= HIDDEN).all())
+
+    @property
+    def words(self) -> str:
+        """Black level, read noise and defects, for people."""
+        read = f"read noise {figures(self.read)} codes" if self.shows_read else "read noise too small for these codes"
+        return f"black level {figures(self.black)} codes, {read}, {len(self.defects)} defects"
 
 
 def measure_dark(frames: Sequence[Mosaic]) -> DarkResult:

@@ -1,7 +1,7 @@
 """How far channels are displaced at the edges of shots: Gauss-Newton steps with robust weights.
 
-Around an edge every channel is about a linear function of luminance. So a channel that is displaced matches luminance best some way
-off. Luminance itself is a sum of displaced channels, each with the share that it has there: what is measured are differences.
+Around an edge every channel is about a linear function of luminance. A displaced channel therefore matches shifted luminance best.
+Luminance itself is a sum of displaced channels, each with the share that it has there: what is measured are differences.
 """
 
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ import numpy as np
 
 from shared.arrays import DoubleArray, IndexArray
 
-from .edges import Edges, Looked
+from .edges import DisplacedLuminance, Edges
 
-FARTHEST = 5.0  # pixels: displacement in the corners that is looked for
+FARTHEST = 5.0  # pixels: largest displacement in the corners that is looked for
 RINGS = 8  # of the frame
 _TRIED = 0.5  # pixels between displacements that are tried first
 _TRIED_WINDOWS = 150  # of a shot
@@ -26,13 +26,13 @@ _COLOURED = 0.3  # pixels of its slope: colours differ beside edges
 _COARSE = 0.003  # share of a sample that is not known better
 _FREE = 0.5  # relative: how far a channel's slope over luminance may differ from its mean ratio
 _TUKEY = 4.685  # standard deviations: 95 % efficiency
-_SHY = 10  # samples: a window's own residual counts like one of so many more that fit
+_PRIOR_SAMPLES = 10  # weight of the prior in each window's residual scale, in samples
 _EDGES = 0.7  # quantile of the samples above which edges decide how large residuals are
 _ALIKE = 0.12  # pixels: by which all edges in a row or column of windows may be off in common
 _MEDIAN = 0.455  # of the square of a standard normal variable
 
 
-class Seen(NamedTuple):
+class ShotStep(NamedTuple):
     """One Gauss-Newton step in a shot; Q unknowns, L rows or columns of windows.
 
     gradient: (L, Q); weight: (L, Q, Q); both of rows, then of columns.
@@ -47,14 +47,14 @@ class Seen(NamedTuple):
     shares: DoubleArray
 
 
-def fitted(shots: Sequence[Edges], others: Sequence[int], reference: int) -> tuple[DoubleArray, list[Seen]]:
-    """Return the terms of the displacement of each channel, (C, terms), pixels, and what the last step saw in each shot."""
+def fitted(shots: Sequence[Edges], others: Sequence[int], reference: int) -> tuple[DoubleArray, list[ShotStep]]:
+    """Return the terms of the displacement of each channel, (C, terms), pixels, and the last step in each shot."""
     terms = np.zeros((len(shots[0].channels), TERMS))
-    start = _started(shots)
+    start = _start(shots)
     terms[:, :2] = (start - start[reference])[:, None] / 2
-    shares = [_mixed(shot.of_channels(shot.sample) / shot.of_channels(np.ones_like(shot.sample)), shot) for shot in shots]
+    shares = [_shares(shot.of_channels(shot.sample) / shot.of_channels(np.ones_like(shot.sample)), shot) for shot in shots]
     for _ in range(_ROUNDS):
-        seen = [_looked(shot, terms, each, others) for shot, each in zip(shots, shares, strict=True)]
+        seen = [_step(shot, terms, each, others) for shot, each in zip(shots, shares, strict=True)]
         shares = [each.shares for each in seen]
         likely = np.tile(LIKELY**-2, len(others))
         weight = sum(each.weight[0].sum(axis=0) for each in seen) + np.diag(likely)
@@ -66,14 +66,14 @@ def fitted(shots: Sequence[Edges], others: Sequence[int], reference: int) -> tup
     return terms, seen
 
 
-def _mixed(slope: DoubleArray, shot: Edges) -> DoubleArray:
+def _shares(slope: DoubleArray, shot: Edges) -> DoubleArray:
     """Return the shares of the channels in luminance, (N, C); slope: (N, C), how much each changes with it, up to a factor."""
     parts = np.maximum(slope * shot.gamma, 1e-9)
     shares: DoubleArray = parts / parts.sum(axis=1, keepdims=True)
     return shares
 
 
-def _started(shots: Sequence[Edges]) -> DoubleArray:
+def _start(shots: Sequence[Edges]) -> DoubleArray:
     """Return about how far each channel is displaced from luminance in the corners, (C,), pixels; half of it cubic."""
     tried = np.arange(-FARTHEST, FARTHEST + _TRIED / 2, _TRIED)
     cost = np.zeros((len(tried), len(shots[0].channels)))
@@ -81,7 +81,7 @@ def _started(shots: Sequence[Edges]) -> DoubleArray:
         some = shot.chosen(np.unique(np.linspace(0, len(shot.sample) - 1, _TRIED_WINDOWS).astype(int)))
         shape = (1 + some.down**2 + some.right**2) / 2
         for number, each in enumerate(tried):
-            light = some.looked(each * shape * some.down, each * shape * some.right)
+            light = some.displaced(each * shape * some.down, each * shape * some.right)
             known, filled = _variances(some, light)
             variance = known + _FILLED**2 * filled
             residual, _ = _Local.around(some, light.value, 1 / variance).residual()
@@ -90,11 +90,11 @@ def _started(shots: Sequence[Edges]) -> DoubleArray:
     return best
 
 
-def _variances(shot: Edges, light: Looked) -> tuple[DoubleArray, DoubleArray]:
+def _variances(shot: Edges, light: DisplacedLuminance) -> tuple[DoubleArray, DoubleArray]:
     """Return the variance of samples about what luminance predicts, (N, S): what is known, and what filling adds, to a factor."""
     square = _ratio(shot, light.value)[:, shot.channel] ** 2
     floor = (_COARSE * np.abs(shot.sample).mean(axis=1, keepdims=True)) ** 2
-    filled = light.unsure + _COLOURED**2 * (light.down**2 + light.right**2)
+    filled = light.fill_variance + _COLOURED**2 * (light.down**2 + light.right**2)
     return shot.variance + floor + square * shot.noise + np.finfo(np.float32).tiny, square * filled
 
 
@@ -142,8 +142,8 @@ class _Local:
         return residual, ratio + slope
 
 
-def _looked(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequence[int]) -> Seen:
-    """Look at a shot with channels displaced by `terms`.
+def _step(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequence[int]) -> ShotStep:
+    """Return a Gauss-Newton step of a shot with channels displaced by `terms`.
 
     shares: (N, C), of the channels in luminance.
     """
@@ -153,7 +153,7 @@ def _looked(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequen
     right = np.stack([shot.right, square * shot.right, none, one, shot.down])
     relative = np.eye(len(shares[0]))[shot.channel] - shares[:, None, :]  # (N, S, C)
     away = [np.einsum("nst,tns->ns", relative @ terms, each) for each in (down, right)]
-    light = shot.looked(*away)
+    light = shot.displaced(*away)
     # Luminance is blurred, by channels that are displaced apart. To the next order, this undoes it.
     blurred = np.zeros_like(square)
     for number, share in enumerate(shares.T):
@@ -178,16 +178,16 @@ def _looked(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequen
     radius = np.maximum(np.sqrt(square), 1e-9)
     in_rings = sums((shot.down / radius)[None], (shot.right / radius)[None])
     ring = np.minimum((radius.mean(axis=1) * RINGS).astype(int), RINGS - 1)
-    return Seen(
+    return ShotStep(
         (_grouped(gradient, shot.line[0]), _grouped(gradient, shot.line[1])),
         (_grouped(weight, shot.line[0]), _grouped(weight, shot.line[1])),
         _grouped(in_rings[0], ring, RINGS),
         _grouped(in_rings[1], ring, RINGS),
-        _mixed(slope, shot),
+        _shares(slope, shot),
     )
 
 
-def _robust(shot: Edges, light: Looked) -> tuple[_Local, DoubleArray]:
+def _robust(shot: Edges, light: DisplacedLuminance) -> tuple[_Local, DoubleArray]:
     """Return the windows' linear functions with weights that outliers do not have, and the slopes, (N, C)."""
     known, filled = _variances(shot, light)
     edges = filled / known >= np.quantile(filled / known, _EDGES)
@@ -201,7 +201,7 @@ def _robust(shot: Edges, light: Looked) -> tuple[_Local, DoubleArray]:
             share *= float(np.median((residual**2 / (known + share * filled))[edges])) / _MEDIAN * len(shot.channel) / freedom
             share = float(np.clip(share, 1e-4, 1))
         variance = known + share * filled
-        own = (np.minimum(residual**2 / variance, 25).sum(axis=1, keepdims=True) + _SHY) / (freedom + _SHY)
+        own = (np.minimum(residual**2 / variance, 25).sum(axis=1, keepdims=True) + _PRIOR_SAMPLES) / (freedom + _PRIOR_SAMPLES)
         variance *= own
         kept = np.maximum(1 - residual**2 / variance / _TUKEY**2, 1e-5) ** 2
         local = _Local.around(shot, light.value, kept / variance)
@@ -226,7 +226,7 @@ def _grouped(values: DoubleArray, group: IndexArray, number: int = 0) -> DoubleA
     return sums
 
 
-def jackknife(seen: Sequence[Seen], weight: DoubleArray) -> DoubleArray:
+def jackknife(seen: Sequence[ShotStep], weight: DoubleArray) -> DoubleArray:
     """Return the covariance of the unknowns, (Q, Q), from how they change without one row or column of windows.
 
     An edge has the same error all along: that of its place in the pattern. Few lines do not show it.

@@ -3,6 +3,7 @@
 What is known of luminance at a colour site is filled in, and wrong there by about as much as luminance is curved.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Literal, NamedTuple
@@ -10,10 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from offline import PAPER
-from offline.whole.luminance import recover_luminance
-from offline.whole.noise import estimate_noise
-from shared import Mosaic, SensorCalibration
+from shared import Mosaic
 from shared.aberration import half_diagonal
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
@@ -21,9 +19,10 @@ from shared.errors import InputError
 
 from .samples import CLIPPED
 
-# Twice the paper's iterations: luminance in the holes is what limits how well edges are found.
-_FILLING = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
-_SEEN = 9.0  # pixels: the farthest that is looked
+Filled = Callable[[Mosaic], tuple[FloatArray, NoiseModel]]
+"""Returns the luminance of a mosaic, filled in at colour sites, float32 (H, W), scene units, and the noise of its samples."""
+
+_FARTHEST = 9.0  # pixels: largest displacement for which luminance is known
 _NEAR, _WIDE = 0.5, 1.0  # pixels to each side of a slope
 _MARGIN = 11  # pixels around a window: the reach, and what cubic splines see beyond
 _SIDE, _BLOCKS = 24, 3  # pixels along a side of a window, and blocks, at least
@@ -31,25 +30,26 @@ _TILES = 8  # along an axis: edges are taken from everywhere
 _MOST_SAMPLES = 100_000  # colour samples of a shot
 _LEAST = 12  # windows
 _FLAT = 0.01  # share of the light: less contrast than this is no edge
-_EVERY, _DARK = 7, 0.01  # pixels that are looked at; share of full scale that the brightest of them have to exceed
+_EVERY, _DARK = 7, 0.01  # one of so many pixels decides; share of full scale that the brightest have to exceed
 _BLACK = 1e-3  # of full scale
 _NOISY = 1.5  # times what noise alone has: windows with less have no edges
 _HOLES = 0.7  # pixels: standard deviation of the mean of squared curvature
-_LEAST_NOISE = 0.002  # of full scale: otherwise flat places, where all fits, would decide how much edges may be off
+_LEAST_NOISE = 0.002  # of full scale, read noise at least
 _SLOPE, _AROUND = 1.2, 2.0  # pixels: standard deviations, of what slopes and their directions are taken from
 _STRAIGHT = 0.5, 0.9  # coherence of slopes: from which on edges are straight, and which are so entirely
-_STEP, _ROUNDS = 2.0, 3  # pixels to both sides along an edge, where holes end; holes are filled so often, as splines see them
+_STEP = 2.0  # pixels to both sides along an edge, where holes end
+_ROUNDS = 3  # number of fill-and-refit iterations
 _BORDER = 4  # pixels of a window in which nothing is filled anew
 _CURVED = 20  # times the variance of noise that it adds to the squared Laplacian
 
 
-class Looked(NamedTuple):
+class DisplacedLuminance(NamedTuple):
     """Luminance at displaced samples; all (N, S), scene units.
 
-    value: as splines have it.
+    value: by cubic splines.
     down, right: its derivatives, per pixel.
-    wide_down, wide_right: differences over more pixels, which know less of how wrong `value` is.
-    unsure: variance of what is filled in, up to a factor.
+    wide_down, wide_right: differences over more pixels, which hardly depend on errors of `value`.
+    fill_variance: of what is filled in, up to a factor.
     """
 
     value: DoubleArray
@@ -57,7 +57,7 @@ class Looked(NamedTuple):
     right: DoubleArray
     wide_down: DoubleArray
     wide_right: DoubleArray
-    unsure: DoubleArray
+    fill_variance: DoubleArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,18 +96,19 @@ class Edges:
         """Return luminance where samples are displaced by so much, pixels; all (N, S)."""
         return self._at(self._spline, down, right, 3)
 
-    def looked(self, down: DoubleArray, right: DoubleArray) -> Looked:
-        """Return luminance, and what is known of it, where samples are displaced by so much, pixels, (N, S)."""
+    def displaced(self, down: DoubleArray, right: DoubleArray) -> DisplacedLuminance:
+        """Return luminance, its slopes and its variance where samples are displaced by so much, pixels, (N, S)."""
 
         def slope(y: float, x: float) -> DoubleArray:
             return (self.luminance(down + y, right + x) - self.luminance(down - y, right - x)) / (2 * (y + x))
 
         near, wide = (slope(_NEAR, 0), slope(0, _NEAR)), (slope(_WIDE, 0), slope(0, _WIDE))
-        return Looked(self.luminance(down, right), *near, *wide, self._at(self._curvature, down, right, 1))
+        return DisplacedLuminance(self.luminance(down, right), *near, *wide, self._at(self._curvature, down, right, 1))
 
     def _at(self, plane: FloatArray, down: DoubleArray, right: DoubleArray, order: Literal[1, 3]) -> DoubleArray:
         first = np.arange(len(self.sample))[:, None] * (len(plane) // len(self.sample)) + _MARGIN
-        y, x = first + self.place[:, 0] + np.clip(down, -_SEEN, _SEEN), self.place[:, 1] + np.clip(right, -_SEEN, _SEEN)
+        down, right = (np.clip(each, -_FARTHEST, _FARTHEST) for each in (down, right))
+        y, x = first + self.place[:, 0] + down, self.place[:, 1] + right
         values: DoubleArray = ndimage.map_coordinates(plane, np.stack([y, x + _MARGIN]), np.float64, order, prefilter=False)
         return values
 
@@ -126,8 +127,12 @@ class Edges:
         return sums
 
 
-def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> Edges:
-    """Return the windows of a shot with the most edges; gamma: in place of the calibration's.
+def find_edges(name: str, mosaic: Mosaic, filled: Filled, gamma: DoubleArray | None = None) -> Edges:
+    """Return the windows of a shot with the most edges.
+
+    name: of the shot.
+    filled: recovers luminance.
+    gamma: in place of the calibration's; None = that.
 
     Raises InputError if it has hardly any.
     """
@@ -135,9 +140,10 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     pattern, shape, signal, full = even.pattern, even.shape, even.signal, even.calibration.full_scale
     if np.quantile(signal[::_EVERY, ::_EVERY], 0.99) < _DARK * full:
         raise InputError("it is dark; expose more")
-    luminance = recover_luminance(even, _FILLING)
-    noise = _noise(even.calibration, even)
-    unsure = noise.shot[-1] * np.maximum(luminance, 0) + noise.read[-1] ** 2
+    luminance, noise = filled(even)
+    # Otherwise flat places, where all fits, would decide how much edges may be off.
+    noise = replace(noise, read=tuple(max(each, _LEAST_NOISE * full) for each in noise.read))
+    variance = noise.shot[-1] * np.maximum(luminance, 0) + noise.read[-1] ** 2
     side = max(_BLOCKS, -(-_SIDE // pattern.period)) * pattern.period
     corners = [
         np.arange(_MARGIN + (origin - _MARGIN) % pattern.period, length - side - _MARGIN + 1, side)
@@ -146,7 +152,7 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
     top, left = (each.ravel() for each in np.meshgrid(*corners, indexing="ij"))
     clipped = _sums((signal >= CLIPPED * full).astype(np.float32), top, left, side, _MARGIN) > 0
     down, right = np.gradient(luminance)
-    slopes = (down**2 + right**2) / (unsure + (_FLAT * np.maximum(luminance, _BLACK * full)) ** 2)
+    slopes = (down**2 + right**2) / (variance + (_FLAT * np.maximum(luminance, _BLACK * full)) ** 2)
     score = _sums(slopes, top, left, side)
     tile = top * _TILES // shape[0] * _TILES + left * _TILES // shape[1]
     per_window = len(pattern.sites) * (side // pattern.period) ** 2
@@ -158,7 +164,7 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
             raise InputError(f"{100 * clipped.mean():.0f} % of the frame have clipped samples; expose less")
         raise InputError("it has hardly any edges, or is too small; take a scene with many sharp edges all over the frame")
     top, left = top[kept], left[kept]
-    curvature = ndimage.gaussian_filter(ndimage.laplace(luminance) ** 2, _HOLES) - _CURVED * unsure
+    curvature = ndimage.gaussian_filter(ndimage.laplace(luminance) ** 2, _HOLES) - _CURVED * variance
     planes = pattern.filter_map((side, side), (int(top[0]), int(left[0])))
     place = np.argwhere(planes < len(pattern.channels))
     channel = planes[*place.T].astype(np.intp)
@@ -185,16 +191,10 @@ def find_edges(name: str, mosaic: Mosaic, gamma: DoubleArray | None = None) -> E
         (columns - (shape[1] - 1) / 2) / half,
         sample,
         shot * np.maximum(sample, 0) + read**2,
-        _cut(unsure, top, left, side).mean(axis=(1, 2), dtype=np.float64)[:, None],
+        _cut(variance, top, left, side).mean(axis=(1, 2), dtype=np.float64)[:, None],
         windows.reshape(-1, windows.shape[2]),
         _cut(curvature, top, left, side).clip(0).reshape(-1, windows.shape[2]),
     )
-
-
-def _noise(calibration: SensorCalibration, mosaic: Mosaic) -> NoiseModel:
-    """Return the calibration's noise, or an estimate of it, but not less than what luminance is filled in to."""
-    found = calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
-    return replace(found, read=tuple(max(each, _LEAST_NOISE * calibration.full_scale) for each in found.read))
 
 
 def _cut(plane: FloatArray | DoubleArray, top: IndexArray, left: IndexArray, side: int) -> FloatArray:

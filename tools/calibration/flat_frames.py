@@ -18,7 +18,7 @@ _COUNTS = 0.1  # of the light of the brightest frame: in dimmer ones, which coun
 
 
 def common_focal_length(frames: Iterable[tuple[str, float | None]], kind: str) -> float | None:
-    """Return the focal length of the lens, if frames of a kind tell it. Raises InputError if they tell several.
+    """Return the common focal length of frames of a kind, None if unknown. Raises InputError if the frames differ.
 
     frames: name and focal length, millimetres, of each.
     """

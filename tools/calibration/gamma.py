@@ -11,7 +11,7 @@ from shared import SensorCalibration
 from shared.arrays import BoolArray, DoubleArray
 from shared.errors import InputError
 
-from .assumed import SHAPES, Assumed
+from .assumed import Assumed
 
 CONFIDENCE = 0.95
 WORST_INTERVAL = 0.05  # half width over gamma: beyond it a calibration would do harm
@@ -31,14 +31,36 @@ def too_few_colours(channels: int) -> str:
 
 
 @dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """What places tell of P unknowns, without any prior: `information` @ unknowns = `right_hand_side`.
+
+    The unknowns are gamma, an offset, and colour shading (see `assumed.unknowns`). Equations of independent places add up.
+
+    information: (P, P), inverse covariance.
+    right_hand_side: (P,).
+    """
+
+    information: DoubleArray
+    right_hand_side: DoubleArray
+
+    def solved(self, assumed: Assumed, calibration: SensorCalibration, *, offset: bool = True) -> tuple[DoubleArray, DoubleArray]:
+        """Return the unknowns (P,) and their covariance (P, P), also by what is assumed; offset: see `Assumed.precision`."""
+        gamma = np.ones(len(calibration.channels))
+        found, covariance = self.right_hand_side, self.information
+        for _ in range(2):  # how much shading matters depends on gamma
+            known = self.information + assumed.precision(gamma, calibration, offset=offset)
+            scale = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
+            covariance = np.linalg.pinv(known * scale[:, None] * scale, hermitian=True) * scale[:, None] * scale
+            found = covariance @ self.right_hand_side
+            gamma = found[: len(gamma)]
+        return found, covariance
+
+
+@dataclass(frozen=True, eq=False)
 class GammaFit:
     """An estimate of gamma from N places, and how reliable it is.
 
-    The unknowns are gamma, an offset, and colour shading (see `unknowns`); P is their number. What the places tell of them, without
-    any prior, is `information` @ unknowns = `told`; so fits are combined, and repeated with another black level.
-
-    information: (P, P), inverse covariance.
-    told: (P,).
+    equations: what the places tell.
     assumed: how far black level and shading may be off.
     calibration: its levels; its gamma is not used.
     freedom: degrees of freedom of the covariance.
@@ -51,8 +73,7 @@ class GammaFit:
     widened: by how much that widens the covariance.
     """
 
-    information: DoubleArray
-    told: DoubleArray
+    equations: NormalEquations
     assumed: Assumed
     calibration: SensorCalibration
     freedom: float
@@ -66,11 +87,7 @@ class GammaFit:
 
     @cached_property
     def _solution(self) -> tuple[DoubleArray, DoubleArray]:
-        return self._solved(offset=True)
-
-    def _solved(self, *, offset: bool) -> tuple[DoubleArray, DoubleArray]:
-        """Return all unknowns (P,) and their covariance (P, P); offset: see `Assumed.precision`."""
-        return solved(self.information, self.told, self.assumed, self.calibration, offset=offset)
+        return self.equations.solved(self.assumed, self.calibration)
 
     @property
     def gamma(self) -> DoubleArray:
@@ -88,11 +105,11 @@ class GammaFit:
 
     @property
     def offset(self) -> tuple[float, float]:
-        """The panchromatic level where the channels are 0, as the places alone tell it, and its standard error; of full scale.
+        """The panchromatic level where the channels are 0, as the places alone show it, and its standard error; of full scale.
 
         The error includes that of the black level only where dark frames have measured it.
         """
-        found, covariance = self._solved(offset=False)
+        found, covariance = self.equations.solved(self.assumed, self.calibration, offset=False)
         place = self._channels
         measured = self.assumed.black_measured
         prior = 1 / self.assumed.precision(found[:place], self.calibration)[place, place] if measured else 0.0
@@ -103,24 +120,6 @@ class GammaFit:
         """How many standard errors the black level seems to be off by."""
         offset, error = self.offset
         return offset / max(error, 1e-12)
-
-    def rebased(self, black: DoubleArray) -> "GammaFit":
-        """Return the fit with another black level (C + 1,), codes: a change of variables."""
-        white, was = self.calibration.white_level, np.array(self.calibration.black_level)
-        calibration = replace(self.calibration, black_level=tuple(black.tolist()))
-        if np.array_equal(was, black):
-            return replace(self, calibration=calibration)
-        stretch, shift = (white - was) / (white - black), (was - black) / (white - black)
-        count = self._channels
-        factors = np.concatenate([stretch[-1] / stretch[:-1]] * (1 + SHAPES))
-        change = np.diag([*factors[:count], stretch[-1], *factors[count:]])
-        change[count, :count] = -stretch[-1] * shift[:-1] / stretch[:-1]
-        back = np.linalg.inv(change)
-        information = back.T @ self.information @ back
-        moved = np.zeros(len(change))
-        moved[count] = shift[-1]
-        told = back.T @ self.told + information @ moved
-        return replace(self, information=information, told=told, calibration=calibration)
 
     @property
     def half_width(self) -> DoubleArray:
@@ -133,33 +132,18 @@ class GammaFit:
         return float((self.half_width / np.abs(self.gamma)).max())
 
 
-def solved(
-    information: DoubleArray, told: DoubleArray, assumed: Assumed, calibration: SensorCalibration, *, offset: bool = True
-) -> tuple[DoubleArray, DoubleArray]:
-    """Return the unknowns (P,) and their covariance (P, P) from what places tell of them, and from what is assumed."""
-    gamma = np.ones(len(calibration.channels))
-    found, covariance = told, information
-    for _ in range(2):  # how much shading matters depends on gamma
-        known = information + assumed.precision(gamma, calibration, offset=offset)
-        scale = 1 / np.sqrt(np.maximum(np.diag(known), 1e-30))
-        covariance = np.linalg.pinv(known * scale[:, None] * scale, hermitian=True) * scale[:, None] * scale
-        found = covariance @ told
-        gamma = found[: len(gamma)]
-    return found, covariance
-
-
 def combined(fits: Sequence[GammaFit]) -> GammaFit:
-    """Combine independent fits: what they tell adds up, and what they assume counts once.
-
-    All have the same calibration and assumptions.
-    """
+    """Combine independent fits with the same calibration and assumptions: what they assume counts once."""
     if len(fits) == 1:
         return fits[0]
+    equations = NormalEquations(
+        np.sum([fit.equations.information for fit in fits], axis=0),
+        np.sum([fit.equations.right_hand_side for fit in fits], axis=0),
+    )
     best = max(fits, key=lambda fit: np.linalg.slogdet(np.linalg.inv(fit.covariance))[1])
     whole = replace(
         best,
-        information=np.sum([fit.information for fit in fits], axis=0),
-        told=np.sum([fit.told for fit in fits], axis=0),
+        equations=equations,
         freedom=sum(fit.freedom for fit in fits),
         level=np.concatenate([fit.level for fit in fits]),
         predicted=np.concatenate([fit.predicted for fit in fits]),

@@ -29,14 +29,12 @@ class FlatResult:
     """Measurements of pairs of flat frames.
 
     pairs: their number.
-    black: (C + 1,), the black level that the points refer to, codes.
     points: mean and variance in parts of full scale, in a few groups of places per pair; rounding to codes is part of the variance.
     dead: (row, column) of pixels that are dead in the brightest pair.
     blind: part of the pixels whose light is too weak, or too uneven nearby, to tell a dead pixel from a good one.
     """
 
     pairs: int
-    black: DoubleArray
     points: PlaceSamples
     dead: tuple[tuple[int, int], ...]
     blind: float = 0.0
@@ -92,8 +90,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
     points = [_grouped(_pair_points(levels[first], levels[second], planes, white + 1)) for first, second in pairs]
     first, second = pairs[-1]
     dead, blind = _dead(levels[first] + levels[second], levels[first] - levels[second], planes)
-    black = np.array(frames[0].calibration.black_level)
-    return FlatResult(len(pairs), black, PlaceSamples.joined(points), dead, blind), unpaired
+    return FlatResult(len(pairs), PlaceSamples.joined(points), dead, blind), unpaired
 
 
 def noise_of_flats(
@@ -101,19 +98,17 @@ def noise_of_flats(
 ) -> NoiseResult:
     """Fit the noise of flat frames.
 
-    calibration: its black and white level are those of the result.
+    calibration: its black and white level are those of the frames.
     dark: measurements of dark frames; None = the read noise is the intercept of the fit.
     black_error: (C + 1,), standard error of the black level, codes; None = it is exact.
 
     Raises InputError if the pairs do not tell how the noise grows with light.
     """
-    black = np.array(calibration.black_level)
-    points = flats.points.rebased(flats.black, black, calibration.white_level)
-    noise = _fitted(points, calibration, dark, black_error, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
+    noise = _fitted(flats.points, calibration, dark, black_error, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
     if fault := _undetermined(noise, calibration):
         raise InputError(
             f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, up to three quarters of full "
-            "scale, and dark frames (--dark)"
+            "scale, and dark frames (`dark`)"
         )
     return noise
 
@@ -124,7 +119,7 @@ def noise_of_places(
     """Measure noise from the patches of a chart: an upper bound if they have texture. Parameters, errors: see `noise_of_flats`."""
     noise = _fitted(places.chosen(~places.clipped), calibration, dark, black_error, "the chart's patches")
     if fault := _undetermined(noise, calibration):
-        raise InputError(f"noise: {noise.source} {fault}; take pairs of flat frames (--flat)")
+        raise InputError(f"noise: {noise.source} {fault}; take pairs of flat frames (`flat`)")
     return replace(
         noise, lines=tuple(replace(line, shot_error=float(np.hypot(line.shot_error, _TEXTURE * line.shot))) for line in noise.lines)
     )
@@ -166,7 +161,7 @@ def _undetermined(noise: NoiseResult, calibration: SensorCalibration) -> str | N
 def _grouped(points: PlaceSamples) -> PlaceSamples:
     """Return a few groups of places of like brightness, without places that have more than noise (something moved).
 
-    A line fits the groups as well as the places, and camera.json can keep them.
+    A line fits the groups as well as the places.
     """
     if not points.mean.size:
         return points

@@ -66,8 +66,8 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
     scaled = columns[kept] * weight[kept, None]
     information = scaled.T @ scaled
     # A pseudo-inverse would report an error of nearly 0 for what the places do not tell.
-    told = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
-    errors = np.sqrt(np.diag(np.linalg.inv(information))) if told else np.full(len(information), np.inf)
+    determined = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
+    errors = np.sqrt(np.diag(np.linalg.inv(information))) if determined else np.full(len(information), np.inf)
     # Places that differ by more than noise explains, as with texture, tell it less well.
     left = ((variance / predicted - 1) * np.sqrt((count - 1) / 2))[kept]
     errors = errors * max(1.0, float(np.sqrt((left**2).sum() / max(len(left) - len(information), 1))))
@@ -75,5 +75,5 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
     if read is not None:
         return PhotonTransfer(shot, read, float(errors[0]), 0.0)
     intercept = float(np.sqrt(max(coefficients[1] - coefficients[2], 0.0)))
-    unsure = float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))) if told else np.inf
-    return PhotonTransfer(shot, intercept, float(errors[0]), unsure)
+    read_error = float(errors[1] / (2 * max(intercept, np.sqrt(errors[1])))) if determined else np.inf
+    return PhotonTransfer(shot, intercept, float(errors[0]), read_error)

@@ -10,7 +10,6 @@ from shared.arrays import DoubleArray
 from shared.colorimetry import lab_to_xyz
 from shared.errors import InputError
 from shared.reading import MAX_DOCUMENT, read_text
-from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
 
 from .chart.place import COLUMNS, PATCHES
 
@@ -19,11 +18,6 @@ _PLACE = re.compile(r"([A-F])0?([1-4])", re.IGNORECASE)
 _COLUMNS = (("XYZ_X", "XYZ_Y", "XYZ_Z"), ("LAB_L", "LAB_A", "LAB_B"))
 _WORD = re.compile(r'"([^"]*)"|([^"\s]+)')
 _LARGEST = 1000  # XYZ on a scale of 100, or L*a*b*: no chart has larger values
-
-
-def color_checker_xyz() -> DoubleArray:
-    """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
-    return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
 
 def read_reference(path: Path) -> DoubleArray:

@@ -64,16 +64,6 @@ class PlaceSamples:
             return self
         return replace(self, mean=self.mean / self.gain, variance=self.variance / self.gain**2, gain=None)
 
-    def rebased(self, was: DoubleArray, now: DoubleArray, white: int) -> "PlaceSamples":
-        """Return the same places with another black level.
-
-        was, now: (C + 1,), codes, of the levels here and of the result.
-        white: white level, code.
-        """
-        stretch = (white - was) / (white - now)
-        shift = (was - now) / (white - now) * (1.0 if self.gain is None else self.gain)
-        return replace(self, mean=self.mean * stretch + shift, variance=self.variance * stretch**2)
-
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
         """Return the places of several shots, one after the other, without where they are and what their gain was."""
@@ -94,6 +84,11 @@ def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int])
 def levels_of(mosaic: Mosaic) -> FloatArray:
     """Return the samples in parts of full scale, without shading, float32 (H, W)."""
     return mosaic.signal / np.float32(mosaic.calibration.full_scale)
+
+
+def figures(values: Sequence[float] | DoubleArray) -> str:
+    """Return numbers as text, with four digits each."""
+    return " ".join(f"{value:.4g}" for value in values)
 
 
 def robust_deviation(residuals: DoubleArray) -> float:

@@ -11,17 +11,18 @@ would be too small. The colours of the eight neighbour blocks, whose noise is in
 holds for the true gamma whatever the noise is. For the same reason smoothness and weight of a block come from its neighbours.
 """
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from scipy.ndimage import convolve
 
 from shared import CfaPattern, Mosaic
-from shared.arrays import BoolArray, DoubleArray
+from shared.arrays import BoolArray, DoubleArray, IndexArray
 from shared.errors import InputError
 
 from .assumed import Assumed, unknowns
-from .gamma import INSTEAD, GammaFit, solved, too_few_colours
+from .gamma import INSTEAD, GammaFit, NormalEquations, too_few_colours
 from .samples import CLIPPED, from_middle, levels_of, robust_deviation
 
 _REACH = 2  # pixels: width of the ring of panchromatic samples around a block
@@ -49,20 +50,20 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
     Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
     assumed = assumed or Assumed.of(mosaic.calibration)
-    level, colours, instruments, classes, where = _chosen(*_measured(mosaic, excluded))
+    blocks = _chosen(_measured(mosaic, excluded))
+    level, colours = blocks.level, blocks.colours
     if len(level) < LEAST_BLOCKS:
         raise InputError(
             f"gamma: only {len(level)} colour blocks lie in smooth, well exposed places, and {LEAST_BLOCKS} are needed: {INSTEAD}"
         )
     channels = colours.shape[1]
-    terms, known = unknowns(colours, where), unknowns(instruments, where)
+    terms, known = unknowns(colours, blocks.where), unknowns(blocks.instruments, blocks.where)
     found = np.zeros(terms.shape[1])
     found[:channels], *_ = np.linalg.lstsq(colours, level, rcond=None)
-    information, deviation, weighted = np.zeros(0), np.ones(len(level)), known
-    told = found
+    equations, deviation = NormalEquations(np.zeros(0), found), np.ones(len(level))
     for _ in range(_ROUNDS):
         residual = level - terms @ found
-        deviation = _deviation(residual, classes)
+        deviation = _deviation(residual, blocks.classes)
         weight = np.minimum(1, _HUBER * deviation / np.maximum(np.abs(residual), 1e-12)) / deviation**2
         weighted = known * weight[:, None]
         # The instruments' moments, Z'(l - X x) = 0, by their own covariance (generalized method of moments, two steps).
@@ -70,40 +71,70 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
         size = np.sqrt((moments**2).sum(axis=0))
         unlike = np.linalg.pinv((moments / size).T @ (moments / size), hermitian=True) / size[:, None] / size
         slopes = unlike @ (weighted.T @ terms)
-        information, told = (weighted.T @ terms).T @ slopes, slopes.T @ (weighted.T @ level)
-        found, _ = solved(information, told, assumed, mosaic.calibration)
-    _check_strength(instruments, colours, deviation)
+        equations = NormalEquations((weighted.T @ terms).T @ slopes, slopes.T @ (weighted.T @ level))
+        found, _ = equations.solved(assumed, mosaic.calibration)
+    _check_strength(blocks, deviation)
     residual = level - terms @ found
-    information, told = _less(information, told, found[:channels])
     return GammaFit(
-        information=(information + information.T) / 2,
-        told=told,
+        equations=_with_texture(equations, found[:channels]),
         assumed=assumed,
         calibration=mosaic.calibration,
         freedom=len(level) - channels,
         level=level,
         predicted=terms @ found,
         used=np.abs(residual) <= _HUBER * deviation,
-        condition=float(np.linalg.cond(instruments / instruments.sum(axis=1, keepdims=True))),
+        condition=float(np.linalg.cond(blocks.instruments / blocks.instruments.sum(axis=1, keepdims=True))),
         spread=1.0,
     )
 
 
-def _less(information: DoubleArray, told: DoubleArray, gamma: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
+def _with_texture(equations: NormalEquations, gamma: DoubleArray) -> NormalEquations:
     """Return what a scene tells if texture adds errors of _FLOOR to gamma and _FLOOR_OFFSET to the offset: Woodbury's identity."""
+    information, right_hand_side = equations.information, equations.right_hand_side
     count = len(gamma) + 1
-    unsure = np.append(_FLOOR * np.abs(gamma), _FLOOR_OFFSET)
+    errors = np.append(_FLOOR * np.abs(gamma), _FLOOR_OFFSET)
     of_these = information[:, :count]
-    part = of_these @ np.linalg.inv(np.diag(unsure**-2.0) + of_these[:count])
-    return information - part @ of_these.T, told - part @ told[:count]
+    part = of_these @ np.linalg.inv(np.diag(errors**-2.0) + of_these[:count])
+    information = information - part @ of_these.T
+    return NormalEquations((information + information.T) / 2, right_hand_side - part @ right_hand_side[:count])
 
 
-def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, DoubleArray, DoubleArray, BoolArray, DoubleArray]:
-    """Measure every whole block that has a ring around it, or scattered tile, on the grid (n, m) of them.
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Measurements on the grid (n, m) of whole blocks that have a ring around them, or of scattered tiles.
 
-    Returns the panchromatic level at a block's centre (n, m), the channels there (n, m, C), the variance of the ring about a linear
-    surface (n, m), whether the block can be used (n, m), and where it is (n, m, 2), see `from_middle`.
+    level: (n, m), panchromatic, at a block's centre.
+    colours: (n, m, C), the channels there.
+    texture: (n, m), variance of the ring about a linear surface.
+    usable: (n, m), whether nothing is clipped or excluded.
+    where: (n, m, 2), see `from_middle`.
     """
+
+    level: DoubleArray
+    colours: DoubleArray
+    texture: DoubleArray
+    usable: BoolArray
+    where: DoubleArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """N blocks in smooth places.
+
+    level: (N,); colours: (N, C); where: (N, 2); all as in `_Grid`.
+    instruments: (N, C), mean colours of the blocks around.
+    classes: (N,), blocks of one class share a variance.
+    """
+
+    level: DoubleArray
+    colours: DoubleArray
+    where: DoubleArray
+    instruments: DoubleArray
+    classes: IndexArray
+
+
+def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Grid:
+    """Measure every whole block that has a ring around it, or every scattered tile."""
     pattern, levels = mosaic.pattern, levels_of(mosaic.evenly_shaded()).astype(np.float64)
     grid, tiles, period = pattern.grid(mosaic.shape), _tiles_together(pattern), pattern.period
     high, wide = (size + (tiles - 1) * period for size in pattern.block_shape)
@@ -141,7 +172,7 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> tuple[DoubleArray, 
         usable &= ~excluded[np.ix_(rows, columns)]
     places = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2) + middle
     where = from_middle(places[:, 0], places[:, 1], mosaic.shape)
-    return level, colours / shading, texture, usable, where.reshape(*level.shape, 2)
+    return _Grid(level, colours / shading, texture, usable, where.reshape(*level.shape, 2))
 
 
 def _tiles_together(pattern: CfaPattern) -> int:
@@ -155,19 +186,18 @@ def _tiles_together(pattern: CfaPattern) -> int:
     return int(np.ceil(np.sqrt(_LEAST_RING / (pattern.period**2 - len(pattern.sites)))))
 
 
-def _chosen(
-    levels: DoubleArray, colours: DoubleArray, texture: DoubleArray, usable: BoolArray, where: DoubleArray
-) -> tuple[DoubleArray, DoubleArray, DoubleArray, np.ndarray, DoubleArray]:
-    """Return level (N,), colours and instruments (N, C), class (N,) and place (N, 2) of smooth blocks; see `_measured`."""
+def _chosen(grid: _Grid) -> _Blocks:
+    """Choose the blocks in smooth places."""
+    usable = grid.usable
     number = convolve(usable.astype(np.float64), _NEIGHBOURS, mode="constant")
 
     def around(values: DoubleArray) -> DoubleArray:
         total: DoubleArray = convolve(values * usable, _NEIGHBOURS, mode="constant")
         return total / np.maximum(number, 1)
 
-    level = around(levels)
-    roughness = around(texture) + np.maximum(around(levels**2) - level**2, 0) / 10
-    instruments = np.stack([around(plane) for plane in np.moveaxis(colours, -1, 0)], axis=-1)
+    level = around(grid.level)
+    roughness = around(grid.texture) + np.maximum(around(grid.level**2) - level**2, 0) / 10
+    instruments = np.stack([around(plane) for plane in np.moveaxis(grid.colours, -1, 0)], axis=-1)
     good = usable & (number >= _LEAST_NEIGHBOURS) & (level > _DARK)
     level, roughness = level[good], roughness[good]
     classes = np.full(level.size, -1)
@@ -179,10 +209,11 @@ def _chosen(
         for rough, alike in enumerate(np.array_split(smooth, _TEXTURES)):
             classes[alike] = bright * _TEXTURES + rough
     chosen = classes >= 0
-    return levels[good][chosen], colours[good][chosen], instruments[good][chosen], classes[chosen], where[good][chosen]
+    level, colours, where, instruments = (values[good][chosen] for values in (grid.level, grid.colours, grid.where, instruments))
+    return _Blocks(level, colours, where, instruments, classes[chosen])
 
 
-def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:
+def _deviation(residual: DoubleArray, classes: IndexArray) -> DoubleArray:
     """Return the standard deviation of each residual: a robust one for its class."""
     deviation = np.ones(residual.size)
     for index in np.unique(classes):
@@ -191,11 +222,11 @@ def _deviation(residual: DoubleArray, classes: np.ndarray) -> DoubleArray:
     return np.maximum(deviation, max(0.05 * robust_deviation(residual), 1e-9))
 
 
-def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: DoubleArray) -> None:
+def _check_strength(blocks: _Blocks, deviation: DoubleArray) -> None:
     """Raise InputError if the neighbours' chromaticities do not predict a block's own: then there is only noise, not colour."""
-    total = instruments.sum(axis=1, keepdims=True)
-    grey = np.average(instruments / total, axis=0, weights=total[:, 0])
-    expected, found = (values - total * grey for values in (instruments, colours))
+    total = blocks.instruments.sum(axis=1, keepdims=True)
+    grey = np.average(blocks.instruments / total, axis=0, weights=total[:, 0])
+    expected, found = (values - total * grey for values in (blocks.instruments, blocks.colours))
     weighted = expected / deviation[:, None] ** 2
     # Chromaticities lie in a plane, so one direction of the C is empty by construction.
     directions = np.linalg.eigh(weighted.T @ expected)[1][:, 1:].T
@@ -203,5 +234,5 @@ def _check_strength(instruments: DoubleArray, colours: DoubleArray, deviation: D
     if min(strengths) < LEAST_STRENGTH:
         raise InputError(
             f"gamma: in their weakest direction the scene's colours are {max(min(strengths), 0):.1f} standard deviations above the "
-            f"noise, and {LEAST_STRENGTH:.0f} are needed: {too_few_colours(colours.shape[1])}"
+            f"noise, and {LEAST_STRENGTH:.0f} are needed: {too_few_colours(grey.size)}"
         )

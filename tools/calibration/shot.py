@@ -16,7 +16,7 @@ from .chart.judge import FoundChart
 from .chart.picture import overlay
 from .chart_gamma import fit_chart_gamma
 from .gamma import GammaFit
-from .samples import PlaceSamples, patch_samples
+from .samples import PlaceSamples, figures, patch_samples
 from .scene_gamma import fit_scene_gamma
 
 _VAGUE = (
@@ -33,8 +33,7 @@ class ShotMeasurement:
     fits: independent estimates of gamma; if there is a chart, the first one comes from its patches.
     chart: the chart; None for an ordinary scene.
     places: statistics of the patches; None for an ordinary scene.
-    picture: uint8 RGB (H, W, 3), the shot with the patches outlined; None for an ordinary scene, and for a
-        shot that a camera file keeps.
+    picture: uint8 RGB (H, W, 3), the shot with the patches outlined; None for an ordinary scene.
     """
 
     name: str
@@ -43,6 +42,12 @@ class ShotMeasurement:
     chart: FoundChart | None = None
     places: PlaceSamples | None = None
     picture: ByteArray | None = None
+
+    @property
+    def words(self) -> str:
+        """Name, place of the chart, and gamma, for people."""
+        where = f"chart at {self.chart.place}, " if self.chart else ""
+        return f"{self.name}: {where}gamma {figures(self.fits[0].gamma)} ± {figures(self.fits[0].half_width)}"
 
 
 def measure_chart(

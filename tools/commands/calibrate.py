@@ -7,7 +7,6 @@ camera.json.
 """
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,20 +14,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shared import Camera, Mosaic
-from shared.arrays import DoubleArray
-from shared.colorimetry import Matrix
+from shared import Camera, Mosaic, NoiseModel
+from shared.arrays import DoubleArray, FloatArray
+from shared.colorimetry import Matrix, lab_to_xyz
 from shared.errors import InputError
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
-from tools.pictures.html import encode_page
 
 from .options import add, numbers, text
 
 if TYPE_CHECKING:
-    from tools.calibration.shot import ShotMeasurement
+    from tools.calibration.measure import Conclusion
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--update",
         action="store_true",
-        help="add these frames to FILE: what is better known replaces what is less known; FILE.bak keeps the old file",
+        help="replace only those parts of FILE that these frames measure; FILE.bak keeps the old file",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace FILE and the report; FILE.bak keeps the old file")
     add(parser, "json", each="shot, then one for the result,")
@@ -75,81 +73,71 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Calibrate the camera. Returns 0, or 1 if a frame was skipped or no camera file was written."""
-    from tools.calibration.camera_file import check_same, difference, merged, read_known, unsupported, write_camera
+    from tools.calibration.camera_file import check_same, read_known
+    from tools.calibration.files import check_output, sort_files
     from tools.calibration.measure import conclude
-    from tools.calibration.observations import Observations
-    from tools.calibration.reference import color_checker_xyz, read_reference, ti3
-    from tools.calibration.report.page import report
-    from tools.calibration.session import Session, check_output, sort_files
+    from tools.calibration.reference import read_reference
+    from tools.calibration.session import ChartSearch, Session
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
-    files = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or (), console)
+    files, searches = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or ())
+    for search in searches:
+        search.report(console)
+    if not (files.shots or files.dark or files.flat or files.edges):
+        raise InputError("nothing to calibrate from: name shots, or --dark, --flat and --edges frames")
     corners = _corners(arguments, len(files.shots))
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
         refuse_existing((folder / "report.html", folder / "chart.ti3"))
-    reference = read_reference(Path(arguments.chart)) if arguments.chart else color_checker_xyz()
-    old, known = read_known(output) if arguments.update and output.exists() else (None, Observations())
-
-    session = Session(console, arguments.sensor, old.calibration if old else None, old.measured if old else {})
-    dark = session.dark(files.dark)
-    flats = session.flat(files.flat, dark or known.dark)
-    shots = session.scenes(files.shots) if arguments.no_chart else session.charts(files.shots, reference, corners)
-    session.edges(files.edges, _gamma(shots, old))
-    if session.base is None or not (shots or dark or flats or session.shading or session.aberration):
-        for note in session.notes:
-            console.note(note)
+    chart_colours = read_reference(Path(arguments.chart)) if arguments.chart else color_checker_xyz()
+    old = read_known(output) if arguments.update and output.exists() else None
+    session = Session(console, arguments.sensor, old)
+    seen = session.measure(files, None if arguments.no_chart else ChartSearch(chart_colours, corners), filled_luminance)
+    if seen.base is None or seen.empty:
+        for remark in seen.remarks:
+            console.note(remark)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
-    if files.shots and not shots and not (old and "gamma" in old.measured):
+    if files.shots and not seen.shots and not (old and "gamma" in old.measured):
+        kind = "scene" if arguments.no_chart else "chart"
         error = (
-            f"gamma is not known, for no {'scene' if arguments.no_chart else 'chart'} could be used, and no camera file was written"
+            f"gamma is not known, for no {kind} could be used, and no camera file was written; shoot it anew, or leave these "
+            "shots out to keep only what the other frames show"
         )
-        remedy = "shoot it anew, or leave these shots out to keep only what the other frames show"
-        console.error(f"{error}; {remedy}")
-        console.record(source=str(output), ok=False, error=f"{error}; {remedy}")
+        console.error(error)
+        console.record(source=str(output), ok=False, error=error)
         return FAILED
-    base, notes, fixed = session.base, session.notes, []
     if old is not None:
-        check_same(output, old, base)
-        base = Mosaic(base.codes, base.pattern, replace(old.calibration, sensor=old.calibration.sensor or base.calibration.sensor))
-        if fixed := unsupported(old, known):
-            notes = [*notes, f"{output} does not keep what its {', '.join(fixed)} came from: these are not judged anew"]
-    charts = () if arguments.no_chart else tuple(shots)
-    seen, lines = Observations(dark, flats, charts, tuple(shots[len(charts) :])).with_known(known)
-    for line in lines:
-        console.note(line)
+        check_same(output, old, seen.base)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
-    outcome = conclude(base, seen, reference, provenance, notes, session.shading, session.aberration, old)
-
-    for contradiction in outcome.contradictions:
-        console.error(contradiction)
-    for warning in outcome.warnings:
-        console.note(f"warning: {warning}")
+    conclusion = conclude(seen, chart_colours, provenance, old)
+    for line in conclusion.contradictions:
+        console.error(line)
+    for line in conclusion.warnings:
+        console.note(f"warning: {line}")
     if folder is not None:
-        page = report(outcome, session.skipped, provenance)
-        write_durably(folder / "report.html", encode_page(page), overwrite=True)
-        if outcome.camera_rgb is not None and outcome.camera_rgb.shape[1] == 3:
-            write_durably(folder / "chart.ti3", ti3(reference, outcome.camera_rgb).encode(), overwrite=True)
-        console.say(f"{folder / 'report.html'}: {outcome.verdict}")
-    if outcome.camera is None:
-        said = outcome.contradictions and outcome.refusal == "; ".join(outcome.contradictions)
-        console.error(
-            "no camera file was written; do not use these shots" if said else f"{outcome.refusal}; no camera file was written"
-        )
-        console.record(source=str(output), ok=False, error=outcome.refusal, verdict=outcome.verdict)
-        return FAILED
-    camera = outcome.camera if old is None else merged(old, outcome.camera, fixed)
-    kept = write_camera(output, camera, overwrite=replace_existing)
-    for line in difference(old, camera) if old is not None else ():
-        console.say(f"  {line}")
-    if kept is not None:
-        console.say(f"{kept}: the file as it was before")
-    console.say(f"{output}: {_summary(camera)}; {outcome.verdict}")
-    warnings, identity = [*outcome.contradictions, *outcome.warnings], camera.calibration.id
-    console.record(source=str(output), ok=True, verdict=outcome.verdict, warnings=warnings, camera=camera.to_json(), id=identity)
-    return FAILED if session.skipped else 0
+        _write_report(folder, conclusion, provenance, console)
+    return _write(output, conclusion, old, console, replace_existing=replace_existing)
+
+
+def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:
+    """Return the luminance of a shot (H, W), scene units, and its noise: that of its calibration, or else estimated."""
+    from offline import PAPER
+    from offline.whole.luminance import recover_luminance
+    from offline.whole.noise import estimate_noise
+
+    # Twice the paper's iterations: luminance at the colour sites is what limits how well edges are found.
+    filling = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
+    noise = mosaic.calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
+    return recover_luminance(mosaic, filling), noise
+
+
+def color_checker_xyz() -> DoubleArray:
+    """Return XYZ (D50, white = 1) of the ColorChecker Classic in reading order, (24, 3)."""
+    from tools.scenes.drawn.color_checker import COLOR_CHECKER_LAB
+
+    return lab_to_xyz(np.array(COLOR_CHECKER_LAB))
 
 
 def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
@@ -160,17 +148,45 @@ def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
     return tuple(arguments.corners)
 
 
-def _gamma(shots: "Sequence[ShotMeasurement]", old: Camera | None) -> DoubleArray | None:
-    """Return gamma as these shots show it, or else as a camera file has it; None if it is not known."""
-    from tools.calibration.gamma import combined
+def _write_report(folder: Path, conclusion: "Conclusion", provenance: dict[str, str], console: Console) -> None:
+    """Write the page, and a file for Argyll CMS if the chart shows three channels."""
+    from tools.calibration.parts.colour import ColourPart
+    from tools.calibration.reference import ti3
+    from tools.calibration.report import report
 
-    if shots:
-        return combined([fit for shot in shots for fit in shot.fits]).gamma
-    return np.array(old.calibration.gamma) if old and "gamma" in old.measured else None
+    write_durably(folder / "report.html", report(conclusion, provenance, console.worded), overwrite=True)
+    colour = conclusion.part(ColourPart)
+    if colour is not None and colour.camera_levels.shape[1] == 3:
+        write_durably(folder / "chart.ti3", ti3(conclusion.evidence.chart_colours, colour.camera_levels).encode(), overwrite=True)
+    console.say(f"{folder / 'report.html'}: {conclusion.verdict}")
 
 
-def _summary(camera: Camera) -> str:
-    from tools.calibration.session import figures
+def _write(output: Path, conclusion: "Conclusion", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
+    """Write the camera file, and say what has changed; returns the exit code."""
+    from tools.calibration.camera_file import difference, write_camera
+    from tools.calibration.samples import figures
 
-    name, parts = camera.calibration.sensor or "unnamed sensor", ", ".join(camera.measured) or "nothing measured"
-    return f"{name}, gamma {figures(camera.calibration.gamma)}, measured: {parts}, id {camera.calibration.id}"
+    camera, verdict = conclusion.camera, conclusion.verdict
+    if camera is None:
+        contradicted = conclusion.contradictions and conclusion.refusal == "; ".join(conclusion.contradictions)
+        console.error(
+            "no camera file was written; do not use these shots"
+            if contradicted
+            else f"{conclusion.refusal}; no camera file was written"
+        )
+        console.record(source=str(output), ok=False, error=conclusion.refusal, verdict=verdict)
+        return FAILED
+    kept = write_camera(output, camera, overwrite=replace_existing)
+    if old is not None:
+        new = [part.name for part in conclusion.parts if part.facts is not None]
+        console.say(*(f"  {line}" for line in difference(old, camera)))
+        same = ", ".join(part for part in old.measured if part not in new) or "nothing"
+        console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
+    if kept is not None:
+        console.say(f"{kept}: the file as it was before")
+    calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
+    name = calibration.sensor or "unnamed sensor"
+    console.say(f"{output}: {name}, gamma {figures(calibration.gamma)}, measured: {parts}, id {calibration.id}; {verdict}")
+    warnings = [console.worded(line) for line in (*conclusion.contradictions, *conclusion.warnings)]
+    console.record(source=str(output), ok=True, verdict=verdict, warnings=warnings, camera=camera.to_json(), id=calibration.id)
+    return FAILED if conclusion.evidence.seen.skipped else 0

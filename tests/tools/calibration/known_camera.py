@@ -22,7 +22,14 @@ TRUTH = SensorCalibration(
     sensor="bench",
 )
 BLIND = replace(TRUTH, gamma=(1.0, 1.0, 1.0), noise=None)  # what a shot says of itself before calibration
-MEASURED = Assumed.of(BLIND, black_error=[0.01] * 4, even=True)  # what dark and flat frames leave open
+
+
+def measured(says: SensorCalibration) -> Assumed:
+    """What dark and flat frames leave open."""
+    return Assumed.of(says, measured={"black_level": {"standard_error": [0.01] * (len(says.channels) + 1)}}, even=True)
+
+
+MEASURED = measured(BLIND)
 WIDTH, HEIGHT = 600, 400
 
 

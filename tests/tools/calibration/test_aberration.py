@@ -16,6 +16,7 @@ from shared.sensor import simulate_additive, simulate_sensor
 from tools.calibration.aberration import AberrationResult, measure_aberration
 from tools.calibration.edges import fill_along_edges, find_edges
 from tools.camera.lens import lens_aberration
+from tools.commands.calibrate import filled_luminance
 from tools.scenes.load import load_scene
 
 SHAPE = (400, 600)
@@ -58,7 +59,7 @@ def shot(
 
 
 def measured(*shots: Mosaic) -> AberrationResult:
-    return measure_aberration([find_edges(f"{number}.dng", each) for number, each in enumerate(shots)])
+    return measure_aberration([find_edges(f"{number}.dng", each, filled_luminance) for number, each in enumerate(shots)])
 
 
 @pytest.mark.parametrize(("lens", "pattern"), [((1.0, -0.5), PATTERN), ((-0.6, 0.8), KODAK), ((4.0, -3.0), PATTERN)])
@@ -87,7 +88,7 @@ def test_shots_without_it_have_none() -> None:
 def test_what_a_shot_says_of_itself_does_not_count() -> None:
     plain, told = shot(), shot()
     told = replace(told, calibration=replace(told.calibration, aberration=lens_aberration(-2, 1, 3, SHAPE)))
-    first, second = (find_edges("0.dng", each) for each in (plain, told))
+    first, second = (find_edges("0.dng", each, filled_luminance) for each in (plain, told))
     np.testing.assert_array_equal(first.sample, second.sample)
     np.testing.assert_array_equal(first.luminance(first.down, first.right), second.luminance(first.down, first.right))
 
@@ -173,5 +174,5 @@ def test_the_edges_of_a_drawn_chart_lie_on_pixels_and_do_not_mislead() -> None:
     scene = load_scene("chart:900x600").rgb
     lens = lens_aberration(1.0, -0.5, 3, (600, 900))
     shot = simulate_additive(scene, PATTERN, SensorCalibration.of_bits(14, aberration=lens), 0.003, np.random.default_rng(0))
-    edges = find_edges("chart.dng", Mosaic(shot.codes, PATTERN, replace(shot.calibration, aberration=None)))
+    edges = find_edges("chart.dng", Mosaic(shot.codes, PATTERN, replace(shot.calibration, aberration=None)), filled_luminance)
     assert measure_aberration([edges, edges]).corner == pytest.approx([1.0, 0, -0.5], abs=0.2)

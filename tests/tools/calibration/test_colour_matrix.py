@@ -6,7 +6,7 @@ from shared.colour_difference import delta_e_2000, lab_slopes
 from shared.errors import InputError
 from tests.tools.calibration.known_camera import true_place
 from tools.calibration.colour_matrix import GREYS, UNEVEN, fit_colour, grey_row_fault, white_balanced
-from tools.calibration.reference import color_checker_xyz
+from tools.commands.calibrate import color_checker_xyz
 
 # G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their CIEDE2000.
 SHARMA = np.array([

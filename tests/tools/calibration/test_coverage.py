@@ -10,6 +10,7 @@ from shared import SensorCalibration
 from tests.benchmarks.coverage import PATTERNS, SHAPE, Frames, SimulatedCamera, calibrated, campaign, charts
 from tests.tools.calibration.known_camera import true_place
 from tools.calibration.chart.place import ChartPlace
+from tools.calibration.parts.gamma import gamma_of
 
 pytest.importorskip("cv2")
 SIMPLE = SimulatedCamera(
@@ -50,13 +51,14 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     for number in (1, 3):
         outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
         assert outcome is not None
-        assert outcome.gamma is not None
-        assert (np.abs(outcome.gamma.gamma - SIMPLE.gamma) < 1.5 * outcome.gamma.half_width).all()
+        gamma = gamma_of(outcome.evidence)
+        assert gamma is not None
+        assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
         assert "contradict the black level that is assumed" in said
         assert "it seems to be 1" in said
-        assert "codes higher; take dark frames (--dark)" in said
+        assert "codes higher; take dark frames (`dark`)" in said
         assert outcome.camera is not None  # gamma is honest, and dark frames may be added
 
 

@@ -9,10 +9,10 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, MEASURED, TRUTH, chart, frame, true_place
+from tests.tools.calibration.known_camera import BLIND, MEASURED, TRUTH, chart, frame, measured, true_place
 from tools.calibration.assumed import Assumed, unknowns
 from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
-from tools.calibration.gamma import GammaFit, check_determined, combined
+from tools.calibration.gamma import GammaFit, NormalEquations, check_determined, combined
 from tools.calibration.samples import PlaceSamples, patch_samples
 from tools.calibration.scene_gamma import fit_scene_gamma
 from tools.camera.lens import lens_shading
@@ -37,7 +37,7 @@ def of_chart(samples: PlaceSamples, says: SensorCalibration = BLIND, assumed: As
     letters = "RGBCMY"[: samples.mean.shape[1] - 1]
     if len(letters) != len(says.channels):
         says = SensorCalibration.of_bits(12, channels=letters)
-        assumed = Assumed.of(says, black_error=[0.01] * (len(letters) + 1), even=True)
+        assumed = measured(says)
     return fit_chart_gamma(samples, says, assumed)
 
 
@@ -183,9 +183,8 @@ def made(gamma: Any, deviation: float) -> GammaFit:
     one, says = np.ones(1), SensorCalibration.of_bits(12, channels="RG")
     information = np.zeros((unknowns(np.zeros((1, 2)), None).size,) * 2)
     information[:2, :2] = np.eye(2) / deviation**2
-    told = information[:, :2] @ np.array(gamma)
-    assumed = Assumed.of(says, black_error=[0.01] * 3, even=True)
-    return GammaFit(information, told, assumed, says, 50, one, one, one > 0, 2.0, 1.0)
+    equations = NormalEquations(information, information[:, :2] @ np.array(gamma))
+    return GammaFit(equations, measured(says), says, 50, one, one, one > 0, 2.0, 1.0)
 
 
 def test_fits_add_up_by_their_information() -> None:
@@ -196,20 +195,6 @@ def test_fits_add_up_by_their_information() -> None:
     assert quarrel.half_width.max() > 1.0
     with pytest.raises(InputError, match="only known to be"):
         check_determined(quarrel)
-
-
-def test_gamma_follows_a_new_black_level_from_what_is_kept() -> None:
-    """As if the shot had been measured with it, for a scene and for a chart."""
-    wrong = replace(BLIND, black_level=tuple(black - 16 for black in BLIND.black_level))
-    scene, regions = builtin_scene(600, 400).rgb, true_place().regions()
-    charts = [fit_chart_gamma(patch_samples(frame(chart().rgb, says=says), regions), says) for says in (BLIND, wrong)]
-    scenes = [fit_scene_gamma(frame(scene, says=says)) for says in (BLIND, wrong)]
-    for (right, moved), part in ((charts, 0.1), (scenes, 0.5)):  # of a scene, other blocks are smooth and bright enough
-        again = moved.rebased(np.array(BLIND.black_level))
-        assert (np.abs(again.gamma - right.gamma) < part * right.half_width).all()
-        np.testing.assert_allclose(again.half_width, right.half_width, rtol=0.2)
-        back = again.rebased(np.array(wrong.black_level))
-        np.testing.assert_allclose(back.told, moved.told, rtol=1e-6, atol=1e-6 * np.abs(moved.told).max())
 
 
 def off_by(fit: GammaFit) -> float:

@@ -12,8 +12,8 @@ from tools.calibration.measure import conclude
 from tools.calibration.noise import measure_flats, noise_of_flats, noise_of_places
 from tools.calibration.observations import Observations
 from tools.calibration.photon_transfer import fit_photon_transfer
-from tools.calibration.reference import color_checker_xyz
 from tools.calibration.samples import patch_samples
+from tools.commands.calibrate import color_checker_xyz
 
 SHAPE = (240, 360)
 FULL = sum(TRUTH.gamma)
@@ -93,10 +93,10 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     error = np.array([line.read_error for line in noise.lines])
     assert (np.abs(off) < 4 * error).all()
     assert (error < 0.5 * np.array(TRUTH.noise.read) / FULL)[-1]
-    blamed = [line for line in conclude(frames[0], Observations(flats=seen), color_checker_xyz()).warnings if "--dark" in line]
+    blamed = [line for line in conclude(Observations(frames[0], flats=seen), color_checker_xyz()).warnings if "`dark`" in line]
     assert len(blamed) == 1
-    known = Observations(measure_dark(darks(4)), seen)
-    (unknown,) = conclude(frames[0], known, color_checker_xyz()).warnings
+    known = Observations(frames[0], measure_dark(darks(4)), seen)
+    (unknown,) = conclude(known, color_checker_xyz()).warnings
     assert "gamma was not measured" in unknown
 
 
@@ -139,7 +139,7 @@ def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     assert (dark.black_error > 0.2).all()
     seen, _ = measure_flats(flats(0.02, 0.3, 0.8))
     assert max(line.read_error for line in noise_of_flats(seen, BLIND, dark).lines) > 0  # from the flat frames
-    assert "use more gain or more bits" in conclude(frames[0], Observations(dark), color_checker_xyz()).warnings[0]
+    assert "use more gain or more bits" in conclude(Observations(frames[0], dark), color_checker_xyz()).warnings[0]
 
 
 def test_a_chart_without_noise_measures_none() -> None:
@@ -205,8 +205,8 @@ def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
     seen, _ = measure_flats(flats(0.002, 0.01))
     assert seen.dead == ()
     assert seen.blind > 0.3
-    known = Observations(measure_dark(darks(4)), measure_flats(flats(0.01))[0])
-    warnings = conclude(frame(np.zeros((12, 12, 3))), known, color_checker_xyz()).warnings
+    known = Observations(frame(np.zeros((12, 12, 3))), measure_dark(darks(4)), measure_flats(flats(0.01))[0])
+    warnings = conclude(known, color_checker_xyz()).warnings
     assert any("too dark, or too uneven, to tell dead pixels" in line for line in warnings)
 
 
@@ -228,7 +228,7 @@ def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
     frames = [Mosaic(each.codes, each.pattern, wrong) for each in flats(0.1, 0.3, 0.8)]
     seen, _ = measure_flats(frames)
     assert TRUTH.noise is not None
-    outcome = conclude(frames[0], Observations(flats=seen), color_checker_xyz())
+    outcome = conclude(Observations(frames[0], flats=seen), color_checker_xyz())
     assert outcome.camera is not None
     assert outcome.camera.calibration.noise is not None
     found, errors = outcome.camera.calibration.noise, outcome.camera.measured["noise"]

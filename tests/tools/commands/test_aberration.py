@@ -35,7 +35,7 @@ def test_impossible_lenses_are_usage(tmp_path: Path) -> None:
     for text in ("", "1", "much,1", "1,2,3", "21,0", "nan,0"):
         outcome = run("simulate", "flat:60x40", "-o", tmp_path, f"--aberration={text}")
         assert outcome.code == 2
-        assert "expected PIXELS,PIXELS" in outcome.err
+        assert "--aberration" in outcome.err
     outcome = run("simulate", "flat:60x40", "-o", tmp_path, "--aberration", "3,0")
     assert outcome.code == 1
     assert "flat:60x40: --aberration is 3,0: the most in a frame of 60 x 40 pixels is 1.8" in outcome.err

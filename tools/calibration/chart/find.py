@@ -62,7 +62,7 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILE
         period = mosaic.pattern.period
         raise InputError(
             f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least {least_pitch(period)} pixels "
-            f"apart at period {period}; if the chart is there, give its corners: --corners x,y x,y x,y x,y"
+            f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
         )
     _check_size(best.place, mosaic)
     return best

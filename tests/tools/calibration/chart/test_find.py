@@ -10,7 +10,7 @@ from tools.calibration.chart.find import chart_at, find_chart
 from tools.calibration.chart.lattice import lattice_corners
 from tools.calibration.chart.picture import linear_picture
 from tools.calibration.chart.place import ChartPlace, least_pitch
-from tools.calibration.reference import color_checker_xyz
+from tools.commands.calibrate import color_checker_xyz
 
 pytest.importorskip("cv2")
 REFERENCE = color_checker_xyz()

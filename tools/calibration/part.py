@@ -1,0 +1,92 @@
+"""The shape of a measured part of a camera. `measure.PARTS` lists all parts; each is one module in `parts/`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self, TypeVar
+
+from shared import Camera, SensorCalibration
+from shared.arrays import DoubleArray
+
+from .assumed import Assumed
+from .observations import Observations
+
+P = TypeVar("P", bound="Part")
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All that a part is concluded from.
+
+    seen: what the frames show.
+    calibration: of the camera file that is updated, or of the frames; with the black level of the dark frames.
+    channels: their letters.
+    chart_colours: (24, 3), XYZ (D50) of the chart, white = 1.
+    old: the camera file that is updated; None = there is none.
+    parts: those that were concluded before this one.
+    """
+
+    seen: Observations
+    calibration: SensorCalibration
+    channels: str
+    chart_colours: DoubleArray
+    old: Camera | None = None
+    parts: tuple["Part", ...] = ()
+
+    def part(self, kind: type[P]) -> P | None:
+        """Return the part of this kind, None if there is none."""
+        return next((part for part in self.parts if isinstance(part, kind)), None)
+
+    @property
+    def known(self) -> Mapping[str, Mapping[str, Any]]:
+        """The parts that the camera file describes: name -> how it was measured."""
+        return self.old.measured if self.old else {}
+
+    @cached_property
+    def assumed(self) -> Assumed:
+        """How far black level and shading may be off."""
+        return Assumed.of(self.calibration, self.seen.dark, self.known, even=self.seen.shading is not None)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Part:
+    """One measured part of a camera: what it changes, how well it is known, and what a user has to know of it.
+
+    name: its key in "measured" of camera.json. place: of its section in the report, lowest first.
+    facts: for camera.json: how it was measured, and how well it is known; None = it was not, and only its warnings count.
+    changes: fields of the calibration, and their values.
+    warnings: sentences for the user.
+    contradictions: sentences on what does not fit together, beyond doubt: the camera must not be used.
+    refusal: why there must not be a camera file; "" = there may be one.
+    headline: what the report's verdict says of it; "" = nothing.
+    useless: it is so bad that the camera must not be used.
+    """
+
+    name: ClassVar[str]
+    place: ClassVar[int]
+    facts: Mapping[str, Any] | None = None
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
+    contradictions: Sequence[str] = ()
+    refusal: str = ""
+    headline: str = ""
+    useless: bool = False
+
+    @classmethod
+    def concluded(cls, evidence: Evidence) -> Self | None:
+        """Conclude this part from the evidence; None if the frames do not concern it."""
+        raise NotImplementedError
+
+    def sections(self) -> Mapping[str, str]:
+        """Return sections of the report: heading -> HTML."""
+        return {}
+
+
+def with_black(calibration: SensorCalibration, black: DoubleArray) -> SensorCalibration:
+    """Return a calibration with another black level, (C + 1,) codes."""
+    return replace(calibration, black_level=tuple(black.tolist()))
+
+
+def rounded(values: DoubleArray) -> list[float]:
+    """Return numbers with three digits, for camera.json."""
+    return [float(f"{value:.3g}") for value in values.tolist()]

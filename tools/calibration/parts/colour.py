@@ -1,0 +1,134 @@
+"""Colour: the matrix to XYZ and what white reads, from the chart that fits best."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Self
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.colorimetry import SRGB_TO_XYZ, as_rows
+from shared.colour_difference import delta_e_2000
+
+from ..chart.place import COLUMNS, NAMES
+from ..chart_gamma import reconciled
+from ..colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
+from ..page import css_colours, four_digits, table
+from ..part import Evidence, Part
+from .gamma import coloured_light, gamma_of
+
+_CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
+_GOOD, _USELESS = 4.0, 6.0  # mean dE2000: an average chart in average light stays below; above it the colours are useless
+_BRIGHT_GREYS = list(range(18, 21))  # white, neutral 8, neutral 6.5
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ColourPart(Part):
+    """The camera's colours.
+
+    fit: from the chart that fits best.
+    shot: name of its shot.
+    before: (24, 3), L*a*b* of its patches with the matrix in the shot (without one: sRGB primaries); None = there is neither.
+    camera_levels: (24, C), its patches under even light, 1 = what white reads in the largest channel.
+    """
+
+    name, place = "colour", 30
+
+    fit: ColourFit
+    shot: str
+    before: DoubleArray | None
+    camera_levels: DoubleArray
+
+    @classmethod
+    def concluded(cls, evidence: Evidence) -> Self | None:
+        """Fit the colours of every chart without clipped patches, and take those that predict the left-out patches best."""
+        gamma, chart_colours, candidates = gamma_of(evidence), evidence.chart_colours, []
+        for shot in evidence.seen.charts:
+            if gamma is not None and shot.places is not None and shot.chart is not None and not shot.places.clipped.any():
+                levels = reconciled(shot.places, gamma.gamma)
+                candidates.append((fit_colour(levels, chart_colours, shot.chart.place.cells), shot, levels))
+        if not candidates:
+            return None
+        fit, shot, levels = min(candidates, key=lambda candidate: float(candidate[0].left_out.mean()))
+        known, before = shot.calibration.camera_to_xyz, None
+        if known is not None or evidence.channels == "RGB":
+            before = white_balanced(levels, chart_colours, np.array(known if known is not None else SRGB_TO_XYZ))
+        even = levels / fit.light[:, None]
+        scale = float((chart_colours[_BRIGHT_GREYS, 1] / (even[_BRIGHT_GREYS] / fit.neutral).mean(axis=1)).mean())
+        mean, left_out = float(fit.difference.mean()), float(fit.left_out.mean())
+        return cls(
+            fit=fit,
+            shot=shot.name,
+            before=before,
+            camera_levels=even * scale,
+            facts={
+                "shot": shot.name,
+                "mean_dE2000": round(mean, 3),
+                "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, fit.reference).mean()), 3),
+                "max_dE2000": round(float(fit.difference.max()), 3),
+                "leave_one_out_dE2000": round(left_out, 3),
+                "light_unevenness": round(fit.unevenness, 3),
+            },
+            changes={"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist())},
+            warnings=_warnings(fit, shot.name, coloured=bool(coloured_light(shot))),
+            headline=f"The colours match the reference to a mean ΔE2000 of {mean:.2f} (leave-one-out: {left_out:.2f}).",
+            useless=mean > _USELESS,
+        )
+
+    def sections(self) -> Mapping[str, str]:
+        """Show the patches before and after, the colour differences, the matrix, and the light on the chart."""
+        fit = self.fit
+        before = {} if self.before is None else {"before (only white balance, or the shot's own matrix)": self.before}
+        differences = {name: delta_e_2000(lab, fit.reference) for name, lab in before.items()} | {
+            "matrix, light treated as even": fit.plain,
+            "matrix, corrected for uneven light": fit.difference,
+            "the same, leave-one-out (each patch predicted from the others)": fit.left_out,
+        }
+        rows = [(name, f"{each.mean():.2f}", f"{each.max():.2f}") for name, each in differences.items()]
+        matrix = table((), [tuple(f"{value:+.4f}" for value in row) for row in fit.matrix])
+        page = (
+            f"<p>From {escape(self.shot)}. Each patch shows, from left to right: {'before, ' * len(before)}after, reference.</p>"
+            f'<div class="patches">{_patches(fit, [*before.values(), fit.lab, fit.reference])}</div>'
+            f"{table(('ΔE2000', 'mean', 'maximum'), rows)}"
+            f'<div class="pair"><div><h3>Matrix from scene units to XYZ (D50)</h3>{matrix}'
+            f"<p>White reads {four_digits(fit.neutral)}.</p></div>"
+            f"<div><h3>Light on the chart</h3>{_light(fit.light)}<p>Brightest over dimmest: {fit.unevenness:.2f}.</p></div></div>"
+        )
+        return {"Colour": page}
+
+
+def _patches(fit: ColourFit, versions: Sequence[DoubleArray]) -> str:
+    """Show each patch in its colours of several versions, L*a*b* (24, 3), side by side."""
+    stripes, page = map(css_colours, versions), ""
+    for name, difference, *colours in zip(NAMES, fit.difference, *stripes, strict=True):
+        striped = "".join(f'<i style="background:{css}"></i>' for css in colours)
+        page += f'<div class="patch" title="{name}"><b>{striped}</b><span>{name}</span><span>ΔE {difference:.1f}</span></div>'
+    return page
+
+
+def _light(light: DoubleArray) -> str:
+    """Show the relative illumination (24,) of each patch."""
+    bright = 45 + 45 * np.clip((light - light.min()) / max(float(np.ptp(light)), 0.1), 0, 1)
+    cells = (
+        f'<div style="background:hsl(45 85% {tone:.0f}%)">{value:.2f}</div>' for value, tone in zip(light, bright, strict=True)
+    )
+    return f'<div class="light" style="grid-template-columns:repeat({COLUMNS},1fr)">{"".join(cells)}</div>'
+
+
+def _warnings(fit: ColourFit, shot: str, *, coloured: bool) -> list[str]:
+    """Warn of uneven light on the chart and of large colour differences.
+
+    shot: its name.
+    coloured: whether its light is strongly coloured: then that is the cause of errors that are corrected as uneven light.
+    """
+    warnings = []
+    if not coloured and fit.unevenness > UNEVEN and fit.left_out.mean() > _CORRECTED:
+        warnings.append(
+            f"{shot}: the light on the chart is uneven, up to {fit.unevenness:.2f} times brighter in one place than in another; "
+            "correcting the colours for it leaves errors; light the chart evenly"
+        )
+    mean = float(fit.difference.mean())
+    if mean > _GOOD:
+        warnings.append(f"{shot}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than {_GOOD:.0f}")
+    return warnings

@@ -1,0 +1,259 @@
+"""Gamma (Eq. 7), from all shots of charts and of ordinary scenes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Self
+
+import numpy as np
+
+from shared.arrays import DoubleArray
+from shared.colorimetry import xyz_to_lab
+from shared.errors import InputError
+from tools.pictures.html import figure, picture, reduced
+
+from ..chart.place import NAMES, PATCHES
+from ..colour_matrix import GREYS
+from ..gamma import GammaFit, check_determined, combined
+from ..page import axes, css_colours, four_digits, patch_style, table
+from ..part import Evidence, Part, rounded
+from ..shot import ShotMeasurement
+
+CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
+_LEVER = 0.2  # of the black level: so much of what planes are off by in common has to show
+_UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
+_SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
+_GOOD = 0.02  # half width over gamma
+_COLOURED = 0.2  # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three broad channels
+_RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
+_MOST_POINTS = 600  # of a scatter plot: more only make the file larger
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GammaPart(Part):
+    """The weights of Eq. 7.
+
+    fit: combined estimate of all shots; None = there are no shots.
+    shots: their measurements.
+    channels: letters.
+    patch_colours: CSS colours of the chart.
+    """
+
+    name, place = "gamma", 10
+
+    fit: GammaFit | None = None
+    shots: tuple[ShotMeasurement, ...] = ()
+    channels: str = ""
+    patch_colours: Sequence[str] = ()
+
+    @classmethod
+    def concluded(cls, evidence: Evidence) -> Self | None:
+        """Combine what all shots show, and find what does not fit together."""
+        shots = evidence.seen.shots
+        if not shots:
+            stated = ", ".join(f"{value:g}" for value in evidence.calibration.gamma)
+            line = f"gamma was not measured, and stays as the shots state it ({stated})"
+            remedy = "shoot a ColorChecker, and add it with `update`"
+            return None if "gamma" in evidence.known else cls(warnings=[f"{line}; {remedy}"])
+        fit = combined([fit for shot in shots for fit in shot.fits])
+        refusal, contradictions = "", _contradictions(fit, shots)
+        try:
+            check_determined(fit)
+        except InputError as error:
+            refusal = str(error)
+        # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
+        if contradictions and (refusal or evidence.assumed.black_measured or fit.apart > CONTRADICTION):
+            refusal = "; ".join(contradictions)
+        return cls(
+            fit=fit,
+            shots=shots,
+            channels=evidence.channels,
+            patch_colours=css_colours(xyz_to_lab(evidence.chart_colours)),
+            facts=_facts(fit, shots),
+            changes={"gamma": tuple(fit.gamma.tolist())},
+            warnings=_warnings(fit, shots),
+            contradictions=contradictions,
+            refusal=refusal,
+            headline="" if refusal else f"Gamma is known to ±{100 * fit.worst:.2g} % (95 %).",
+        )
+
+    def sections(self) -> Mapping[str, str]:
+        """Show the charts; gamma with its intervals, how well it fits, and its estimates; luminance, and what is left of it."""
+        if self.fit is None:
+            return {}
+        sections = {"Chart": "".join(map(_chart, self.shots)), "Gamma (Eq. 7)": self._estimates(self.fit)}
+        fits = [(shot.name, fit, shot.chart is not None and fit is shot.fits[0]) for shot in self.shots for fit in shot.fits]
+        bars = next((figure(_residuals_plot(fit, self.patch_colours), name) for name, fit, chart in fits if chart), "")
+        luminance = figure(_luminance_plot(fits, self.patch_colours))
+        return sections | {"Luminance, measured and predicted": f'<div class="pair">{luminance}{bars}</div>'}
+
+    def _estimates(self, fit: GammaFit) -> str:
+        rows = [
+            (letter, f"{value:.4f}", f"{value - half:.4f} to {value + half:.4f}", f"±{100 * half / value:.2g} %")
+            for letter, value, half in zip(self.channels, fit.gamma, fit.half_width, strict=True)
+        ]
+        shots = [
+            (
+                shot.name,
+                "chart" if shot.chart and number == 0 else "scene",
+                four_digits(each.gamma),
+                four_digits(each.half_width),
+                f"{int(each.used.sum())} of {each.used.size}",
+            )
+            for shot in self.shots
+            for number, each in enumerate(shot.fits)
+        ]
+        facts = (
+            f"Condition number of the colours: {fit.condition:.1f}, 1 is ideal. Residuals: {fit.spread:.2f} times what noise "
+            f"explains. Offset of the panchromatic samples: {fit.off:+.1f} standard errors."
+        )
+        head = ("shot", "measured on", "gamma", "± (95 %)", "places used")
+        return table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + table(head, shots)
+
+
+def gamma_of(evidence: Evidence) -> GammaFit | None:
+    """Return gamma as these shots show it; None if there are none."""
+    part = evidence.part(GammaPart)
+    return part.fit if part else None
+
+
+def black_error(evidence: Evidence) -> DoubleArray:
+    """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what shots show of it."""
+    assumed, fit = evidence.assumed, gamma_of(evidence)
+    if fit is None or assumed.black_measured:
+        return assumed.black
+    offset, error = fit.offset
+    black = np.array(fit.calibration.black_level)
+    # On all planes in common, and on each by itself.
+    common = np.hypot(offset, error) / max(abs(1 - float(fit.gamma.sum())), _LEVER) * (fit.calibration.white_level - black)
+    shown: DoubleArray = np.minimum(assumed.black, np.hypot(common, _UNEVEN_BLACK * black))
+    return shown
+
+
+def coloured_light(shot: ShotMeasurement) -> str:
+    """Return what strongly coloured light does to a shot of the chart, "" if the light is not: it shows on the grey patches."""
+    if shot.places is None:
+        return ""
+    grey = shot.places.mean[list(GREYS), :-1].mean(axis=0)
+    if grey.min() > _COLOURED * grey.max():
+        return ""
+    letters = shot.calibration.channels
+    weak, strong = letters[int(grey.argmin())], letters[int(grey.argmax())]
+    return (
+        f"{shot.name}: the light is strongly coloured: on grey {weak} reads {100 * max(grey.min(), 0) / grey.max():.0f} % of what "
+        f"{strong} does, so that colours, and gamma of {weak}, are known less well; take white light"
+    )
+
+
+def _facts(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str, Any]:
+    kinds = ["chart" if shot.chart else "scene" for shot in shots]
+    return {
+        "from": " and ".join(_RECIPES[kind] for kind in dict.fromkeys(kinds)),
+        "shots": [shot.name for shot in shots],
+        "half_width_95": rounded(fit.half_width),
+        "condition": round(fit.condition, 2),
+        "residuals_over_noise": round(fit.spread, 2),
+    }
+
+
+def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
+    """Return what does not fit together by more than four standard errors, and what to shoot instead; a sentence each."""
+    lines = []
+    if abs(fit.off) > CONTRADICTION:
+        lines.append(_wrong_black(fit))
+    if fit.apart > CONTRADICTION:
+        each = ", ".join(
+            f"{shot.name}{' (around the chart)' if shot.chart and number else ''} "
+            + " ".join(f"{value:.3f} ± {half:.2g}" for value, half in zip(one.gamma, one.half_width, strict=True))
+            for shot in shots
+            for number, one in enumerate(shot.fits)
+        )
+        lines.append(
+            f"the shots contradict each other in gamma by {fit.apart:.0f} standard deviations: {each}; give only shots of "
+            "one session, with one lens, or shoot the chart anew in even light"
+        )
+    return lines
+
+
+def _wrong_black(fit: GammaFit) -> str:
+    """Return that shots contradict the black level, by how much, and what to do."""
+    offset, error = fit.offset
+    span = fit.calibration.white_level - fit.calibration.black_level[-1]
+    # In common on all planes, it is off by so much; unless gamma adds up to about 1: then that does not show.
+    lever = 1 - float(fit.gamma.sum())
+    codes, codes_error = (abs(value * span / lever) for value in (offset, error)) if abs(lever) > _LEVER else (np.nan, np.nan)
+    direction = "higher" if offset / lever > 0 else "lower"
+    seems = f": it seems to be {codes:.1f} ± {codes_error:.1g} codes {direction}" if codes > 0 else ""
+    which, remedy = "that is assumed", "take dark frames (`dark`), and give them together with these shots"
+    if fit.assumed.black_measured:
+        which = "that the dark frames show"
+        remedy = "take dark frames anew, with gain, exposure and temperature of the other shots, and the chart without reflections"
+    return f"the shots contradict the black level {which} by {abs(fit.off):.0f} standard errors{seems}; {remedy}"
+
+
+def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
+    """Warn of an uncertain gamma, of residuals that noise does not explain, and of patches that were left out."""
+    warnings = []
+    tints = [tint for shot in shots if (tint := coloured_light(shot))]
+    if fit.worst > _GOOD:
+        remedy = "white light would help" if tints else "more light, a larger chart, more shots or flat frames (`flat`) would help"
+        warnings.append(f"gamma is only known to ±{100 * fit.worst:.1f} % (95 %): {remedy}")
+    warnings += tints
+    if fit.spread > _SPREAD:
+        warnings.append(
+            f"the residuals are {fit.spread:.1f} times as large as noise explains: "
+            "reflections, a dirty chart, or a sensor that is not linear"
+        )
+    for shot in shots:
+        if shot.places is None:
+            continue
+        clipped = int(shot.places.clipped.sum())
+        if clipped:
+            warnings.append(
+                f"{shot.name}: {clipped} of {PATCHES} patches are clipped and were left out; expose less to measure colours"
+            )
+        left_out = int((~shot.fits[0].used).sum()) - clipped
+        if left_out > 0:
+            warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
+    return warnings
+
+
+def _chart(shot: ShotMeasurement) -> str:
+    """Show where the chart was found and measured."""
+    if shot.chart is None or shot.picture is None:
+        return ""
+    return figure(
+        picture(reduced(shot.picture), "The shot with the measured places outlined"),
+        f"{shot.name}: corners {shot.chart.place}, {shot.chart.place.pitch:.0f} pixels between patches. "
+        "White: patches; magenta: their measured parts.",
+    )
+
+
+def _luminance_plot(fits: Sequence[tuple[str, GammaFit, bool]], colours: Sequence[str]) -> str:
+    """Return a plot of measured and predicted luminance.
+
+    fits: name of the shot, fit, and whether its places are the patches of a chart.
+    colours: CSS colours of the patches.
+    """
+    highest = 1.08 * max(float(fit.level.max()) for _, fit, _ in fits)
+    plot = axes((0, highest), (0, highest), "measured, part of full scale", "predicted, gamma · channels")
+    plot.line([(0, 0), (highest, highest)], "ideal")
+    for shot, fit, chart in fits:
+        shown = np.clip(fit.predicted, -0.02 * highest, 1.02 * highest)
+        for index in range(0, fit.level.size, max(1, fit.level.size // _MOST_POINTS)):
+            name = NAMES[index] if chart else "block"
+            text = f"{shot}, {name}: measured {fit.level[index]:.4f}, predicted {fit.predicted[index]:.4f}"
+            style = patch_style(colours[index]) if chart else "fill:var(--soft);fill-opacity:.35"
+            plot.dot(fit.level[index], shown[index], 5 if chart else 2, text, style)
+    return plot.drawn("Measured and predicted luminance")
+
+
+def _residuals_plot(fit: GammaFit, colours: Sequence[str]) -> str:
+    """Return a plot of the residual of each patch, in per cent; colours: CSS colours of the patches."""
+    percent = 100 * (fit.predicted - fit.level) / np.maximum(fit.level, 1e-9)
+    high = max(1.1 * float(np.abs(percent).max()), 0.1)
+    plot = axes((0.2, PATCHES + 0.8), (-high, high), "patch, in reading order", "predicted - measured, %")
+    for index, value in enumerate(percent):
+        dashes, note = ("", "") if fit.used[index] else (";stroke-dasharray:2", " (left out)")
+        plot.bar(index + 1, float(value), 0.7, f"{NAMES[index]}: {value:+.2f} %{note}", patch_style(colours[index]) + dashes)
+    return plot.drawn("Residual of each patch")

@@ -1,1 +1,0 @@
-"""The calibration report: one HTML page, for sign-off."""
