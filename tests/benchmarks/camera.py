@@ -32,7 +32,6 @@ from device.capture.white_balance import SteadyWhite
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import ByteArray, CodeArray
 from shared.dng import encode_dng
-from tests.benchmarks.speed.material import Material
 from tests.tools.command import start
 from tools.live.viewfinder import _jpeg
 
@@ -46,7 +45,7 @@ BRIGHT = {"u16": (0x01, 0x0B), "raw12": (0x10, 0xB0), "raw10": (0x10, 0xB0)}  # 
 def camera_frames(name: str) -> tuple[FrameLayout, list[ByteArray]]:
     """The layout, and frames as bytes (H, stride)."""
     layout = FrameLayout(WIDTH, HEIGHT, name, STRIDES[name])
-    codes = (Material((HEIGHT + 8, WIDTH)).shot.codes >> (12 - BITS[name])).astype(np.uint16)
+    codes = (Frame((HEIGHT + 8, WIDTH)).shot.codes >> (12 - BITS[name])).astype(np.uint16)
     frames = []
     for number in range(FRAMES):
         shifted = np.roll(codes, 96 * number, axis=1)[:HEIGHT]

@@ -20,7 +20,7 @@ from offline.whole.chromaticity import block_sums, estimate_chromaticities, orie
 from offline.whole.luminance import fill, recover_luminance
 from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
-from tests.benchmarks.speed.material import Material, frame_shape
+from tests.benchmarks.frame import Frame
 from tests.offline.kernels.from_python import callable_kernel
 from tests.offline.scenes import whole
 
@@ -42,7 +42,7 @@ class Chain:
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    mosaic = Material(frame_shape(1.0)).mosaic
+    mosaic = Frame.of(1.0).mosaic
     luminance = recover_luminance(mosaic, PAPER.luminance)
     weight, product, sigma = block_sums(mosaic, luminance, mosaic.pattern.grid(mosaic.shape))
     raw = solve_constrained(weight, product, sigma, np.array(mosaic.calibration.gamma))

@@ -1,0 +1,249 @@
+"""How fast is it, here? Time the renderer and its stages, the preview, the files, and rivals on a Bayer mosaic of the same size.
+
+    python -m tests.benchmarks.speed [--megapixels N ...] [--rounds 9] [--frames 100] [-j THREADS]
+
+Speeds are for arrays in memory, and from a DNG to a 16-bit TIFF on the disk without the start of the program. Everything runs in
+turns, once per round, after a round that does not count; a ratio is the median of the rounds' ratios: load that slows a whole round
+down cancels. With several sizes: how time and memory grow, from a DNG to a TIFF, each size in a process of its own.
+"""
+
+import argparse
+import multiprocessing
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from shared import Mosaic, read_dng, write_dng
+from shared.dng import decode_dng, encode_dng
+from shared.progress import Progress
+from tests.benchmarks.frame import Frame
+from tools.host.processors import THREAD_VARIABLES, processors
+from tools.host.versions import package_version, program_version
+
+Work = Callable[[], object]
+
+_PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
+_TOGETHER, _MOST_RUNS = 25.0, 7  # megapixels rendered for each size at least, so that small ones are not left to chance
+_WARM = (60, 90)  # rows, columns of the piece that is rendered first: kernels are loaded when they are first called
+_PACKAGES = ("numpy", "numba", "imagecodecs", "onnxruntime", "rawpy", "colour-demosaicing", "opencv-contrib-python-headless")
+
+
+class StageClock(Progress):
+    """A progress listener that measures how long each stage of a rendering takes, or each part of a stage that has parts."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, list[float]] = {}
+        self._stage, self._name, self._since = "", "", 0.0
+        self._run: dict[str, float] = {}
+
+    def stage(self, name: str, steps: int) -> None:
+        """A stage begins; the stage before it has ended."""
+        self._end()
+        self._stage = self._name = name
+
+    def part(self, name: str) -> None:
+        """A part of a step begins; its times in all steps are added up. The first one includes the beginning of its stage."""
+        if self._name != self._stage:
+            self._end()
+        self._name = name
+
+    def run(self, work: Work) -> None:
+        """Call `work`, a rendering that reports to this listener."""
+        self._run = {}
+        work()
+        self._end()
+        self._stage = self._name = ""
+        for name, seconds in self._run.items():
+            self.seconds.setdefault(name, []).append(seconds)
+
+    def _end(self) -> None:
+        now = time.perf_counter()
+        if self._name:
+            self._run[self._name] = self._run.get(self._name, 0.0) + now - self._since
+        self._since = now
+
+
+def alternate(works: Mapping[str, Work], rounds: int) -> dict[str, list[float]]:
+    """Seconds of each function in each round. Every other round runs backwards, so that none always follows the same one."""
+    found: dict[str, list[float]] = {name: [] for name in works}
+    order = list(works.items())
+    for number in range(rounds + 1):
+        for name, work in order:
+            start = time.perf_counter()
+            result = work()
+            seconds = time.perf_counter() - start
+            del result  # freeing its memory is not timed
+            if number:
+                found[name].append(seconds)
+        order.reverse()
+    return found
+
+
+def rivals(frame: Frame) -> dict[str, Work]:
+    """What is installed of them; bringing the frame into the form that they take is not timed."""
+    from tools.evaluation.rivals.libraw import develop, encode_bayer_dng
+    from tools.evaluation.rivals.packages import demosaic_malvar, demosaic_menon, edge_aware
+
+    works: dict[str, Work] = {}
+    if find_spec("colour_demosaicing"):
+        works |= {"colour-demosaicing, Menon 2007": partial(demosaic_menon, frame.bayer)}
+        works |= {"colour-demosaicing, Malvar 2004": partial(demosaic_malvar, frame.bayer)}
+    if find_spec("rawpy"):
+        dng = encode_bayer_dng(frame.bayer_codes)
+        works |= {f"LibRaw, {name}": partial(develop, dng, name) for name in ("AHD", "DCB", "AAHD", "PPG")}
+    if find_spec("cv2"):
+        import cv2
+
+        cv2.setNumThreads(int(os.environ["OMP_NUM_THREADS"]))
+        works["OpenCV, edge-aware"] = partial(edge_aware, frame.bayer_codes, "RGGB")
+    return works
+
+
+def speeds(frame: Frame, rounds: int, folder: Path) -> None:
+    """Time everything in turns on one frame: presets and their stages, files, and rivals."""
+    from offline import render, render_bands
+    from tools.evaluation.presets import PRESETS
+
+    def by_bands(settings: object) -> None:
+        deque(render_bands(frame.mosaic, settings), maxlen=0)  # type: ignore[arg-type]
+
+    saved, picture = folder / "shot.dng", np.zeros((8, 8, 3), np.uint8)
+    write_dng(saved, frame.shot, picture)
+    data = encode_dng(frame.shot, picture)
+    clocks, works = {name: StageClock() for name in PRESETS}, dict[str, Work]()
+    for name, settings in PRESETS.items():
+        works[name] = partial(clocks[name].run, partial(render, frame.mosaic, settings, clocks[name]))
+        works[f"{name}, band by band"] = partial(by_bands, settings)
+        works[f"{name}, DNG to 16-bit TIFF"] = partial(render_file, saved, name)
+    works |= {"DNG, writing": partial(encode_dng, frame.shot, picture), "DNG, reading": partial(decode_dng, data)}
+    others = rivals(frame)
+    seconds = alternate(works | others, rounds)
+    pixels = frame.mosaic.samples.size
+
+    def line(name: str, each: Sequence[float]) -> None:
+        ratios = [f"{preset} is {median(map(float.__truediv__, each, seconds[preset])):.2f} x" for preset in PRESETS]
+        shown = [pixels / 1e6 / what for what in (max(each), median(each), min(each))]
+        print(f"{name:<34}", *(f"{speed:8.2f}" for speed in shown), *(ratios if name in others else ()))
+
+    print(f"\n{pixels / 1e6:.1f} megapixels, {rounds} rounds\n{'MP/s':<34}    least   median     most")
+    for name, each in seconds.items():
+        line(name, each)
+        for stage, parts in clocks[name].seconds.items() if name in clocks else ():
+            line(f"  {stage}", parts[-rounds:])
+
+
+def render_file(shot: Path, preset: str, rows: int | None = None, columns: int | None = None) -> float:
+    """Render a DNG, or its corner, to a TIFF of 16 bits beside it; returns the seconds in which bands were made."""
+    from offline import render_bands, threads
+    from tools.evaluation.presets import PRESETS
+    from tools.pictures.band_writer import write_picture_bands
+    from tools.pictures.writer import PictureKind
+
+    mosaic, spent = read_dng(shot), 0.0
+    mosaic = Mosaic(mosaic.samples[:rows, :columns], mosaic.pattern, mosaic.calibration, mosaic.metadata)
+    bands = render_bands(mosaic, PRESETS[preset])
+
+    def timed() -> object:
+        nonlocal spent
+        start = time.perf_counter()
+        for band in bands:
+            spent += time.perf_counter() - start
+            yield band
+            start = time.perf_counter()
+
+    known = {"calibration": mosaic.calibration, "metadata": mosaic.metadata, "overwrite": True, "threads": threads()}
+    write_picture_bands(shot.with_suffix(".tif"), timed(), mosaic.shape, PictureKind.of("tif"), **known)  # type: ignore[arg-type]
+    return spent
+
+
+def growth(shot: Path, preset: str, threads: int) -> str:
+    """In a new process: time and memory from a DNG to a TIFF, medians of several runs."""
+    from offline import use_threads
+
+    use_threads(threads)
+    pixels = read_dng(shot).samples.size
+    render_file(shot, preset, *_WARM)
+    whole, rendering = list[float](), list[float]()
+    while not whole or (len(whole) < _MOST_RUNS and pixels * len(whole) < _TOGETHER * 1e6):
+        start = time.perf_counter()
+        rendering.append(render_file(shot, preset))
+        whole.append(time.perf_counter() - start)
+    each, all_of_it = (median(seconds) / pixels * 1e6 for seconds in (rendering, whole))
+    memory = f"peak memory {_memory('VmHWM') / 2**20:.0f} MB"
+    speed = f"render {each:.3f} s/MP, file to file {all_of_it:.3f} s/MP, {median(whole):.1f} s"
+    return f"{preset}, {pixels / 1e6:.1f} MP: {speed}, {memory}"
+
+
+def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
+    """In a new process: from the first to the last of many frames."""
+    from device import Preview
+
+    timed = "import time; start = time.perf_counter(); from device import Preview; print(time.perf_counter() - start)"
+    imported = float(subprocess.run([sys.executable, "-c", timed], capture_output=True, check=True).stdout)
+    mosaic = read_dng(shot)
+    before, start = _memory("VmRSS"), time.perf_counter()
+    maker = Preview.for_mosaic(mosaic, scale, threads=threads)
+    maker.run(mosaic)
+    first, held = time.perf_counter() - start, _memory("VmRSS")
+    seconds = alternate({"preview": partial(maker.run, mosaic)}, frames)["preview"]
+    middle, slowest = np.quantile(seconds, (0.5, 0.99))
+    grown, leaked = (_memory("VmHWM") - before) / 2**20, (_memory("VmRSS") - held) / 2**20
+    return (
+        f"preview 1 : {scale}, {mosaic.samples.size / 1e6:.1f} MP: median {1e3 * middle:.0f} ms, 99 % {1e3 * slowest:.0f} ms, "
+        f"import {1e3 * imported:.0f} ms, first {1e3 * first:.0f} ms, memory +{grown:.0f} MB, {leaked:+.1f} MB after all"
+    )
+
+
+def _memory(figure: str) -> int:
+    """Bytes of this process: VmHWM, its peak, or VmRSS. Not from getrusage: a new process inherits its parent's peak there."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{figure}:"))
+
+
+def isolated(function: Callable[..., str], *arguments: object) -> None:
+    """Print what the function returns in a process of its own."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        print(pool.submit(function, *arguments).result(), flush=True)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--megapixels", nargs="+", type=float, default=[3.2], metavar="N")
+    parser.add_argument("--rounds", type=int, default=9, metavar="N")
+    parser.add_argument("--frames", type=int, default=100, metavar="N", help=f"previews of {_PREVIEW_MEGAPIXELS:g} MP")
+    parser.add_argument("-j", "--threads", type=int, default=processors(), metavar="N", help="for rivals too")
+    arguments = parser.parse_args()
+    sizes, used = arguments.megapixels, arguments.threads
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(used)))  # libraries read them when they are loaded
+    versions = ", ".join(f"{name} {package_version(name)}" for name in _PACKAGES)
+    print(f"{platform.platform()}, {processors()} cores, {used} threads, load {os.getloadavg()[0]:.1f}")
+    print(f"Panchroma {program_version()}, Python {platform.python_version()}, {versions}")
+    with TemporaryDirectory(prefix="panchroma-speed-") as folder:
+        shot, picture = Path(folder) / "shot.dng", np.zeros((8, 8, 3), np.uint8)
+        if len(sizes) == 1:
+            speeds(Frame.of(sizes[0]), arguments.rounds, Path(folder))
+            write_dng(shot, Frame.of(min(_PREVIEW_MEGAPIXELS, 4 * sizes[0])).shot, picture, overwrite=True)
+            for scale in _SCALES:
+                isolated(preview, shot, scale, arguments.frames, used)
+            return
+        for preset in ("paper", "best"):
+            for megapixels in sizes:
+                write_dng(shot, Frame.of(megapixels).shot, picture, overwrite=True)
+                isolated(growth, shot, preset, used)
+
+
+if __name__ == "__main__":
+    main()
