@@ -16,12 +16,13 @@ from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, identity, output_folder
 from tools.host.memory import reuse_memory
 from tools.rendering.burst import BurstOrder
+from tools.rendering.compilation import limit_threads
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.series import series, series_stem
 from tools.rendering.shots import Shard, Shot
 
 from .options import add, numbers
-from .picture_options import add_picture, add_run, limit_threads, order_fields
+from .picture_options import add_picture, add_run, order_fields
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

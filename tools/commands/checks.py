@@ -19,10 +19,10 @@ from tools.host.font_folder import temporary_font_folder
 from tools.host.memory import available_memory
 from tools.host.processors import THREAD_VARIABLES, processors
 from tools.host.versions import package_version, program_version
+from tools.rendering.compilation import CACHE_REMEDY, cache_folder
 
 GOOD, MISSING, BAD = "ok", "missing", "WRONG"
 ALL = "pip install -e '.[all]'"
-CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 _LEAST_MEMORY = 2**30
 
 
@@ -142,12 +142,9 @@ def _preview() -> Iterator[Finding]:
 
 
 def _kernels() -> Iterator[Finding]:
-    """Numba keeps compiled kernels beside the sources, in NUMBA_CACHE_DIR, or in the user's cache folder."""
     remedy = f"{CACHE_REMEDY}: without it every run compiles again, for a minute"
     try:
-        from offline import kernel_cache
-
-        folder = kernel_cache()
+        folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass

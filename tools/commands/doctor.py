@@ -9,9 +9,9 @@ import time
 from tools.host.console import Console
 from tools.host.jobs import FAILED
 from tools.host.processors import processors
-from tools.rendering.compilation import compile_all
+from tools.rendering.compilation import CACHE_REMEDY, compile_all, to_compile
 
-from .checks import ALL, BAD, CACHE_REMEDY, CHECKS, GOOD, MISSING, Finding
+from .checks import ALL, BAD, CHECKS, GOOD, MISSING, Finding
 from .options import add
 
 
@@ -44,9 +44,7 @@ def _compiled(console: Console) -> Finding:
     """Compile all kernels that are not in the cache."""
     name = "compilation"
     try:
-        from offline import kernels_to_compile
-
-        names = kernels_to_compile()
+        names = to_compile()
         start = time.monotonic()
         with console.progress("doctor") as progress:
             progress.stage("compiling", len(names))
@@ -55,7 +53,7 @@ def _compiled(console: Console) -> Finding:
                     return Finding(name, BAD, f"{kernel}: {error}", "close other programs, and run it again")
                 progress.advance()
                 progress.remark(f"compiled kernel {number} of {len(names)}")
-        if missing := kernels_to_compile():
+        if missing := to_compile():
             return Finding(name, BAD, f"could not keep {', '.join(missing)}", f"free some disk space, or {CACHE_REMEDY}")
     except ModuleNotFoundError as error:
         return Finding(name, BAD, f"needs {error.name}, which is not installed", ALL)

@@ -68,14 +68,6 @@ def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     return group
 
 
-def limit_threads(count: int | None) -> None:
-    """Let the renderer use so many threads in this process; None: one per processor."""
-    from offline import available_threads, use_threads
-
-    if count is not None:
-        use_threads(min(count, available_threads()))
-
-
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)

@@ -13,12 +13,13 @@ from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED
 from tools.host.memory import reuse_memory
+from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
 from tools.rendering.run import Resources, passes, possible_shots, render_shots
 from tools.rendering.shots import Shard, shots_of
 
 from .options import add, add_shots, uses_scheduler
-from .picture_options import add_picture, add_run, limit_threads, order_fields
+from .picture_options import add_picture, add_run, order_fields
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from tools.host import worker_pool
@@ -14,7 +15,7 @@ from tools.host.worker_pool import Note
 _BETWEEN_NOTES = 10.0  # seconds
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
 _REMEDY = "close other programs, or let the first render compile"
-_CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
+CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
 
 
 @contextmanager
@@ -29,6 +30,14 @@ def announced_compilation(note: Note, progress: StageProgress) -> Iterator[None]
     tell = _teller(note, progress)
     with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
         yield
+
+
+def limit_threads(count: int | None) -> None:
+    """Let the renderer use so many threads in this process; None: one per processor."""
+    from offline import available_threads, use_threads
+
+    if count is not None:
+        use_threads(min(count, available_threads()))
 
 
 def load_compiled(settings: Any) -> None:
@@ -68,6 +77,20 @@ def _missing(settings: Sequence[Any]) -> list[str] | None:
         return None
 
 
+def to_compile() -> list[str]:
+    """Names of all kernels that are not in the cache, those that take longest first. Raises RuntimeError where there is none."""
+    from offline import kernels_to_compile
+
+    return kernels_to_compile()
+
+
+def cache_folder() -> Path:
+    """The folder of compiled kernels: beside the sources, NUMBA_CACHE_DIR, or the user's. Raises RuntimeError if there is none."""
+    from offline import kernel_cache
+
+    return kernel_cache()
+
+
 def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tuple[str, object]]:
     """Compile kernels in several processes, as many as memory allows; yields (name, None, or the error) as each is done.
 
@@ -85,16 +108,14 @@ def _compile(name: str, note: Note) -> None:
 
 def _teller(note: Note, progress: StageProgress) -> Callable[[str], None]:
     """A function that says once that the renderer is being compiled, and shows how far it is."""
-    from offline import kernel_cache
-
     note_once, said = cache(note), time.monotonic()
 
     def tell(how_far: str) -> None:
         nonlocal said
         try:
-            kernel_cache()
+            cache_folder()
         except RuntimeError:
-            often = f"every time: there is no folder to keep the result in; {_CACHE_REMEDY}"
+            often = f"every time: there is no folder to keep the result in; {CACHE_REMEDY}"
         else:
             often = "once"
         note_once(f"compiling the renderer for this processor; it takes up to a minute, {often}")
