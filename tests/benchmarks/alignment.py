@@ -24,7 +24,7 @@ from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.data import DATA
-from tools.camera.burst import Burst, Frame, burst_frames
+from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames
 from tools.scenes.load import load_scene
 
 PATTERN, CALIBRATION = CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False)
@@ -49,12 +49,12 @@ class Figures:
         return f"{middle:8.3f}{worst:8.3f}{estimate:10.3f}{np.median(self.seconds):9.2f}{self.refused:5d}"
 
 
-def true_motion(frame: Frame) -> Motion:
+def true_motion(frame: SimulatedFrame) -> Motion:
     """The motion of a simulated frame, whose angle has the other sign."""
     return Motion((frame.motion.down, frame.motion.across), -radians(frame.motion.degrees))
 
 
-def photograph(frame: Frame, sigma: float | None, seed: int) -> Mosaic:
+def photograph(frame: SimulatedFrame, sigma: float | None, seed: int) -> Mosaic:
     """A mosaic of the frame. sigma: None = by a real sensor."""
     random = np.random.default_rng(seed)
     if sigma is None:
@@ -62,7 +62,7 @@ def photograph(frame: Frame, sigma: float | None, seed: int) -> Mosaic:
     return simulate_additive(frame.rgb, PATTERN, CALIBRATION, sigma, random)
 
 
-def measured(frames: list[Frame], sigma: float | None, local: FloatArray | None = None) -> Figures:
+def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArray | None = None) -> Figures:
     """Align the frames to the first. local: what their motion has besides."""
     mosaics = [photograph(frame, sigma, seed) for seed, frame in enumerate(frames)]
     planes = [recover_luminance(mosaic, BEST.luminance) for mosaic in mosaics]
@@ -85,7 +85,7 @@ def measured(frames: list[Frame], sigma: float | None, local: FloatArray | None 
     return replace(figures, refused=refused)
 
 
-def with_parallax(frames: list[Frame], local: FloatArray) -> list[Frame]:
+def with_parallax(frames: list[SimulatedFrame], local: FloatArray) -> list[SimulatedFrame]:
     """The first frame, and what it shows after each motion with local shifts besides.
 
     Interpolated from the first frame, which its pixels have sampled already: its finest detail is not what a sensor would see.
@@ -105,7 +105,7 @@ def with_parallax(frames: list[Frame], local: FloatArray) -> list[Frame]:
 
 def cases(rgb: FloatArray, count: int, pixel: int, sigmas: list[float]) -> Iterator[tuple[str, Figures]]:
     """The figures of a scene, by what they are of."""
-    plain = Burst(count, PIXELS, DEGREES)
+    plain = SimulatedBurst(count, PIXELS, DEGREES)
     bracket = (0.0, *((-STOPS, STOPS) * count)[: count - 1])
     still, moving, exposures = (
         list(burst_frames(rgb, burst, np.random.default_rng(1), pixel))

@@ -33,21 +33,21 @@ from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive
+from tests.bayer import bayer_mosaic
+from tests.benchmarks.bayer_burst import render_bayer_burst
 from tests.data import DATA
-from tools.camera.burst import Burst, burst_frames
+from tools.camera.burst import SimulatedBurst, burst_frames
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, quality, whole_psnr
-from tools.evaluation.presets import UNLEARNED
-from tools.evaluation.protocol import ORDER, Protocol
-from tools.evaluation.rivals.bayer import bayer_mosaic
-from tools.evaluation.rivals.burst import render_bayer_burst
+from tools.evaluation.ours import PRESETS
 from tools.evaluation.tiles import Tile
 from tools.host.versions import package_version
 from tools.scenes.load import load_scene
 
 PERIOD, REDUCED, LEAST = 6, 2, 300
-PATTERN = CfaPattern.bayer(PERIOD, ORDER)
+PATTERN = CfaPattern.bayer(PERIOD)
 PIXELS, DEGREES = 3.0, 0.3
 STEPS = (0, -2, 2)  # of pixel shift, pixels, the reference first
 MEASURES = "median", "10 %", "whole"
@@ -79,8 +79,8 @@ class Series:
         if min(scene.rgb.shape[:2]) // REDUCED < LEAST:
             return None
         rng = np.random.default_rng(zlib.crc32(source.name.encode()))  # the same for a scene whichever others there are
-        frames = list(burst_frames(scene.rgb, Burst(count, PIXELS, DEGREES), rng, REDUCED))
-        sensor = next(burst_frames(scene.rgb, Burst(1), rng, REDUCED)).rgb
+        frames = list(burst_frames(scene.rgb, SimulatedBurst(count, PIXELS, DEGREES), rng, REDUCED))
+        sensor = next(burst_frames(scene.rgb, SimulatedBurst(1), rng, REDUCED)).rgb
         rows, columns = frames[0].rgb.shape[:2]
         top, left = (sensor.shape[0] - rows) // 2, (sensor.shape[1] - columns) // 2
         steps = [(down, across) for down in STEPS for across in STEPS]
@@ -135,7 +135,7 @@ def measure(series: Series, sigma: float, found: Found, pattern: CfaPattern = PA
     def alone(settings: RenderSettings) -> FloatArray:
         return render(frames[0], settings).rgb
 
-    found.add("unlearned", alone(UNLEARNED), truth)
+    found.add("unlearned", alone(PRESETS["unlearned"]), truth)
     started = time.perf_counter()
     found.add("best", alone(BEST), truth)
     rendered = time.perf_counter()
@@ -163,11 +163,11 @@ def measure_rivals(series: Series, sigma: float, found: Found, folder: Path | No
     if place and place.exists():
         figures = json.loads(place.read_text())
     else:
-        mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n]), ORDER) for n, light in enumerate(series.light)]
+        mosaics = [bayer_mosaic(light, sigma, np.random.default_rng([0, n])) for n, light in enumerate(series.light)]
         single = methods()["bm3d+dlmmse-wb" if sigma else "dlmmse-wb"].render(
-            CameraPair(Protocol(), sigma, series.light[0], Tile.of_period(PERIOD).pattern, series.neutral)
+            CameraPair(PaperProtocol(sigma), 0, series.light[0], Tile.of_period(PERIOD).pattern, series.neutral)
         )
-        pictures = {"bayer": single, "bayer burst": render_bayer_burst(mosaics, sigma, series.neutral, ORDER)}
+        pictures = {"bayer": single, "bayer burst": render_bayer_burst(mosaics, sigma, series.neutral)}
         figures = {row: measured(picture, series.light[0]).tolist() for row, picture in pictures.items()}
         if place:
             place.parent.mkdir(parents=True, exist_ok=True)

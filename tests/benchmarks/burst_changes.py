@@ -9,7 +9,7 @@ from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive
-from tools.camera.burst import Burst, burst_frames
+from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.scenes.load import load_scene
 
 _SIGMAS = (0.0, 0.01, 0.03)
@@ -24,7 +24,9 @@ def decibels(picture: FloatArray, truth: FloatArray, where: BoolArray) -> float:
 def main() -> None:
     print("scene, sigma: PSNR single, burst where the thing was in any frame; and elsewhere")
     for path in sys.argv[1:]:
-        frames = list(burst_frames(_middle(load_scene(path).rgb), Burst(8, 3, 0.3, moving=True), np.random.default_rng(1), 2))
+        frames = list(
+            burst_frames(_middle(load_scene(path).rgb), SimulatedBurst(8, 3, 0.3, moving=True), np.random.default_rng(1), 2)
+        )
         truth = frames[0].rgb
         row, column = np.indices(truth.shape[:2])
         things = [frame.thing for frame in frames if frame.thing]

@@ -16,15 +16,15 @@ from offline import BEST, PAPER, render
 from offline.whole.luminance import recover_luminance
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.hue import wrong_hue
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, psnr, quality
-from tools.evaluation.protocol import Protocol, cut
-from tools.evaluation.tiles import Tile, filters_of
+from tools.evaluation.scene_sets import cut
+from tools.evaluation.tiles import Tile
 from tools.scenes.load import load_scene
 
-PROTOCOL = Protocol()
 PERIOD = 6
 TILE = Tile.of_period(PERIOD)
 MEASURES = "10 %", "25 %", "median", "whole", "hue"
@@ -38,11 +38,11 @@ def rivals(rgb: FloatArray, sigma: float) -> Figures:
     found: Figures = {}
     method = methods()["bm3d+menon" if sigma else "menon"]
     if method.missing is None:
-        found["rival"] = measured(method.render(CameraPair(PROTOCOL, sigma, rgb, TILE.pattern, None)), rgb)
+        found["rival"] = measured(method.render(CameraPair(PaperProtocol(sigma), 0, rgb, TILE.pattern, None)), rgb)
     if sigma and method.missing is None:
         import bm3d
 
-        filled = recover_luminance(PROTOCOL.sparse_shot(rgb, sigma, TILE.pattern, filters_of(TILE.pattern, "RGB")), PAPER.luminance)
+        filled = recover_luminance(CameraPair(PaperProtocol(sigma), 0, rgb, TILE.pattern, None).sparse, PAPER.luminance)
         found["BM3D light"] = measured_light(np.asarray(bm3d.bm3d(filled.astype(np.float64), sigma), np.float32), rgb)
     return found
 
@@ -74,7 +74,7 @@ def kept_rivals(rgb: FloatArray, name: str, sigma: float, folder: Path | None) -
 
 def figures(rgb: FloatArray, sigma: float) -> Figures:
     """Figures of the presets `paper` and `best`."""
-    mosaic = PROTOCOL.sparse_shot(rgb, sigma, TILE.pattern, filters_of(TILE.pattern, "RGB"))
+    mosaic = CameraPair(PaperProtocol(sigma), 0, rgb, TILE.pattern, None).sparse
     best = render(mosaic, BEST).rgb
     found = {"paper": measured(render(mosaic, PAPER).rgb, rgb), "best": measured(best, rgb)}
     return found | {"best light": measured_light(best.sum(axis=2), rgb)}

@@ -20,21 +20,20 @@ from random import Random
 import numpy as np
 
 from device import Preview
-from offline import BEST, PAPER, RenderSettings, render
+from offline import render
 from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.aberration import Aberration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
-from tools.evaluation.presets import UNLEARNED
-from tools.evaluation.protocol import Protocol
+from tools.evaluation.ours import PRESETS
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
-PRESETS: dict[str, RenderSettings] = {"best": BEST, "paper": PAPER, "unlearned": UNLEARNED}
 WAYS = (*PRESETS, "burst", "preview", "evaluate")
 SCENES = ("black", "white", "constant", "pixel", "row", "checker", "letterbox", "below black", "strokes", "random")
 LIGHTS = (1.0, 1.0, 1.0, 1e-6, 1e-3, 30.0, 1e4)  # times the scene
@@ -200,8 +199,8 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
             return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
         case "evaluate":
             cameras = CameraPair(
-                Protocol("paper"),
-                0.0 if case.take == "exact" else 0.02,
+                PaperProtocol(0.0 if case.take == "exact" else 0.02),
+                0,
                 case.scene,
                 case.pattern,
                 None,

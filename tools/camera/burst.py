@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ _SHUTTER_SPEED = 37377  # Exif's other statement of the exposure time
 
 
 @dataclass(frozen=True)
-class Burst:
+class SimulatedBurst:
     """How a burst is taken.
 
     frames: their number, 1 or more. The first is the reference, which has not moved.
@@ -57,7 +57,7 @@ class Burst:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class SimulatedFrame:
     """One frame of a burst.
 
     rgb: the light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
@@ -67,9 +67,9 @@ class Frame:
     """
 
     rgb: FloatArray
-    motion: Motion
-    stops: float | None
-    thing: tuple[float, float, float] | None
+    motion: Motion = field(default_factory=Motion)
+    stops: float | None = None
+    thing: tuple[float, float, float] | None = None
 
     @property
     def exposure(self) -> float:
@@ -103,11 +103,11 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     return mean
 
 
-def tremor(burst: Burst, rng: np.random.Generator) -> tuple[Motion, ...]:
+def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> tuple[Motion, ...]:
     """The motions of a burst's frames: a random walk from the first frame on, which stays within the burst's limits.
 
     >>> import numpy as np
-    >>> first, second = tremor(Burst(2, pixels=3), np.random.default_rng(1))
+    >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
     >>> first.none, 0 < math.hypot(second.down, second.across) <= 3, second.degrees
     (True, True, 0.0)
     """
@@ -121,7 +121,7 @@ def tremor(burst: Burst, rng: np.random.Generator) -> tuple[Motion, ...]:
     return tuple(motions)
 
 
-def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel: int = 1) -> Iterator[Frame]:
+def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generator, pixel: int = 1) -> Iterator[SimulatedFrame]:
     """Yield the frames of a burst, the reference first. They see true scene everywhere, so they are smaller than it.
 
     rgb: the scene, float32 (H, W, C), scene units.
@@ -131,7 +131,7 @@ def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel:
 
     >>> import numpy as np
     >>> light = np.full((200, 300, 3), 0.5, np.float32)
-    >>> [frame.rgb.shape for frame in burst_frames(light, Burst(2, pixels=3), np.random.default_rng(1), pixel=2)]
+    >>> [frame.rgb.shape for frame in burst_frames(light, SimulatedBurst(2, pixels=3), np.random.default_rng(1), pixel=2)]
     [(82, 132, 3), (82, 132, 3)]
     """
     whole = [count // pixel * pixel for count in rgb.shape[:2]]  # the centre of the scene is that of the frames
@@ -152,7 +152,7 @@ def burst_frames(rgb: FloatArray, burst: Burst, rng: np.random.Generator, pixel:
         if not motion.none:
             light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
         light = light[margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel]
-        yield Frame(
+        yield SimulatedFrame(
             reduced(light, pixel),
             motion,
             burst.stops[number] if burst.stops else None,
@@ -166,7 +166,7 @@ def _on_sensor(thing: MovingThing, number: int, margin: int, pixel: int) -> tupl
     return row, column, thing.radius / pixel
 
 
-def motion_text(frames: Mapping[str, Frame], shape: tuple[int, int]) -> str:
+def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) -> str:
     """The true motion of a burst as JSON, to measure alignment with.
 
     frames: by the names of their files.

@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shared import CfaPattern, Mosaic, read_dng, write_dng
-from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.dng import read_preview
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
-from tools.camera.burst import Burst, burst_frames
+from tools.camera.bayer import sample_bayer
+from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames
+from tools.camera.protocols import PaperProtocol
 from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.console import Console
 from tools.host.jobs import Job, output_folder, run_jobs
@@ -36,7 +36,7 @@ from tools.rendering.compilation import announced_compilation, compile_ahead
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
 
-from .options import add, count
+from .options import add, count, factor
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -58,7 +58,7 @@ _BURST_CROPS = {"fine strokes": (484, 693), "equal luminance": (426, 588), "seed
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `panchroma demo`."""
     parser.add_argument("-o", "--output", metavar="DIR", help=f"folder for the results (default: {_FOLDER}, or {_FOLDER}-2, ...)")
-    add(parser, "sigma", default=0.01)
+    parser.add_argument("--sigma", type=factor, default=0.01, help="standard deviation of the noise, scene units")
     parser.add_argument(
         "--burst",
         type=count,
@@ -96,7 +96,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
     """Run the chain, write `results` (in the order of _RESULTS) and show the table."""
     shot, preview, render_png, render_tif, truth_tif, overview_png, comparison_png = results
     scene = builtin_scene(_WIDTH, _HEIGHT)
-    taken = _photograph(scene, scene.rgb, sigma, _SEED)
+    taken = _photograph(scene, None, sigma, _SEED)
     write_dng(shot, taken, Previews()(taken), overwrite=overwrite)
     write_durably(preview, read_preview(shot), overwrite=overwrite)
     mosaic = read_dng(shot)  # from here on only what the file holds
@@ -107,7 +107,7 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
     with console.progress("demo") as progress, announced_compilation(console.note, progress):
         compile_ahead([PAPER, BEST], processors(), console.note, progress)
         paper, best = render(mosaic, PAPER, progress), render(mosaic, BEST, progress)
-    bayer = demosaic_bilinear(bayer_mosaic(scene.rgb, sigma, np.random.default_rng(_SEED)))
+    bayer = demosaic_bilinear(PaperProtocol(sigma).bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
     for path, rgb, kind in (
         (render_png, best.rgb, PictureKind.of("png")),
         (render_tif, best.rgb, _MEASURED),
@@ -126,10 +126,11 @@ def _demonstrate_burst(results: Sequence[Path], sigma: float, console: Console, 
     """Simulate a burst, merge it, write `results` (in the order of _BURST_RESULTS, then the frames) and show the table."""
     frame_png, burst_png, burst_tif, truth_tif, comparison_png, *shots = results
     scene, previews = builtin_scene(*_DRAWN), Previews()
-    burst = burst_frames(scene.rgb, Burst(len(shots), *_MOTION), np.random.default_rng(_SEED), _PIXEL)
-    truth, *others = (frame.rgb for frame in burst)
-    for number, (shot, light) in enumerate(zip(shots, (truth, *others), strict=True)):
-        mosaic = _photograph(scene, light, sigma, number)
+    burst = burst_frames(scene.rgb, SimulatedBurst(len(shots), *_MOTION), np.random.default_rng(_SEED), _PIXEL)
+    frames = list(burst)
+    truth = frames[0].rgb
+    for number, (shot, frame) in enumerate(zip(shots, frames, strict=True)):
+        mosaic = _photograph(scene, frame, sigma, number)
         write_dng(shot, mosaic, previews(mosaic), overwrite=overwrite)
     mosaics = [read_dng(shot) for shot in shots]
 
@@ -164,10 +165,10 @@ def _write_figure(path: Path, figure: "Image", *, overwrite: bool) -> None:
     write_durably(path, buffer.getvalue(), overwrite=overwrite)
 
 
-def _photograph(scene: Scene, rgb: FloatArray, sigma: float, seed: int) -> Mosaic:
-    """A shot of light `rgb` of a scene."""
-    camera = SimulatedCamera.of(CfaPattern.bayer(), sigma=sigma)
-    return camera.shoot(scene, np.random.default_rng(seed), light=rgb).mosaic
+def _photograph(scene: Scene, frame: SimulatedFrame | None, sigma: float, seed: int) -> Mosaic:
+    """A shot of a scene, or of one frame of a burst of it."""
+    camera = SimulatedCamera.of(CfaPattern.bayer(), protocol=PaperProtocol(sigma))
+    return camera.shoot(scene, np.random.default_rng(seed), frame).mosaic
 
 
 def _table(medians: dict[str, tuple[float, float, float]], sigma: float) -> list[str]:

@@ -25,7 +25,7 @@ from tools.host.processors import processors
 from tools.host.versions import program_version
 from tools.pictures.html import encode_page
 
-from .options import add, count, uses_scheduler
+from .options import add, add_protocol, count, protocol_of, uses_scheduler
 
 if TYPE_CHECKING:
     from tools.evaluation.study import Study, Task
@@ -42,8 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add(parser, "output", files="the results")
     light = parser.add_argument_group("light and noise")
-    add(light, "protocol")
-    add(light, "sigma", "light", nargs="+")
+    add_protocol(light, nargs="+")
     add(light, "seed", "linear")
     what = parser.add_argument_group("what is compared")
     what.add_argument(
@@ -120,18 +119,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tuple["Study", list[str], list[str]]:
     """The requested study, with the scenes that can be read; a line for each scene that cannot; and remarks on what is left out."""
     from tools.evaluation.methods import choose, default_names, missing_packages
-    from tools.evaluation.protocol import Protocol
     from tools.evaluation.scene_sets import Reading, distinct, expand
     from tools.evaluation.study import Study
 
-    protocol = Protocol(arguments.protocol, arguments.seed)
-    wanted, other = arguments.sigma, arguments.light
-    if protocol.kind == "sensor":
-        wanted, other = other, wanted
-    if other is not None:
-        raise InputError(
-            "--sigma is the noise of --protocol paper, --light the amount of light of --protocol sensor; use the other one"
-        )
+    protocol, wanted = protocol_of(arguments)
     levels = protocol.levels(wanted)
     methods = choose(arguments.methods or default_names())
     if not arguments.methods and (missing := missing_packages()):
@@ -149,7 +140,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
         console.note(remark)
     if not scenes:
         raise InputError("no scene could be read; a scene is a camera RAW, a picture, or builtin:WIDTHxHEIGHT")
-    study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, protocol, reading)
+    study = Study(tuple(scenes), tuple(each.name for each in methods), levels, tiles, arguments.seed, reading)
     made, without = study.remarks()
     for remark in (*made, *without):
         console.note(remark)
@@ -181,7 +172,7 @@ def _list(todo: "list[Task]", there: int, failures: list[str], console: Console)
         console.say(task.title)
         for cell in task.cells:
             facts = {"pattern": cell.pattern or None, "period": cell.tile and cell.tile.period}
-            console.record(source=cell.scene.source, level=cell.level, method=cell.method, **facts, dry_run=True)
+            console.record(source=cell.scene.source, level=cell.level.level, method=cell.method, **facts, dry_run=True)
     seconds = sum(task.seconds for task in todo)
     results = sum(len(task.cells) for task in todo)
     console.say(f"{results} results to make, {there} kept from an earlier run; roughly {duration(seconds)} of one core")

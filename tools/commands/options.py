@@ -14,6 +14,7 @@ from shared.pattern import PERIODS
 from shared.pattern_text import read_pattern
 from shared.reading import MAX_PIXELS
 from shared.tiles import TILES
+from tools.camera.protocols import PROTOCOLS, PaperProtocol, Protocol, chosen_protocol
 from tools.host.memory import parse_bytes
 
 T = TypeVar("T")
@@ -111,14 +112,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     },
     "linear": {**_SWITCH, "help": "take the pictures' values as linear light, whatever the files say"},
     "max-pixels": {"type": count, "default": MAX_PIXELS, "metavar": "N", "help": "refuse a file with more pixels than this"},
-    # Light and noise of a simulated camera.
-    "protocol": {
-        "choices": ("paper", "sensor"),
-        "default": "paper",
-        "help": "paper: additive Gaussian noise, no clipping; sensor: shot and read noise, clipped at full scale",
-    },
-    "sigma": {"type": amount, "metavar": "S", "help": "standard deviation of the noise of --protocol paper, scene units"},
-    "light": {"type": factor, "metavar": "FACTOR", "help": "amount of light of --protocol sensor, 2 is one stop more"},
+    # Noise of a simulated camera: see `add_protocol`.
     "seed": {"type": natural, "default": 0, "metavar": "N", "help": "seed of the noise"},
     # What is made.
     "quality": {"type": int, "metavar": "N", "help": "quality of a JPEG, 1 (small) to 100 (default: 95){more}"},
@@ -151,6 +145,14 @@ def add(group: argparse._ActionsContainer, *options: str, **changed: Any) -> Non
         group.add_argument(*flags, f"--{option}", **known | {"help": known["help"].format(**words)})
 
 
+def add_protocol(group: argparse._ActionsContainer, **settings: Any) -> None:
+    """Add --protocol, and the option of each protocol for its level; `protocol_of` reads them. settings: of the levels (nargs)."""
+    summaries = "; ".join(f"{name}: {each.summary}" for name, each in PROTOCOLS.items())
+    group.add_argument("--protocol", choices=list(PROTOCOLS), default=PaperProtocol.name, help=summaries)
+    for option, each in {each.option: each for each in PROTOCOLS.values()}.items():
+        group.add_argument(f"--{option}", type=factor, metavar=each.metavar, help=each.help, **settings)
+
+
 def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
     """Add SHOT, one or more."""
     parser.add_argument(
@@ -159,6 +161,11 @@ def add_shots(parser: argparse.ArgumentParser, also: str = "") -> None:
 
 
 # --- what they mean together ----------------------------------------------------------------------------------------------------
+
+
+def protocol_of(arguments: argparse.Namespace) -> tuple[type[Protocol], Any]:
+    """The protocol, and the level or levels that are given for it, None without. Raises InputError for another one's level."""
+    return chosen_protocol(arguments.protocol, {each.option: getattr(arguments, each.option) for each in PROTOCOLS.values()})
 
 
 def names_pattern(arguments: argparse.Namespace) -> bool:

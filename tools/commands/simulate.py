@@ -24,9 +24,8 @@ from shared import write_dng
 from shared.errors import InputError
 from shared.series import frame_name
 from shared.writing import write_durably
-from tools.camera.burst import Burst, Frame, burst_frames, motion_text
-from tools.camera.filters import filters_for
-from tools.camera.lens import SimulatedLens
+from tools.camera.burst import SimulatedBurst, SimulatedFrame, burst_frames, motion_text
+from tools.camera.lens import FAULTS, check_lens, lens_of
 from tools.camera.simulated_camera import BITS as DEFAULT_BITS
 from tools.camera.simulated_camera import TRUTH, SimulatedCamera
 from tools.host.console import Console
@@ -36,7 +35,7 @@ from tools.pictures.previews import Previews
 from tools.pictures.writer import PictureKind, write_picture
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 
-from .options import add, camera_of, count, numbers
+from .options import add, add_protocol, camera_of, count, numbers, protocol_of
 
 _MEASURED = PictureKind("tif", 32, "camera")
 
@@ -60,23 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how the DNG stores the samples; linear: as grey, for raw developers that take every pattern for Bayer",
     )
     light = parser.add_argument_group("light and noise")
-    add(light, "protocol")
-    add(light, "sigma", default=0.0)
-    add(light, "light", default=1.0)
+    add_protocol(light)
     add(light, "seed")
-    light.add_argument(
-        "--shading",
-        type=numbers(2, "2,15"),
-        metavar="STOPS,PERCENT",
-        help="a lens whose corners are STOPS darker, with PERCENT less of the first channel and as much more of the last one",
-    )
-    light.add_argument(
-        "--aberration",
-        type=numbers(2, "1,-0.5"),
-        metavar="PIXELS,PIXELS",
-        help="a lens with lateral chromatic aberration: how much further out the first and the last channel look in the corners; "
-        "negative is further in",
-    )
+    for name, fault in FAULTS.items():
+        light.add_argument(f"--{name}", type=numbers(example=fault.example), metavar=fault.metavar, help=fault.help)
     burst = parser.add_argument_group("a burst: a hand-held series of each scene")
     burst.add_argument("--burst", type=count, metavar="N", help="make N frames, STEM-1.dng to STEM-N.dng; the first has not moved")
     burst.add_argument(
@@ -108,17 +94,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write a shot of each scene; returns the exit code."""
-    if arguments.protocol == "sensor" and arguments.sigma:
-        raise InputError("--sigma is the noise of --protocol paper; --protocol sensor has the noise of --camera, or a typical one")
-    if arguments.protocol == "paper" and arguments.light != 1:
-        raise InputError("--light needs --protocol sensor: the noise of --protocol paper does not depend on it")
+    protocol, level = protocol_of(arguments)
+    noise = protocol(protocol.default if level is None else level)
     is_series, burst = arguments.burst is not None, _burst(arguments)
-    lens = SimulatedLens.asked(arguments.shading, arguments.aberration)
+    lens = lens_of({name: getattr(arguments, name) for name in FAULTS})
     known, pattern = camera_of(arguments)
     if known:
-        lens.check(known.calibration, arguments.camera)
-    sigma = None if arguments.protocol == "sensor" else arguments.sigma
-    camera = SimulatedCamera.of(pattern, known, bits=arguments.sensor_bits, lens=lens, sigma=sigma, light=arguments.light)
+        check_lens(lens, known.calibration, arguments.camera)
+    camera = SimulatedCamera.of(pattern, known, noise, bits=arguments.sensor_bits, lens=lens)
     folder = output_folder(arguments.output)
     previews = Previews()
 
@@ -133,17 +116,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
 
     def work(job: Job) -> dict[str, Any]:
         shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
-        taken: dict[str, Frame] = {}
+        taken: dict[str, SimulatedFrame] = {}
         with console.progress(job.source) as progress:
             progress.stage("reading", 1)
             scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
-            notes = (*scene.notes, *filters_for(pattern, scene).notes)
             frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
             progress.stage("sampling and writing", burst.frames)
             for shot in shots:
                 frame = next(frames)
-                metadata = frame.metadata(scene.metadata)
-                exposed = camera.shoot(scene, random(shot), light=frame.rgb, metadata=metadata, exposure=frame.exposure)
+                exposed = camera.shoot(scene, random(shot), frame)
                 mosaic = exposed.mosaic
                 job.make_folders()
                 write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
@@ -153,14 +134,14 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
                         exposed.truth,
                         _MEASURED,
                         calibration=mosaic.calibration,
-                        metadata=metadata,
+                        metadata=mosaic.metadata,
                         overwrite=arguments.overwrite,
                     )
                 taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
                 progress.advance()
             for path in beside[1:]:
                 write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
-        noted.append((job.source, notes))
+        noted.append((job.source, exposed.notes))
         rows, columns = mosaic.shape
         for shot in shots:
             console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
@@ -187,11 +168,11 @@ def noise_of(seed: int, name: str | Path) -> np.random.Generator:
     return np.random.default_rng([seed, *sha256(os.fsencode(name)).digest()])
 
 
-def _burst(arguments: argparse.Namespace) -> Burst:
+def _burst(arguments: argparse.Namespace) -> SimulatedBurst:
     """The burst that is asked for; one frame without --burst."""
     if arguments.burst is None:
         for option in ("motion", "rotation", "moving", "bracket"):
             if getattr(arguments, option):
                 raise InputError(f"--{option} needs --burst: it is about the frames of a series")
-        return Burst(1)
-    return Burst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.bracket)
+        return SimulatedBurst(1)
+    return SimulatedBurst(arguments.burst, arguments.motion, arguments.rotation, arguments.moving, arguments.bracket)

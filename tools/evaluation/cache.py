@@ -17,9 +17,18 @@ from .measures import Measures
 FOLDER = "results"
 
 
+MEASURING = 1
+"""Version of the way from the light of a scene to figures: cameras, noise, filters, measures. Raise it whenever figures change.
+
+A result is kept under versions: this one, those of the protocol and of the method (of ours: of the renderer and its settings, or of
+the preview), and those of the packages that the method needs. Whoever changes code so that figures differ raises the number beside
+it, or the old figures stay; a test compares figures with those that the numbers stand for.
+"""
+
+
 def key(**parts: Any) -> str:
-    """Name of a result: a digest of everything it depends on (JSON values)."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:32]
+    """Name of a result: a digest of everything it depends on besides MEASURING (JSON values)."""
+    return hashlib.sha256(json.dumps({"measuring": MEASURING, **parts}, sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,16 @@ import numpy as np
 
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
+from tools.camera.bayer import channel_map, sample_bayer
 from tools.camera.filters import Filters
-from tools.scenes.scene import RGB
+from tools.camera.protocols import Protocol
+from tools.camera.protocols.protocol import BayerShot
+from tools.camera.simulated_camera import SimulatedCamera
+from tools.scenes.scene import RGB, Scene
 
-from .protocol import BayerShot, Protocol
-from .rivals.bayer import channel_map
 from .tiles import filters_of
 
-Demosaic = Callable[..., FloatArray]  # (samples (H, W), order=) -> (H, W, 3)
+Demosaic = Callable[[FloatArray], FloatArray]  # samples (H, W) -> (H, W, 3)
 Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, read) -> samples
 
 
@@ -23,7 +25,8 @@ Denoise = Callable[[FloatArray, float, float], FloatArray]  # (samples, shot, re
 class CameraPair:
     """The sparse-colour camera and the Bayer camera; each shot is taken once, when it is first needed.
 
-    protocol, level: the noise.
+    level: the noise.
+    seed: of the noise.
     truth: light of the scene, (H, W, N), scene units.
     pattern: of the sparse-colour camera.
     neutral: what white reads in the scene, one value per channel; None = unknown.
@@ -31,8 +34,8 @@ class CameraPair:
     channels: the N letters of the scene's channels. A Bayer camera takes red, green and blue ones only.
     """
 
-    protocol: Protocol
-    level: float
+    level: Protocol
+    seed: int
     truth: FloatArray
     pattern: CfaPattern
     neutral: tuple[float, ...] | None
@@ -45,7 +48,7 @@ class CameraPair:
 
         A picture in other channels than the scene's is unmixed by the inverse of the filters' matrix, or its pseudo-inverse.
         """
-        picture, gain = render(self._sparse), self.protocol.gain(self.level)
+        picture, gain = render(self.sparse), self.level.light
         picture = picture / np.float32(gain) if gain != 1 else picture
         mixing = np.array(self._filters.matrix)
         if np.array_equal(mixing, np.eye(len(self.channels))):
@@ -60,27 +63,35 @@ class CameraPair:
         balanced: give it white-balanced samples, as raw developers do, and undo the balance afterwards.
         denoise: applied to the samples first; kept for the next method that uses it.
         """
-        samples, order = self._bayer.samples, self._bayer.order
+        samples = self.bayer.samples
         if denoise is not None:
             if denoise not in self._denoised:
-                self._denoised[denoise] = denoise(samples, self._bayer.shot, self._bayer.read)
+                self._denoised[denoise] = denoise(samples, self.bayer.shot, self.bayer.read)
             samples = self._denoised[denoise]
         if not balanced or self.neutral is None:
-            return demosaic(samples, order=order)
+            return demosaic(samples)
         white = np.array(self.neutral, np.float32)
         white /= white.max()
-        return demosaic(samples / white[channel_map(samples.shape, order)], order=order) * white
+        return demosaic(samples / white[channel_map(samples.shape)]) * white
 
     @property
     def _filters(self) -> Filters:
         return filters_of(self.pattern, self.channels)
 
+    @property
+    def _rng(self) -> np.random.Generator:
+        return np.random.default_rng(self.seed)  # the same for every scene and method
+
     @cached_property
-    def _sparse(self) -> Mosaic:
-        shot = self.protocol.sparse_shot(self.truth, self.level, self.pattern, self._filters)
+    def sparse(self) -> Mosaic:
+        """The shot of the sparse-colour camera; its calibration states the noise."""
+        # The scene without its colours: filters are what all channels have in common.
+        scene, level = Scene(self.truth, "", channels=self.channels), self.level.scaled(self._filters.unit)
+        shot = SimulatedCamera.of(self.pattern, protocol=level, bits=level.bits).shoot(scene, self._rng).mosaic
         return Mosaic(shot.samples[self.part], shot.pattern, shot.calibration)
 
     @cached_property
-    def _bayer(self) -> BayerShot:
-        shot = self.protocol.bayer_shot(self.truth, self.level)
+    def bayer(self) -> BayerShot:
+        """The shot of the Bayer camera, in scene units under full light."""
+        shot = self.level.bayer(sample_bayer(self.truth), self._rng)
         return replace(shot, samples=shot.samples[self.part])

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
+from tools.camera.protocols import Protocol
+
 from .criteria import CHROMINANCE, EVEN, LUMINANCE, RGB
-from .figures import Figures, leads
+from .figures import SetFigures
 from .measures import TITLES
 
 FEW = 6  # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6 = 0.03)
@@ -26,26 +27,25 @@ class Claim:
     why: str
 
 
-def claims(figures: Figures, group: str) -> list[Claim]:
+def claims(group: SetFigures) -> list[Claim]:
     """The two claims of section 4, tested with the paper's own method and its own rival where both were measured."""
-    rival = next((name for name in ("dlmmse", "menon", *figures.rivals) if name in figures.rivals), None)
-    own = "paper" if "paper" in figures.study.methods else figures.ours
+    rival = next((name for name in ("dlmmse", "menon", *group.study.rivals) if name in group.study.rivals), None)
+    own = "paper" if "paper" in group.study.methods else group.study.ours
     if rival is None or own is None:
         return []
-    levels = figures.study.levels
-    pooled = [lead for level in levels if (lead := leads(partial(figures.pooled, group, level), own, rival))]
+    levels = group.study.levels
+    pooled = [lead for level in levels if (lead := group.at(level).leads(rival, own))]
     if len(pooled) < len(levels):
         return []
     of_scenes = [
-        [lead for level in levels if (lead := leads(partial(figures.of_scene, name, level), own, rival))]
-        for name in figures.scene_names(group)
+        [lead for level in levels if (lead := group.figures.at_scene(name, level).leads(rival, own))] for name in group.names
     ]
     names = f"{own} minus {rival}"
     found = []
-    if figures.study.protocol.kind == "sensor" or levels[0] == 0:
-        found.append(_noise_free(figures, pooled[0], [scene[0][RGB] for scene in of_scenes], names))
+    if levels[0].clear:
+        found.append(_noise_free(levels[0], pooled[0], [scene[0][RGB] for scene in of_scenes], names))
     if len(pooled) > 1:
-        found.append(_growing(figures, pooled, [scene[-1][RGB] - scene[0][RGB] for scene in of_scenes], names))
+        found.append(_growing(levels, pooled, [scene[-1][RGB] - scene[0][RGB] for scene in of_scenes], names))
     return found
 
 
@@ -57,10 +57,9 @@ def ahead(margins: Sequence[float]) -> str:
     return text + (f"{least:+.1f} dB" if len(margins) == 1 else span)
 
 
-def _noise_free(figures: Figures, lead: Sequence[float], of_scenes: Sequence[float], names: str) -> Claim:
+def _noise_free(level: Protocol, lead: Sequence[float], of_scenes: Sequence[float], names: str) -> Claim:
     rgb, luminance, chrominance = (lead[plane] for plane in (RGB, LUMINANCE, CHROMINANCE))
-    level, protocol = figures.study.levels[0], figures.study.protocol
-    light = "Noise-free" if protocol.kind == "paper" else f"At {protocol.describe(level)}"
+    light = f"At {level.text}" if level.noisy else "Noise-free"
     return Claim(
         f"{light}, better than Bayer, mainly in luminance",
         _finding(rgb, of_scenes, luminance > max(chrominance, 0)),
@@ -69,10 +68,10 @@ def _noise_free(figures: Figures, lead: Sequence[float], of_scenes: Sequence[flo
     )
 
 
-def _growing(figures: Figures, pooled: Sequence[Sequence[float]], of_scenes: Sequence[float], names: str) -> Claim:
+def _growing(levels: Sequence[Protocol], pooled: Sequence[Sequence[float]], of_scenes: Sequence[float], names: str) -> Claim:
     by_plane = list(zip(*pooled, strict=True))[: len(TITLES)]
     parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
-    noise = ", ".join(figures.study.protocol.describe(level) for level in figures.study.levels)
+    noise = ", ".join(level.text for level in levels)
     rgb = by_plane[RGB]
     return Claim(
         "The more noise, the larger the lead",

@@ -1,11 +1,13 @@
 """Figures of an evaluation, per scene and pooled: who wins, by how much, and where we lose."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from math import isnan, nan
 
 import numpy as np
+
+from tools.camera.protocols import Protocol
 
 from .criteria import CRITERIA, RGB
 from .measures import Histogram, Measures
@@ -23,7 +25,7 @@ class Figure:
 
     group: the set.
     scene: its name; None for the whole set.
-    level: noise level, as in `Protocol`.
+    level: the noise.
     method: its name.
     tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
@@ -36,7 +38,7 @@ class Figure:
 
     group: str
     scene: str | None
-    level: float
+    level: Protocol
     method: str
     tile: Tile | None
     quality: Quality
@@ -57,14 +59,14 @@ class Comparison:
     """Ours beside one rival by one figure.
 
     scene: its name; None for the whole set.
-    level: noise level, as in `Protocol`.
+    level: the noise.
     criterion: place in CRITERIA.
     rival: name of the method.
     lead: how much better ours is, in the unit of the criterion.
     """
 
     scene: str | None
-    level: float
+    level: Protocol
     criterion: int
     rival: str
     lead: float
@@ -75,8 +77,40 @@ class Comparison:
         return self.lead <= -CRITERIA[self.criterion].even
 
 
-Find = Callable[[str], Figure | None]  # the figure of a method
-_Key = tuple[str, float, str, Tile | None]  # set or scene, level, method, pattern
+_Key = tuple[str, Protocol, str, Tile | None]  # set or scene, level, method, pattern
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How the methods of a study stand in one place: on a scene or on a set of scenes, at one level, with the study's own pattern.
+
+    study: the study.
+    figures: by method, those that there are.
+    """
+
+    study: Study
+    figures: Mapping[str, Figure]
+
+    def best(self, names: Iterable[str] | None = None, criterion: int = RGB) -> str | None:
+        """The best of some methods, or of all, by a criterion."""
+        chosen = self.study.methods if names is None else names
+        found = {name: self.figures[name].values[criterion] for name in chosen if name in self.figures}
+        values = {name: CRITERIA[criterion].sign * value for name, value in found.items() if not isnan(value)}
+        return max(values, key=lambda name: values[name], default=None)
+
+    def leads(self, rival: str, own: str | None = None) -> list[float] | None:
+        """How much better our method, or another one, is than a rival, by each of CRITERIA; None where one has no result."""
+        ours, theirs = self.figures.get(own or self.study.ours or ""), self.figures.get(rival)
+        if ours is None or theirs is None:
+            return None
+        return [each.sign * (a - b) for each, a, b in zip(CRITERIA, ours.values, theirs.values, strict=True)]
+
+    def margin(self, criterion: int = RGB) -> tuple[str, float] | None:
+        """The best rival, and our lead over it in the unit of the criterion (negative: it leads)."""
+        rival = self.best(self.study.rivals, criterion)
+        if rival is None or (lead := self.leads(rival)) is None:
+            return None
+        return rival, lead[criterion]
 
 
 class Figures:
@@ -90,7 +124,7 @@ class Figures:
         self.results = results
         self.strokes = tuple(strokes)
         present = {cell.scene.group for cell in results}
-        self.groups = [group for group in SETS if group in present]
+        self.sets = [SetFigures(self, group) for group in SETS if group in present]
         self.scenes = {
             (cell.scene.name, *place): Figure(
                 cell.scene.group, cell.scene.name, *place, each.quality, each.psnr, each.ssim, each.wrong_hue, 1
@@ -105,128 +139,111 @@ class Figures:
         parts: dict[_Key, list[Measures]] = {}
         for cell, measures in self.results.items():
             parts.setdefault((cell.scene.group, cell.level, cell.method, cell.tile), []).append(measures)
-        found = {}
-        for key in sorted(parts, key=lambda key: self.groups.index(key[0])):
-            each = parts[key]
-            if len(each) == len(self.scene_names(key[0])):
-                quality = Quality(*(Histogram.pooled([m.patches[plane] for m in each]).quantiles() for plane in range(3)))
-                rgb, luminance, chrominance = np.mean([m.psnr for m in each], axis=0).tolist()
-                ssim, hues = float(np.mean([m.ssim for m in each])), [m.wrong_hue for m in each if m.wrong_hue is not None]
-                hue = float(np.mean(hues)) if len(hues) == len(each) else None
-                found[key] = Figure(key[0], None, *key[1:], quality, (rgb, luminance, chrominance), ssim, hue, len(each))
-        return found
+        return {
+            key: _pooled(key, found)
+            for each in self.sets
+            for key, found in parts.items()
+            if key[0] == each.name and len(found) == len(each.names)
+        }
 
-    def pooled(self, group: str, level: float, method: str, tile: Tile | None = None) -> Figure | None:
-        """The pooled figure of one set of scenes; None if there is none. tile: of the sparse camera, by default the study's."""
-        return self.pools.get((group, level, method, self._tile(method, tile)))
-
-    def of_scene(self, scene: str, level: float, method: str, tile: Tile | None = None) -> Figure | None:
+    def of_scene(self, scene: str, level: Protocol, method: str, tile: Tile | None = None) -> Figure | None:
         """The figure of one scene; None if there is none. tile: of the sparse camera, by default the study's."""
-        return self.scenes.get((scene, level, method, self._tile(method, tile)))
+        return self.scenes.get((scene, level, method, self.study.tile_of(method, tile)))
 
-    def _tile(self, method: str, tile: Tile | None) -> Tile | None:
-        return (tile or self.study.tile) if methods()[method].sparse else None
+    def at_scene(self, scene: str, level: Protocol) -> Standing:
+        """How the methods stand on one scene."""
+        found = {name: self.of_scene(scene, level, name) for name in self.study.methods}
+        return Standing(self.study, {name: each for name, each in found.items() if each})
 
-    def scene_names(self, group: str) -> list[str]:
-        """Names of the scenes of a set."""
-        return [scene.name for scene in self.study.scenes if scene.group == group]
 
-    @cached_property
-    def ours(self) -> str | None:
-        """The method that represents us: the best renderer in the study."""
-        return next((name for name in ("best", "paper", "preview") if name in self.study.methods), None)
+@dataclass(frozen=True)
+class SetFigures:
+    """The figures of one set of scenes.
+
+    figures: those of the whole study.
+    name: of the set, one of SETS.
+    """
+
+    figures: Figures
+    name: str
 
     @property
-    def rivals(self) -> list[str]:
-        """Methods of the Bayer sensor."""
-        return [name for name in self.study.methods if not methods()[name].sparse]
+    def study(self) -> Study:
+        """The study."""
+        return self.figures.study
 
-    def winner(self, group: str, level: float, criterion: int) -> str | None:
-        """The best method on a set at a level."""
-        return _best(self.study.methods, partial(self.pooled, group, level), criterion)
+    @property
+    def names(self) -> list[str]:
+        """Names of the scenes."""
+        return [scene.name for scene in self.study.scenes if scene.group == self.name]
 
-    def winner_of_scene(self, scene: str, level: float) -> str | None:
-        """The method with the highest median RGB PSNR on a scene."""
-        return _best(self.study.methods, partial(self.of_scene, scene, level))
+    def pooled(self, level: Protocol, method: str, tile: Tile | None = None) -> Figure | None:
+        """The pooled figure; None if there is none. tile: of the sparse camera, by default the study's."""
+        return self.figures.pools.get((self.name, level, method, self.study.tile_of(method, tile)))
 
-    def rival_of_scene(self, scene: str, level: float) -> str | None:
-        """The rival with the highest median RGB PSNR on a scene."""
-        return _best(self.rivals, partial(self.of_scene, scene, level))
+    def at(self, level: Protocol) -> Standing:
+        """How the methods stand on all scenes together."""
+        found = {name: self.pooled(level, name) for name in self.study.methods}
+        return Standing(self.study, {name: each for name, each in found.items() if each})
 
-    def margin(self, group: str, level: float, criterion: int = RGB) -> tuple[str, float] | None:
-        """The best rival on a set at a level, and our lead over it in the unit of the criterion (negative: it leads)."""
-        return self._margin(partial(self.pooled, group, level), criterion)
-
-    def _margin(self, find: Find, criterion: int = RGB) -> tuple[str, float] | None:
-        rival = _best(self.rivals, find, criterion)
-        if rival is None or self.ours is None or (lead := leads(find, self.ours, rival)) is None:
-            return None
-        return rival, lead[criterion]
-
-    def by_pattern(self, group: str, level: float, criterion: int, method: str | None = None) -> dict[Tile, float]:
+    def by_pattern(self, level: Protocol, criterion: int, method: str | None = None) -> dict[Tile, float]:
         """The figure of each pattern at a level, where there is one. method: by default our renderer."""
-        name = method or self.ours
+        name = method or self.study.ours
         if name is None:
             return {}
-        found = {tile: self.pooled(group, level, name, tile) for tile in self.study.tiles}
+        found = {tile: self.pooled(level, name, tile) for tile in self.study.tiles}
         values = {tile: figure.values[criterion] for tile, figure in found.items() if figure}
         return {tile: value for tile, value in values.items() if not isnan(value)}
 
-    def best_pattern(self, group: str, level: float, criterion: int) -> Tile | None:
+    def best_pattern(self, level: Protocol, criterion: int) -> Tile | None:
         """The best pattern for our renderer at a level."""
-        values = self.by_pattern(group, level, criterion)
+        values = self.by_pattern(level, criterion)
         return max(values, key=lambda tile: CRITERIA[criterion].sign * values[tile], default=None)
 
-    def best_period(self, group: str, level: float) -> tuple[int, float] | None:
+    def best_period(self, level: Protocol) -> tuple[int, float] | None:
         """The best of the paper's patterns for our renderer, and its lead over the study's own pattern, dB of median RGB PSNR."""
-        values = self.by_pattern(group, level, RGB)
+        values = self.by_pattern(level, RGB)
         medians = {tile.period: value for tile, value in values.items() if tile.period}
         if not medians or self.study.tile not in values:
             return None
         best = max(medians, key=lambda period: medians[period])
         return best, medians[best] - values[self.study.tile]
 
-    def scene_leads(self, group: str, level: float) -> list[float]:
+    def scene_leads(self, level: Protocol) -> list[float]:
         """Our lead over the best rival of each scene, dB of median RGB PSNR; scenes without results are left out."""
-        margins = [self._margin(partial(self.of_scene, name, level)) for name in self.scene_names(group)]
+        margins = [self.figures.at_scene(name, level).margin() for name in self.names]
         return [margin[1] for margin in margins if margin is not None]
 
-    def comparisons(self, group: str) -> list[Comparison]:
+    @cached_property
+    def comparisons(self) -> list[Comparison]:
         """Ours beside every rival at every level by every criterion: on each scene, and on all together if there are several."""
-        if self.ours is None:
-            return []
-        names = self.scene_names(group)
+        names = self.names
         return [
             Comparison(scene, level, criterion, rival, lead)
             for level in self.study.levels
             for scene in ([None, *names] if len(names) > 1 else names)
-            for find in [partial(self.of_scene, scene, level) if scene is not None else partial(self.pooled, group, level)]
-            for rival in self.rivals
-            for criterion, lead in enumerate(leads(find, self.ours, rival) or ())
+            for standing in [self.at(level) if scene is None else self.figures.at_scene(scene, level)]
+            for rival in self.study.rivals
+            for criterion, lead in enumerate(standing.leads(rival) or ())
         ]
 
-    def missing(self, group: str) -> dict[str, list[float]]:
+    def missing(self) -> dict[str, list[Protocol]]:
         """Methods, with the levels at which a scene has no result of them, so that they are missing from the pooled figures."""
-        levels, channels = self.study.levels, {scene.channels for scene in self.study.scenes if scene.group == group}
+        channels = {scene.channels for scene in self.study.scenes if scene.group == self.name}
         meant = [
             name
             for name in self.study.methods
             if any(can_photograph(tile, each) for tile in self.study.cameras(methods()[name]) for each in channels)
         ]
-        found = {name: [level for level in levels if self.pooled(group, level, name) is None] for name in meant}
+        found = {name: [level for level in self.study.levels if self.pooled(level, name) is None] for name in meant}
         return {name: without for name, without in found.items() if without}
 
 
-def leads(find: Find, own: str, rival: str) -> list[float] | None:
-    """How much better one method is than another, by each of CRITERIA; None where one of them has no result."""
-    ours, theirs = find(own), find(rival)
-    if ours is None or theirs is None:
-        return None
-    return [each.sign * (a - b) for each, a, b in zip(CRITERIA, ours.values, theirs.values, strict=True)]
-
-
-def _best(names: Iterable[str], find: Find, criterion: int = RGB) -> str | None:
-    """The best method by a criterion."""
-    found = {name: each.values[criterion] for name in names if (each := find(name)) is not None}
-    values = {name: CRITERIA[criterion].sign * value for name, value in found.items() if not isnan(value)}
-    return max(values, key=lambda name: values[name], default=None)
+def _pooled(key: _Key, parts: Sequence[Measures]) -> Figure:
+    """The figure of all scenes of a set together."""
+    quality = Quality(*(Histogram.pooled([each.patches[plane] for each in parts]).quantiles() for plane in range(3)))
+    rgb, luminance, chrominance = np.mean([each.psnr for each in parts], axis=0).tolist()
+    hues = [each.wrong_hue for each in parts if each.wrong_hue is not None]
+    hue = float(np.mean(hues)) if len(hues) == len(parts) else None
+    ssim = float(np.mean([each.ssim for each in parts]))
+    return Figure(key[0], None, *key[1:], quality, (rgb, luminance, chrominance), ssim, hue, len(parts))

@@ -20,7 +20,6 @@ from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import RGB, Scene
 
 from .metrics import BORDER, PATCH
-from .protocol import CROP, cut
 
 # Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8 bits) is not a measurement of light:
 # it is linearised, but never pooled with what sensors measured.
@@ -29,6 +28,7 @@ DEVELOPED = "developed pictures"
 BUILTIN = "built-in scenes"
 SPECTRAL = "scenes with other channels"  # than red, green and blue: no Bayer camera is for them
 _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
+CROP = 6  # pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN, SPECTRAL)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
 _LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
@@ -114,6 +114,13 @@ def _load(source: str, reading: Reading) -> Scene:
         except InputError:
             continue  # a file of another number of channels
     return load_scene(source, linear=reading.linear, channels=last)
+
+
+def cut(rgb: FloatArray, largest: int | None = None) -> FloatArray:
+    """A scene (H, W, N) cut to whole multiples of CROP pixels; with `largest` the middle, at most that many pixels each way."""
+    rows, columns = (min(size, largest or size) // CROP * CROP for size in rgb.shape[:2])
+    top, left = ((size - kept) // 2 if largest else 0 for size, kept in zip(rgb.shape[:2], (rows, columns), strict=True))
+    return np.ascontiguousarray(rgb[top : top + rows, left : left + columns])
 
 
 def digest(rgb: FloatArray) -> str:

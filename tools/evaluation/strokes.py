@@ -13,18 +13,19 @@ import numpy as np
 
 from shared.arrays import FloatArray, IndexArray
 from shared.errors import PanchromaError
-from tools.host.code_digest import digest
+from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
 
 from .cache import FOLDER, Cache, key
 from .cameras import CameraPair
 from .methods import choose, methods
 from .metrics import BORDER
-from .protocol import Protocol
 from .study import Study, can_photograph
 from .team import Team
 from .tiles import Tile
 
+VERSION = 1
+"""Of the drawing and of what is measured in it: raise it whenever either changes, so that kept results are made again."""
 WIDTHS = (8, 12, 16, 24, 36)
 """Pixels across a stroke."""
 COLOURS = {"red": (0.5, 0.05, 0.05), "blue": (0.03, 0.05, 0.3), "dark red": (0.12, 0.015, 0.015)}
@@ -46,7 +47,7 @@ class Strokes:
     """What a method keeps of the drawing, at a noise level, with a pattern (None: a Bayer camera's method)."""
 
     method: str
-    level: float
+    level: Protocol
     tile: Tile | None
     kept: Kept
 
@@ -94,21 +95,21 @@ class Piece:
     """One result to find or make. folder: of the study; for the others see `Strokes`."""
 
     method: str
-    level: float
+    level: Protocol
     tile: Tile | None
-    protocol: Protocol
+    seed: int
     folder: Path
 
     @property
     def name(self) -> str:
         """Name of the result in the cache."""
         return key(
-            scene=digest("tools/evaluation/strokes.py"),
-            protocol=self.protocol.kind,
-            seed=self.protocol.seed,
-            level=self.level,
+            scene=f"strokes {VERSION}",
+            protocol=[self.level.name, self.level.version],
+            level=self.level.level,
+            seed=self.seed if self.level.noisy else 0,
             pattern=(self.tile.letters, self.tile.pattern.channels) if self.tile else None,
-            method=methods()[self.method].identity(),
+            **methods()[self.method].identity,
         )
 
 
@@ -118,7 +119,7 @@ def measure_strokes(study: Study, folder: Path, team: Team) -> tuple[list[Stroke
     folder: of the study; results are kept there, and made once.
     """
     pieces = [
-        Piece(method.name, level, tile, study.protocol, folder)
+        Piece(method.name, level, tile, study.seed, folder)
         for level in study.levels
         for method in choose(list(study.methods))
         for tile in study.cameras(method)
@@ -136,10 +137,10 @@ def measure(piece: Piece) -> Kept | str:
     if (known := cache.numbers(piece.name, (len(COLOURS), len(WIDTHS)))) is not None:
         return tuple(map(tuple, known.tolist()))
     tile = piece.tile or Tile.of_period(6)
-    cameras = CameraPair(piece.protocol, piece.level, drawing()[0], tile.pattern, (1.0,) * len(RGB))
+    cameras = CameraPair(piece.level, piece.seed, drawing()[0], tile.pattern, (1.0,) * len(RGB))
     try:
         found = kept(methods()[piece.method].render(cameras))
     except (PanchromaError, MemoryError) as error:
-        return f"strokes: {piece.method}, {piece.protocol.describe(piece.level)}: {error or 'not enough memory'}"
+        return f"strokes: {piece.method}, {piece.level.text}: {error or 'not enough memory'}"
     cache.put_numbers(piece.name, np.array(found))
     return found

@@ -1,19 +1,21 @@
 """The work of an evaluation: every scene at every noise level by every method, each result kept as soon as it is made."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 
 from shared.arrays import FloatArray
 from shared.errors import InputError, PanchromaError
+from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
 
 from .cache import FOLDER, Cache, key
 from .cameras import CameraPair
 from .measures import Measures
-from .methods import DENOISING_SECONDS, Method, choose, methods
-from .protocol import Protocol
+from .method import Method
+from .methods import choose, methods
+from .rivals.denoising import SECONDS as DENOISING_SECONDS
 from .scene_sets import Reading, SceneInfo
 from .tiles import Tile, best_known, filters_of
 
@@ -25,14 +27,14 @@ class Cell:
     """One result: a scene at one noise level, by one method.
 
     scene: the scene.
-    level: noise level, as in `Protocol`.
+    level: the noise.
     method: its name.
     tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
     name: of the result in the cache.
     """
 
     scene: SceneInfo
-    level: float
+    level: Protocol
     method: str
     tile: Tile | None
     name: str
@@ -51,15 +53,21 @@ class Study:
     methods: names.
     levels: in order of rising noise.
     tiles: the patterns of the sparse-colour camera, under different names.
-    protocol, reading: how scenes are photographed and read.
+    seed: of the noise, the same for every scene.
+    reading: how scenes are read.
     """
 
     scenes: tuple[SceneInfo, ...]
     methods: tuple[str, ...]
-    levels: tuple[float, ...]
+    levels: tuple[Protocol, ...]
     tiles: tuple[Tile, ...]
-    protocol: Protocol
+    seed: int
     reading: Reading
+
+    @property
+    def protocol(self) -> type[Protocol]:
+        """The kind of noise."""
+        return type(self.levels[0])
 
     @property
     def tile(self) -> Tile:
@@ -69,6 +77,20 @@ class Study:
     def light(self, tile: Tile) -> float | None:
         """Light that a pattern collects, as a multiple of a Bayer sensor's, of the first scene that it can photograph."""
         return next((tile.light(scene.channels) for scene in self.scenes if tile.sees(scene.channels)), None)
+
+    @property
+    def ours(self) -> str | None:
+        """The method that represents us: the best renderer in the study."""
+        return next((name for name in ("best", "paper", "preview") if name in self.methods), None)
+
+    @property
+    def rivals(self) -> list[str]:
+        """Methods of the Bayer sensor."""
+        return [name for name in self.methods if not methods()[name].sparse]
+
+    def tile_of(self, method: str, tile: Tile | None = None) -> Tile | None:
+        """The pattern of the shots that a method renders, by default the study's own; None for a Bayer camera's method."""
+        return (tile or self.tile) if methods()[method].sparse else None
 
     @property
     def periods(self) -> tuple[int, ...]:
@@ -101,17 +123,17 @@ class Study:
                     found.append(f"{name}, and others with these channels, without {tile.name}: {error}")
         return made, found
 
-    def cell(self, scene: SceneInfo, level: float, method: Method, tile: Tile | None) -> Cell:
+    def cell(self, scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None) -> Cell:
         """One result, with its name in the cache. tile: None for a Bayer camera's method."""
-        noisy = level or self.protocol.kind == "sensor"
         name = key(
             scene=scene.digest,
             channels=scene.channels,
             neutral=scene.neutral if method.balanced else None,
-            protocol=asdict(self.protocol if noisy else replace(self.protocol, seed=0)),  # without noise any seed is the same
-            level=level,
+            protocol=[level.name, level.version],
+            level=level.level,
+            seed=self.seed if level.noisy else 0,  # without noise any seed is the same
             pattern=asdict(tile.pattern) if tile else None,
-            method=method.identity(),
+            **method.identity,
         )
         return Cell(scene, level, method.name, tile, name)
 
@@ -126,7 +148,7 @@ class Task:
     """Results that one process makes one after the other, because they share their preparation."""
 
     cells: tuple[Cell, ...]
-    protocol: Protocol
+    seed: int
     reading: Reading
     folder: Path
 
@@ -143,7 +165,7 @@ class Task:
         """Name for people."""
         first = self.cells[0]
         names = " ".join(dict.fromkeys(cell.method + (f" {cell.pattern}" if cell.tile else "") for cell in self.cells))
-        return f"{first.scene.name}, {self.protocol.describe(first.level)}: {names}"
+        return f"{first.scene.name}, {first.level.text}: {names}"
 
 
 def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
@@ -153,11 +175,11 @@ def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
     for cell in study.cells():
         distinct.setdefault(cell.name, cell)
     missing = [cell for cell in distinct.values() if cache.get(cell.name) is None]
-    todo: dict[tuple[str, float, str], list[Cell]] = {}
+    todo: dict[tuple[str, Protocol, str], list[Cell]] = {}
     for cell in missing:
         shared = "bm3d" if methods()[cell.method].denoise else cell.name
         todo.setdefault((cell.scene.digest, cell.level, shared), []).append(cell)
-    pieces = [Task(tuple(cells), study.protocol, study.reading, folder) for cells in todo.values()]
+    pieces = [Task(tuple(cells), study.seed, study.reading, folder) for cells in todo.values()]
     return pieces, len(distinct) - len(missing)
 
 
@@ -167,10 +189,10 @@ def work(task: Task) -> list[str]:
     failures = []
     for cell in task.cells:
         try:
-            picture = render_cell(cell, task.protocol, task.reading)
+            picture = render_cell(cell, task.seed, task.reading)
             measures = Measures.of(picture, task.reading.truth(cell.scene.source), cell.scene.channels)
         except PanchromaError as error:
-            failures.append(f"{cell.scene.source}: {cell.method}, {task.protocol.describe(cell.level)}: {error}")
+            failures.append(f"{cell.scene.source}: {cell.method}, {cell.level.text}: {error}")
         except MemoryError:
             failures.append(f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size")
         else:
@@ -178,14 +200,14 @@ def work(task: Task) -> list[str]:
     return failures
 
 
-def render_cell(cell: Cell, protocol: Protocol, reading: Reading) -> FloatArray:
+def render_cell(cell: Cell, seed: int, reading: Reading) -> FloatArray:
     """The picture behind a result, float32 (H, W, N), scene units."""
-    return methods()[cell.method].render(_cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), protocol, reading))
+    return methods()[cell.method].render(_cameras(cell.scene, cell.level, cell.tile or Tile.of_period(6), seed, reading))
 
 
 @lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest
-def _cameras(scene: SceneInfo, level: float, tile: Tile, protocol: Protocol, reading: Reading) -> CameraPair:
-    return CameraPair(protocol, level, reading.truth(scene.source), tile.pattern, scene.neutral, channels=scene.channels)
+def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading) -> CameraPair:
+    return CameraPair(level, seed, reading.truth(scene.source), tile.pattern, scene.neutral, channels=scene.channels)
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:

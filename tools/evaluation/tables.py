@@ -10,11 +10,11 @@ from tools.host.console import one_line
 
 from .claims import claims
 from .criteria import CRITERIA, EVEN
-from .figures import Figure, Figures
+from .figures import Figure, Figures, SetFigures
 from .measures import PLANES
 from .methods import methods
 from .metrics import BORDER, PATCH, QUANTILES
-from .protocol import CROP
+from .scene_sets import CROP
 from .strokes import COLOURS, MARGIN, WHITE, WIDTHS
 from .study import Study
 from .tiles import Tile
@@ -36,7 +36,7 @@ def stroke_rows(figures: Figures) -> list[dict[str, Any]]:
         {
             "group": _DRAWN,
             "scene": colour,
-            "level": each.level,
+            "level": each.level.level,
             "method": each.method,
             "period": each.tile and each.tile.period,
             "pattern": each.tile and each.tile.name,
@@ -68,10 +68,10 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
     document = {
         "program": program,
         "protocol": {
-            "kind": study.protocol.kind,
-            "seed": study.protocol.seed,
-            "level": "sigma, scene units" if study.protocol.kind == "paper" else "exposure",
-            "levels": study.levels,
+            "kind": study.protocol.name,
+            "seed": study.seed,
+            "level": study.protocol.unit,
+            "levels": [level.level for level in study.levels],
             "period": study.tile.period,
             "periods": study.periods,
             "pattern": study.tile.name,
@@ -97,7 +97,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
             name: {"title": methods()[name].title, "ours": methods()[name].ours, "bayer": not methods()[name].sparse}
             for name in study.methods
         },
-        "verdict": {group: _verdict(figures, group) for group in figures.groups},
+        "verdict": {group.name: _verdict(group) for group in figures.sets},
         "figures": rows(figures),
         "strokes": {"colours": COLOURS, "white": WHITE, "widths": WIDTHS, "margin": MARGIN, "kept": stroke_rows(figures)},
         "failed": failures,
@@ -106,16 +106,16 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
     return (json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(errors="backslashreplace")
 
 
-def _verdict(figures: Figures, group: str) -> dict[str, Any]:
-    levels, compared = [], figures.comparisons(group)
-    for level in figures.study.levels:
-        margin = figures.margin(group, level)
-        by_scene = figures.scene_leads(group, level)
-        best = figures.best_period(group, level)
+def _verdict(group: SetFigures) -> dict[str, Any]:
+    levels, compared = [], group.comparisons
+    for level in group.study.levels:
+        margin = group.at(level).margin()
+        by_scene = group.scene_leads(level)
+        best = group.best_period(level)
         levels.append(
             {
-                "level": level,
-                "winner": {each.name: figures.winner(group, level, index) for index, each in enumerate(CRITERIA)},
+                "level": level.level,
+                "winner": {each.name: group.at(level).best(criterion=index) for index, each in enumerate(CRITERIA)},
                 "best_rival": margin and margin[0],
                 "margin_rgb": margin and round(margin[1], 4),
                 "scenes_won": sum(lead >= EVEN for lead in by_scene),
@@ -124,20 +124,20 @@ def _verdict(figures: Figures, group: str) -> dict[str, Any]:
                 "best_pattern": {
                     each.name: tile and tile.name
                     for index, each in enumerate(CRITERIA)
-                    for tile in [figures.best_pattern(group, level, index)]
+                    for tile in [group.best_pattern(level, index)]
                 },
             }
         )
     return {
-        "ours": figures.ours,
+        "ours": group.study.ours,
         "levels": levels,
-        "caveats": caveats(figures, group),
-        "claims": [{"claim": c.text, "finding": c.finding, "scenes": c.scenes, "why": c.why} for c in claims(figures, group)],
+        "caveats": caveats(group),
+        "claims": [{"claim": c.text, "finding": c.finding, "scenes": c.scenes, "why": c.why} for c in claims(group)],
         "comparisons": len(compared),
         "losses": [
             {
                 "scene": each.scene,
-                "level": each.level,
+                "level": each.level.level,
                 "rival": each.rival,
                 "figure": CRITERIA[each.criterion].name,
                 "margin": round(-each.lead, 4),
@@ -161,7 +161,7 @@ def _facts(study: Study, tile: Tile | None) -> dict[str, Any]:
 def _row(study: Study, figure: Figure) -> dict[str, Any]:
     facts = _facts(study, figure.tile)
     row: dict[str, Any] = {name: getattr(figure, name) for name in _COLUMNS if name != "period"}
-    row["period"] = facts.pop("period")
+    row |= {"level": figure.level.level, "period": facts.pop("period")}
     for plane, quantiles in zip(PLANES, figure.quality, strict=True):
         for quantile, value in zip(QUANTILES, quantiles, strict=True):
             row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)

@@ -4,12 +4,13 @@ from collections import Counter
 from dataclasses import dataclass
 from itertools import chain
 
+from tools.camera.protocols import Protocol
 from tools.host.console import one_line
 
 from .claims import FEW, ahead, claims
 from .criteria import CRITERIA, EVEN, HUE, RGB, TENTH, WHOLE
-from .figures import Comparison, Figures
-from .methods import methods, remedy
+from .figures import Comparison, Figures, SetFigures
+from .methods import methods
 from .pattern_verdict import best_patterns, pattern_table
 from .scene_sets import SPECTRAL
 from .strokes import COLOURS, WIDTHS
@@ -30,7 +31,7 @@ class Defeat:
     worst: on each scene on which we lose, the rival that is furthest ahead; the largest margin first.
     """
 
-    level: float
+    level: Protocol
     criterion: int
     together: Comparison | None
     worst: tuple[Comparison, ...]
@@ -40,26 +41,26 @@ def plain_text(figures: Figures) -> str:
     """The verdict for a terminal: for each set a table of pooled medians, then sentences."""
     lines = []
     study = figures.study
-    for group in figures.groups:
-        levels = [study.protocol.describe(level) for level in study.levels]
+    for group in figures.sets:
+        levels = [level.text for level in study.levels]
         widths = [max(len(text), 8) for text in levels]
-        lines += [f"{heading(figures, group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
+        lines += [f"{heading(group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
         lines += [" " * 30 + "  ".join(f"{text:>{width}}" for text, width in zip(levels, widths, strict=True))]
         for name in study.methods:
-            cells = [figures.pooled(group, level, name) for level in study.levels]
+            cells = [group.pooled(level, name) for level in study.levels]
             if any(cells):
                 texts = [f"{cell.quality.median[0]:.1f}" if cell else "-" for cell in cells]
                 columns = (f"{text:>{width}}" for text, width in zip(texts, widths, strict=True))
                 lines.append(f"{methods()[name].title:30}" + "  ".join(columns))
-        lines += [headline(figures, group), *caveats(figures, group)]
-        lines += [*comparisons(figures, group), *worst_places(figures, group)]
-        lines += [f"{claim.text}: {claim.finding}, {claim.scenes} ({claim.why})." for claim in claims(figures, group)]
-        if summary := losses(figures, group):
+        lines += [headline(group), *caveats(group)]
+        lines += [*comparisons(group), *worst_places(group)]
+        lines += [f"{claim.text}: {claim.finding}, {claim.scenes} ({claim.why})." for claim in claims(group)]
+        if summary := losses(group):
             lines.append(f"Where we lose: {summary}")
-        lines += [f"  {defeat_text(figures, group, each)}" for each in defeats(figures, group)]
-        if best := periods(figures, group):
+        lines += [f"  {defeat_text(group, each)}" for each in defeats(group)]
+        if best := periods(group):
             lines.append(best)
-        lines += [*pattern_table(figures, group), *best_patterns(figures, group)]
+        lines += [*pattern_table(group), *best_patterns(group)]
         lines.append("")
     lines += stroke_lines(figures)
     return "\n".join(map(one_line, lines)).rstrip()
@@ -70,7 +71,7 @@ def stroke_lines(figures: Figures) -> list[str]:
     study = figures.study
     if not figures.strokes:
         return []
-    levels = [study.protocol.describe(level) for level in study.levels]
+    levels = [level.text for level in study.levels]
     table = [("", levels)]
     for name, tile in dict.fromkeys((each.method, each.tile) for each in figures.strokes):
         found = {each.level: each.least for each in figures.strokes if (each.method, each.tile) == (name, tile)}
@@ -80,16 +81,16 @@ def stroke_lines(figures: Figures) -> list[str]:
     return [f"{STROKES}, %:", *("  ".join([f"{title:{wide}}", *(f"{text:>{narrow}}" for text in texts)]) for title, texts in table)]
 
 
-def heading(figures: Figures, group: str) -> str:
+def heading(group: SetFigures) -> str:
     """Name of a set with its number of scenes."""
-    count = len(figures.scene_names(group))
-    return f"{group[0].upper()}{group[1:]} ({count} scene{'s' * (count != 1)})"
+    count = len(group.names)
+    return f"{group.name[0].upper()}{group.name[1:]} ({count} scene{'s' * (count != 1)})"
 
 
-def headline(figures: Figures, group: str) -> str:
+def headline(group: SetFigures) -> str:
     """The verdict on a set: the levels at which we beat every rival in median RGB PSNR, and by how many other figures we do not."""
-    margins = [(level, margin[1]) for level in figures.study.levels if (margin := figures.margin(group, level)) is not None]
-    if not margins and group == SPECTRAL:
+    margins = [(level, margin[1]) for level in group.study.levels if (margin := group.at(level).margin()) is not None]
+    if not margins and group.name == SPECTRAL:
         return "A Bayer camera is left out: these scenes have other channels than red, green and blue."
     if not margins:
         return "There is no Bayer camera to compare with: measure a method of ours and a rival."
@@ -98,69 +99,67 @@ def headline(figures: Figures, group: str) -> str:
         ("even with the best", [level for level, lead in margins if abs(lead) < EVEN]),
         ("worse than the best", [level for level, lead in margins if lead <= -EVEN]),
     )
-    parts = [
-        f"{text} at {_listed([figures.study.protocol.describe(level) for level in levels])}" for text, levels in kinds if levels
-    ]
+    parts = [f"{text} at {_listed([level.text for level in levels])}" for text, levels in kinds if levels]
     text = capital("; ".join(parts)) + " in median RGB PSNR."
-    others = Counter(each.level for each in defeats(figures, group) if each.criterion != RGB and each.together)
+    others = Counter(each.level for each in defeats(group) if each.criterion != RGB and each.together)
     if others:
-        counts = _listed([f"{count} at {figures.study.protocol.describe(level)}" for level, count in others.items()])
+        counts = _listed([f"{count} at {level.text}" for level, count in others.items()])
         text += f" But of the {len(CRITERIA) - 1} other figures some are better for a rival: {counts}."
     return text
 
 
-def caveats(figures: Figures, group: str) -> list[str]:
+def caveats(group: SetFigures) -> list[str]:
     """Sentences on what the headline does not stand on: too few scenes, rivals that were not measured, missing results."""
-    if not (figures.ours and figures.rivals):
+    if not (group.study.ours and group.study.rivals):
         return []
-    study, count = figures.study, len(figures.scene_names(group))
+    study, count = group.study, len(group.names)
     found = []
     if count < FEW:
         found.append(
             f"Only {count} scene{'s' * (count != 1)}: with fewer than {FEW}, even being ahead on all of them may be chance."
         )
     for name, what, noisy in _STRONGEST:
-        same = [each for each in figures.rivals if name == each or (noisy and methods()[each].denoise)]
-        meant = [level for level in study.levels if study.protocol.kind == "sensor" or (level > 0) == noisy]
+        same = [each for each in group.study.rivals if name == each or (noisy and methods()[each].denoise)]
+        meant = [level for level in study.levels if (level.noisy if noisy else level.clear)]
         if same or not meant:
             continue
-        package = methods()[name].missing
-        why = f"{package} is not installed: {remedy(package)}" if package else "--methods left it out"
+        method = methods()[name]
+        why = f"{method.missing} is not installed: {method.remedy}" if method.missing else "it was not asked for"
         found.append(f"No rival here {what}, which is the strongest kind {'in' if noisy else 'without'} noise; {why}.")
-    for name, levels in figures.missing(group).items():
-        at = _listed([study.protocol.describe(level) for level in levels])
+    for name, levels in group.missing().items():
+        at = _listed([level.text for level in levels])
         found.append(f"Without {methods()[name].title} at {at}: results of it are missing, so that it is not compared there.")
     return found
 
 
-def comparisons(figures: Figures, group: str) -> list[str]:
+def comparisons(group: SetFigures) -> list[str]:
     """One sentence for each level: the comparison with the best rival."""
     sentences = []
-    for level in figures.study.levels:
-        margin = figures.margin(group, level)
+    for level in group.study.levels:
+        margin = group.at(level).margin()
         if margin is None:
             continue
         rival, lead = methods()[margin[0]].short, margin[1]
-        text = f"{capital(figures.study.protocol.describe(level))}: "
+        text = f"{capital(level.text)}: "
         if abs(lead) < EVEN:
             text += f"even with {rival}"
         else:
-            text += f"{figures.ours} is {abs(lead):.1f} dB {'better' if lead > 0 else 'worse'} than the best rival, {rival}"
-        scenes = ahead(figures.scene_leads(group, level)).replace("ahead", "ahead of every rival", 1)
+            text += f"{group.study.ours} is {abs(lead):.1f} dB {'better' if lead > 0 else 'worse'} than the best rival, {rival}"
+        scenes = ahead(group.scene_leads(level)).replace("ahead", "ahead of every rival", 1)
         sentences.append(f"{text}; {scenes}.")
     return sentences
 
 
-def worst_places(figures: Figures, group: str) -> list[str]:
+def worst_places(group: SetFigures) -> list[str]:
     """One sentence for each level: the worst tenth of the patches, whole images and wrong hues, each beside its best rival."""
     sentences = []
-    for level in figures.study.levels:
-        own = figures.ours and figures.pooled(group, level, figures.ours)
-        leads = [figures.margin(group, level, criterion) for criterion in (TENTH, WHOLE, HUE)]
+    for level in group.study.levels:
+        own = group.study.ours and group.pooled(level, group.study.ours)
+        leads = [group.at(level).margin(criterion) for criterion in (TENTH, WHOLE, HUE)]
         if not own or None in leads:
             continue
         tenth, whole, hue = ((lead, methods()[name].short) for name, lead in filter(None, leads))
-        share, described = own.values[HUE], capital(figures.study.protocol.describe(level))
+        share, described = own.values[HUE], capital(level.text)
         sentences.append(
             f"{described}, worst places beside the best rivals: {tenth[0]:+.1f} dB in the worst tenth of the patches "
             f"({tenth[1]}), {whole[0]:+.1f} dB in whole images ({whole[1]}); wrong hue in {share:.1f} % of the pixels, "
@@ -169,9 +168,9 @@ def worst_places(figures: Figures, group: str) -> list[str]:
     return sentences
 
 
-def losses(figures: Figures, group: str) -> str:
+def losses(group: SetFigures) -> str:
     """How many comparisons we lose, of how many, and to whom; "" if there are none."""
-    compared = figures.comparisons(group)
+    compared = group.comparisons
     if not compared:
         return ""
     lost = Counter(methods()[each.rival].short for each in compared if each.lost)
@@ -183,12 +182,12 @@ def losses(figures: Figures, group: str) -> str:
     return f"{every}, by rival: {rivals}. evaluation.json lists them all."
 
 
-def defeats(figures: Figures, group: str) -> list[Defeat]:
+def defeats(group: SetFigures) -> list[Defeat]:
     """Where a rival beats us, by level, because losses without noise have other causes than those in noise; then by criterion."""
-    lost = [each for each in figures.comparisons(group) if each.lost]
+    lost = [each for each in group.comparisons if each.lost]
     found = []
     for level, criterion in sorted(
-        {(each.level, each.criterion) for each in lost}, key=lambda key: (figures.study.levels.index(key[0]), key[1])
+        {(each.level, each.criterion) for each in lost}, key=lambda key: (group.study.levels.index(key[0]), key[1])
     ):
         furthest: dict[str | None, Comparison] = {}
         for each in lost:
@@ -199,15 +198,15 @@ def defeats(figures: Figures, group: str) -> list[Defeat]:
     return found
 
 
-def defeat_text(figures: Figures, group: str, defeat: Defeat) -> str:
+def defeat_text(group: SetFigures, defeat: Defeat) -> str:
     """Where we lose at a level by a criterion, in one sentence."""
-    described, title = capital(figures.study.protocol.describe(defeat.level)), CRITERIA[defeat.criterion].title
-    return f"{described}, {title}: {'; '.join(defeat_parts(figures, group, defeat))}."
+    described, title = capital(defeat.level.text), CRITERIA[defeat.criterion].title
+    return f"{described}, {title}: {'; '.join(defeat_parts(group, defeat))}."
 
 
-def defeat_parts(figures: Figures, group: str, defeat: Defeat) -> list[str]:
+def defeat_parts(group: SetFigures, defeat: Defeat) -> list[str]:
     """The set as a whole, and the scenes, each beside the rival that is furthest ahead."""
-    criterion, count, parts = CRITERIA[defeat.criterion], len(figures.scene_names(group)), []
+    criterion, count, parts = CRITERIA[defeat.criterion], len(group.names), []
     if defeat.together:
         parts.append(
             f"all together {criterion.difference(defeat.together.lead)}{criterion.unit} ({methods()[defeat.together.rival].short})"
@@ -219,14 +218,14 @@ def defeat_parts(figures: Figures, group: str, defeat: Defeat) -> list[str]:
     return parts
 
 
-def periods(figures: Figures, group: str) -> str:
+def periods(group: SetFigures) -> str:
     """The best period at each level, in a sentence; empty when only one was measured."""
-    study = figures.study
-    found = [(level, best) for level in study.levels if (best := figures.best_period(group, level)) is not None]
+    study = group.study
+    found = [(level, best) for level in study.levels if (best := group.best_period(level)) is not None]
     if len(study.periods) < 2 or not found:
         return ""
-    parts = [f"{study.protocol.describe(level)} K = {period} ({lead:+.1f} dB)" for level, (period, lead) in found]
-    return f"Best K of {figures.ours}, and its margin over {study.tile.title}: {', '.join(parts)}."
+    parts = [f"{level.text} K = {period} ({lead:+.1f} dB)" for level, (period, lead) in found]
+    return f"Best K of {group.study.ours}, and its margin over {study.tile.title}: {', '.join(parts)}."
 
 
 def capital(text: str) -> str:

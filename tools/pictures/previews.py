@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, cast
 
 from shared import Mosaic
-from shared.arrays import ByteArray
+from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 
 if TYPE_CHECKING:  # onnxruntime is slow to load, and help needs none
@@ -47,3 +47,17 @@ class Previews:
         if pattern not in self._built:
             self._built[pattern] = Preview(mosaic.pattern, self._scale)
         return cast(ByteArray, self._built[pattern].run(mosaic))
+
+
+def linear_preview(mosaic: Mosaic) -> FloatArray:
+    """The camera's preview of a shot at full size, without display processing: float32 (H, W, 3), scene units of the shot."""
+    from device import Preview
+
+    return cast(FloatArray, Preview.for_mosaic(mosaic, scale=1, linear=True, threads=1).run(mosaic))
+
+
+def preview_version() -> str:
+    """Version of the graphs that make previews."""
+    from device.preview.graph import BUILDER
+
+    return BUILDER

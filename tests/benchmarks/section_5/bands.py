@@ -8,7 +8,7 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from tools.evaluation.metrics import BORDER, quality
-from tools.evaluation.presets import UNLEARNED, render_preset
+from tools.evaluation.ours import PRESETS, render_preset
 from tools.evaluation.rivals.plane_denoising import denoised_planes
 from tools.evaluation.rivals.planes import planes
 from tools.scenes.scene import Scene
@@ -24,7 +24,7 @@ _ERRS = 10.0  # degrees from the truth, of what is guessed from perfect red, gre
 
 def bands(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each way to the bands: of the picture in red, green and blue (PSNR, dB), and of the spectra."""
-    truth, unlearned = Truth(scene), partial(render_preset, UNLEARNED)
+    truth, unlearned = Truth(scene), partial(render_preset, PRESETS["unlearned"])
     yield "perfect R, G, B; bands guessed", truth.measured(truth.rgb @ truth.guess)
     for period in (4, 6):
         camera = Camera.of("RG/GB", period, scene)

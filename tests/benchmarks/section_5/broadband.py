@@ -9,7 +9,7 @@ from offline import BEST
 from shared.arrays import FloatArray
 from tools.evaluation.hue import wrong_hue
 from tools.evaluation.metrics import BORDER, psnr, quality
-from tools.evaluation.presets import UNLEARNED, render_preset
+from tools.evaluation.ours import PRESETS, render_preset
 from tools.scenes.scene import Scene
 
 from .cameras import Camera, Level
@@ -23,7 +23,7 @@ def broadband(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each block, K = 6, all in the scene's RGB."""
     for block in BLOCKS:
         camera = Camera.of(block, 6, scene)
-        presets = {f"`{block}`": UNLEARNED}
+        presets = {f"`{block}`": PRESETS["unlearned"]}
         if block == "RG/GB":  # there is a network for no other of these
             presets[f"`{block}`, network"] = BEST
         for name, settings in presets.items():

@@ -10,7 +10,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
 from tools.camera.filters import Filters, filters_for
-from tools.evaluation.protocol import cut
+from tools.evaluation.scene_sets import cut
 from tools.scenes.scene import Scene
 
 

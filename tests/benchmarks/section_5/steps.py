@@ -12,7 +12,7 @@ from offline import BEST, PAPER, render, use_threads
 from shared import Mosaic
 from shared.arrays import FloatArray
 from tools.evaluation.metrics import quality
-from tools.evaluation.presets import UNLEARNED, render_preset
+from tools.evaluation.ours import PRESETS, render_preset
 from tools.scenes.scene import Scene
 
 from .cameras import Camera, Level
@@ -20,7 +20,7 @@ from .cameras import Camera, Level
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
 _SLOW = replace(PAPER.luminance, iterations=200, decay=2**-0.0625)
-_UNCORRECTED = replace(UNLEARNED, sites=PAPER.sites, chromaticity=replace(BEST.chromaticity, mismatch=0.0))
+_UNCORRECTED = replace(PRESETS["unlearned"], sites=PAPER.sites, chromaticity=replace(BEST.chromaticity, mismatch=0.0))
 STEPS = {
     "`paper`": PAPER,
     "`paper`, luminance in 13 iterations, not 50": replace(PAPER, luminance=_FAST),
@@ -28,7 +28,7 @@ STEPS = {
     "`paper`, no medians": replace(PAPER, chromaticity=replace(PAPER.chromaticity, taps=1)),
     "`paper`, no refinement": replace(PAPER, refinement=BEST.refinement),
     "`best`": BEST,
-    "`best`, no network": UNLEARNED,
+    "`best`, no network": PRESETS["unlearned"],
     "`best`, no network, no correction by the samples": _UNCORRECTED,
     "`best`, luminance not denoised": replace(BEST, denoising=PAPER.denoising),
     "`best`, colour not pooled": replace(BEST, pooling=PAPER.pooling),

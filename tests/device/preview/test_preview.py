@@ -13,10 +13,10 @@ from shared.arrays import CodeArray, FloatArray
 from shared.colorimetry import encode_srgb
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive
+from tests.bayer import bayer_mosaic
 from tests.data import photograph
 from tests.python import run_python
 from tools.evaluation.metrics import Quality, quality
-from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.load import load_scene

@@ -13,11 +13,11 @@ from shared.metadata import CaptureField
 from shared.tiff import FieldType
 from tools.camera import burst as module
 from tools.camera import motion, moving_thing
-from tools.camera.burst import Burst, burst_frames, motion_text, reduced, tremor
+from tools.camera.burst import SimulatedBurst, burst_frames, motion_text, reduced, tremor
 from tools.camera.motion import Motion
 from tools.scenes.drawn.builtin import builtin_scene
 
-HAND = Burst(5, pixels=3, degrees=0.3)
+HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
 
 
 def random(seed: int = 0) -> np.random.Generator:
@@ -35,7 +35,7 @@ def test_the_examples(documented: object) -> None:
 
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
-    motions = tremor(Burst(200, pixels=3, degrees=0.3), random())
+    motions = tremor(SimulatedBurst(200, pixels=3, degrees=0.3), random())
     assert motions[0].none
     shifts = np.array([(each.down, each.across) for each in motions])
     lengths, angles = np.hypot(*shifts.T), np.array([each.degrees for each in motions])
@@ -46,7 +46,7 @@ def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
 
 
 def test_without_motion_every_frame_is_the_scene(leaves: FloatArray) -> None:
-    frames = list(burst_frames(leaves, Burst(3), random()))
+    frames = list(burst_frames(leaves, SimulatedBurst(3), random()))
     assert [frame.motion for frame in frames] == [Motion()] * 3
     assert all(np.array_equal(frame.rgb, leaves) for frame in frames)
 
@@ -87,7 +87,7 @@ def test_larger_pixels_are_means(leaves: FloatArray) -> None:
         blocks = leaves[: rows * pixel, : columns * pixel].reshape(rows, pixel, columns, pixel, 3)
         np.testing.assert_allclose(means, blocks.mean(axis=(1, 3)), rtol=1e-5)
     with pytest.raises(InputError, match="the scene has 240 x 200 pixels: `reduce=201` leaves nothing of it"):
-        next(burst_frames(leaves, Burst(1), random(), 201))
+        next(burst_frames(leaves, SimulatedBurst(1), random(), 201))
 
 
 def test_light_is_not_negative() -> None:
@@ -100,8 +100,8 @@ def test_light_is_not_negative() -> None:
 
 
 def test_a_thing_moves_by_itself_and_hides_what_is_behind(leaves: FloatArray) -> None:
-    without = list(burst_frames(leaves, Burst(4), random()))
-    frames = list(burst_frames(leaves, Burst(4, moving=True), random()))
+    without = list(burst_frames(leaves, SimulatedBurst(4), random()))
+    frames = list(burst_frames(leaves, SimulatedBurst(4, moving=True), random()))
     places = []
     for frame, plain in zip(frames, without, strict=True):
         assert frame.thing is not None
@@ -124,8 +124,8 @@ def test_a_thing_moves_by_itself_and_hides_what_is_behind(leaves: FloatArray) ->
 
 
 def test_a_thing_is_where_the_truth_says_in_larger_pixels_too(leaves: FloatArray) -> None:
-    plain, *_ = burst_frames(leaves, Burst(3, pixels=1), random(), 2)
-    frame, *_ = burst_frames(leaves, Burst(3, pixels=1, moving=True), random(), 2)
+    plain, *_ = burst_frames(leaves, SimulatedBurst(3, pixels=1), random(), 2)
+    frame, *_ = burst_frames(leaves, SimulatedBurst(3, pixels=1, moving=True), random(), 2)
     assert frame.thing is not None
     row, column, radius = frame.thing
     changed = (frame.rgb != plain.rgb).any(axis=2)
@@ -134,12 +134,12 @@ def test_a_thing_is_where_the_truth_says_in_larger_pixels_too(leaves: FloatArray
 
 
 def test_a_scene_too_small_for_a_texture_has_a_thing(leaves: FloatArray) -> None:
-    frames = list(burst_frames(leaves[:40, :30], Burst(3, moving=True), random()))
+    frames = list(burst_frames(leaves[:40, :30], SimulatedBurst(3, moving=True), random()))
     assert all(frame.thing is not None and np.isfinite(frame.rgb).all() for frame in frames)
 
 
 def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
-    frames = list(burst_frames(leaves, Burst(3, stops=(0, -2, 1)), random()))
+    frames = list(burst_frames(leaves, SimulatedBurst(3, stops=(0, -2, 1)), random()))
     assert [frame.exposure for frame in frames] == [1, 0.25, 2]
     kept, dropped = (
         CaptureField("exif", 37383, FieldType.SHORT, b"\5\0"),
@@ -150,11 +150,11 @@ def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
     assert frames[0].metadata(scene).more == (kept,)
     unknown = [frame.metadata(CaptureMetadata()).exposure_time for frame in frames]
     assert unknown == [1 / 60, 1 / 240, 1 / 30]
-    assert next(burst_frames(leaves, Burst(1), random())).metadata(scene) is scene
+    assert next(burst_frames(leaves, SimulatedBurst(1), random())).metadata(scene) is scene
 
 
 def test_the_text_of_the_motion(leaves: FloatArray) -> None:
-    frames = list(burst_frames(leaves, Burst(2, pixels=2, degrees=1, moving=True, stops=(0, 1)), random()))
+    frames = list(burst_frames(leaves, SimulatedBurst(2, pixels=2, degrees=1, moving=True, stops=(0, 1)), random()))
     text = json.loads(motion_text({"a-1.dng": frames[0], "a-2.dng": frames[1]}, (100, 121)))
     assert text["centre"] == [49.5, 60]
     assert text["reference"] == "a-1.dng"
@@ -178,10 +178,10 @@ def test_the_text_of_the_motion(leaves: FloatArray) -> None:
 )
 def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> None:
     with pytest.raises(InputError) as refused:
-        Burst(**{"frames": 3, **figures})  # type: ignore[arg-type]
+        SimulatedBurst(**{"frames": 3, **figures})  # type: ignore[arg-type]
     assert words in str(refused.value)
 
 
 def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:
     with pytest.raises(InputError, match="loses 112 pixels on each side of a scene of 240 x 200: nothing is left; take a larger"):
-        next(burst_frames(leaves, Burst(2, pixels=100), random()))
+        next(burst_frames(leaves, SimulatedBurst(2, pixels=100), random()))

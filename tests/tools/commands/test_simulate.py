@@ -22,7 +22,7 @@ from shared.arrays import FloatArray
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.tools.command import assert_refused, file_limit, names, run, spawn
-from tools.camera.burst import Burst, burst_frames
+from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.commands.simulate import noise_of
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -236,7 +236,7 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert names(out) == {*FRAMES, *BESIDE}
     told = json.loads((out / "builtin-150x120.motion.json").read_text())
     hand = noise_of(3, "builtin-150x120-1.motion")
-    frames = list(burst_frames(builtin_scene(150, 120).rgb, Burst(3, 2, 0.5, True), hand))
+    frames = list(burst_frames(builtin_scene(150, 120).rgb, SimulatedBurst(3, 2, 0.5, True), hand))
     for name, frame in zip(FRAMES, frames, strict=True):
         shot = read_dng(out / name)
         known = simulate_additive(frame.rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(3, name))

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from shared.arrays import FloatArray
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation.figures import Figures
-from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, collect, tasks, work
 from tools.evaluation.team import Team
@@ -35,7 +35,12 @@ def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlm
         if not path.exists():
             np.save(path, small_scene(78, 90 + 12 * seed, seed))
         scenes.append(Reading().info(str(path)))
-    parts: dict[str, object] = {"levels": (0.0, 0.03), "tiles": (Tile.of_period(6),), "protocol": Protocol(), "reading": Reading()}
+    parts: dict[str, object] = {
+        "levels": PaperProtocol.levels((0.0, 0.03)),
+        "tiles": (Tile.of_period(6),),
+        "seed": 0,
+        "reading": Reading(),
+    }
     parts |= changes
     return Study(tuple(scenes), methods, **parts)  # type: ignore[arg-type]
 

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.data import photograph
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation.measures import Measures
-from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
 from tools.evaluation.tiles import Tile
@@ -21,9 +21,9 @@ TOLERANCE = 0.15  # dB
 
 @pytest.mark.parametrize("name", PAPER)
 def test_the_papers_method_scores_what_it_should(name: str) -> None:
-    reading, protocol = Reading(), Protocol()
+    reading, levels = Reading(), PaperProtocol.levels((0.0, 0.01, 0.03))
     scene = reading.info(str(photograph(name)))
-    study = Study((scene,), ("paper",), (0.0, 0.01, 0.03), (Tile.of_period(6),), protocol, reading)
+    study = Study((scene,), ("paper",), levels, (Tile.of_period(6),), 0, reading)
     for cell, expected in zip(study.cells(), PAPER[name], strict=True):
-        measures = Measures.of(render_cell(cell, protocol, reading), reading.truth(scene.source))
+        measures = Measures.of(render_cell(cell, 0, reading), reading.truth(scene.source))
         assert measures.quality.median == pytest.approx(expected, abs=TOLERANCE)

@@ -11,9 +11,10 @@ import pytest
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from tests.tools.evaluation.examples import measured, study_of
+from tools.camera.protocols import PaperProtocol, Protocol
 from tools.evaluation.claims import FEW, Claim, ahead, claims
 from tools.evaluation.criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH, WHOLE
-from tools.evaluation.figures import Comparison, Figures
+from tools.evaluation.figures import Comparison, Figures, SetFigures
 from tools.evaluation.measures import Measures
 from tools.evaluation.page.page import build_page
 from tools.evaluation.pattern_verdict import gains
@@ -24,6 +25,8 @@ from tools.evaluation.tiles import Tile, chosen_tiles
 from tools.evaluation.verdict import caveats, comparisons, headline, losses, plain_text, worst_places
 
 SET = "linear photographs"
+CLEAN, NOISY = PaperProtocol(0.0), PaperProtocol(0.03)
+LEVELS = (0.0, 0.03)
 RNG = np.random.default_rng(0)
 TRUTH = RNG.random((60, 60, 3)).astype(np.float32)
 NOISE = RNG.standard_normal((60, 60, 3)).astype(np.float32)
@@ -32,8 +35,13 @@ GREY = np.repeat(NOISE[..., :1], 3, axis=2)
 
 def figures_with(study: Study, errors: dict[tuple[str, float], FloatArray]) -> Figures:
     """A study whose renderings have the errors given, by method and level."""
-    results = {cell: Measures.of(TRUTH + errors[cell.method, cell.level], TRUTH) for cell in study.cells()}
+    results = {cell: Measures.of(TRUTH + errors[cell.method, cell.level.level], TRUTH) for cell in study.cells()}
     return Figures(study, results)
+
+
+def linear(figures: Figures) -> SetFigures:
+    """The set of linear photographs."""
+    return next(each for each in figures.sets if each.name == SET)
 
 
 @pytest.fixture
@@ -56,71 +64,60 @@ def test_winner_margin_and_losses(study: Study) -> None:
         ("dlmmse", 0.03): 0.04 * NOISE,
     }
     figures = figures_with(study, errors)
-    assert figures.winner(SET, 0.0, RGB) == "bilinear"
-    assert figures.winner(SET, 0.03, RGB) == "paper"
+    assert linear(figures).at(CLEAN).best(criterion=RGB) == "bilinear"
+    assert linear(figures).at(NOISY).best(criterion=RGB) == "paper"
     double = 20 * np.log10(2)
-    for level, rival, lead in ((0.0, "bilinear", -double), (0.03, "dlmmse", double)):
-        margin = figures.margin(SET, level)
+    for level, rival, lead in ((CLEAN, "bilinear", -double), (NOISY, "dlmmse", double)):
+        margin = linear(figures).at(level).margin()
         assert margin is not None
         assert margin[0] == rival
         assert margin[1] == pytest.approx(lead, abs=0.01)
-    assert [lead > 0 for level in (0.0, 0.03) for lead in figures.scene_leads(SET, level)] == [False, False, True, True]
-    lost = [each for each in figures.comparisons(SET) if each.lost and each.criterion == RGB]
+    assert [lead > 0 for level in (CLEAN, NOISY) for lead in linear(figures).scene_leads(level)] == [False, False, True, True]
+    lost = [each for each in linear(figures).comparisons if each.lost and each.criterion == RGB]
     assert [(each.scene, each.level, each.rival) for each in lost] == [
-        (name, 0.0, "bilinear") for name in (None, "scene0", "scene1")
+        (name, CLEAN, "bilinear") for name in (None, "scene0", "scene1")
     ]
     assert lost[1].lead == pytest.approx(-double, abs=0.01)
-    assert "even" not in headline(figures, SET)
+    assert "even" not in headline(linear(figures))
     assert "worse than the best at no noise in median RGB PSNR. But of the 10 other figures some are better" in headline(
-        figures, SET
+        linear(figures)
     )
     said = "6.0 dB worse than the best rival, bilinear; ahead of every rival on 0 of 2 scenes, by -6.0 to -6.0 dB."
-    assert said in comparisons(figures, SET)[0]
+    assert said in comparisons(linear(figures))[0]
     said = "No noise, median RGB: all together -6.0 dB (bilinear); 2 of 2 scenes, most on scene0 -6.0 dB (bilinear)."
     assert said in plain_text(figures)
 
 
 def test_every_figure_rival_level_and_scene_counts_as_a_loss(study: Study) -> None:
     """One of 2 x 2 x 3 x 11 comparisons is lost, whichever it is: the verdict says it, and where."""
-    even = {(name, level): 0.02 * NOISE for name in study.methods for level in study.levels}
+    even = {(name, level): 0.02 * NOISE for name in study.methods for level in LEVELS}
     figures = figures_with(study, even)
-    assert losses(figures, SET).startswith("nowhere in 132 comparisons (11 figures, each rival, level and scene, and all scenes")
+    assert losses(linear(figures)).startswith("nowhere in 132 comparisons (11 figures, each rival, level and scene, and all scenes")
+    before = linear(figures).comparisons
     for criterion in CRITERIA:
         for scene in (None, "scene0", "scene1"):
-            one = Comparison(scene, 0.03, CRITERIA.index(criterion), "dlmmse", -2 * criterion.even)
-            others = [
-                each for each in figures.comparisons(SET) if (each.scene, each.level, each.criterion, each.rival) != one_of(one)
-            ]
-            text = plain_text(_With(figures, [*others, one]))
+            one = Comparison(scene, NOISY, CRITERIA.index(criterion), "dlmmse", -2 * criterion.even)
+            others = [each for each in before if (each.scene, each.level, each.criterion, each.rival) != one_of(one)]
+            linear(figures).__dict__["comparisons"] = [*others, one]
+            text = plain_text(figures)
             assert "Where we lose: in 1 of 132 comparisons" in text
             assert (
                 f"Sigma 0.03, {criterion.title}: {'all together' if scene is None else f'1 of 2 scenes, most on {scene}'}" in text
             )
 
 
-def one_of(comparison: Comparison) -> tuple[str | None, float, int, str]:
+def one_of(comparison: Comparison) -> tuple[str | None, Protocol, int, str]:
     return comparison.scene, comparison.level, comparison.criterion, comparison.rival
-
-
-class _With(Figures):
-    """Figures with other comparisons."""
-
-    def __init__(self, figures: Figures, instead: list[Comparison]) -> None:
-        super().__init__(figures.study, figures.results)
-        self._instead = instead
-
-    def comparisons(self, group: str) -> list[Comparison]:
-        return self._instead
 
 
 def test_a_loss_in_colour_alone_is_no_win_everywhere(study: Study) -> None:
     """Ours is better in RGB and luminance; its chrominance is worse, and the verdict counts that in each of its three figures."""
     errors = {(name, level): 0.08 * GREY + colour(0.01) for name in ("bilinear", "dlmmse") for level in (0.0, 0.03)}
     figures = figures_with(study, {**errors, **{("paper", level): colour(0.02) for level in (0.0, 0.03)}})
-    assert headline(figures, SET).startswith(
+    assert headline(linear(figures)).startswith(
         "Better than every Bayer rival at no noise and sigma 0.03 in median RGB PSNR. But of the"
     )
-    lost = {CRITERIA[each.criterion].name for each in figures.comparisons(SET) if each.lost}
+    lost = {CRITERIA[each.criterion].name for each in linear(figures).comparisons if each.lost}
     assert lost >= {"chrominance", "chrominance_q10", "psnr_chrominance"}
     assert not lost & {"rgb", "luminance", "rgb_q10", "luminance_q10", "psnr", "psnr_luminance"}
     written = json.loads(encode_json(figures, "p", []))["verdict"][SET]
@@ -132,26 +129,26 @@ def test_a_loss_in_colour_alone_is_no_win_everywhere(study: Study) -> None:
 
 def test_the_headline_says_what_it_does_not_stand_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = study_of(tmp_path)
-    figures = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in study.levels})
-    few, denoising, learned = caveats(figures, SET)
+    figures = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in LEVELS})
+    few, denoising, learned = caveats(linear(figures))
     assert few == "Only 2 scenes: with fewer than 6, even being ahead on all of them may be chance."
     assert denoising.startswith("No rival here denoises")
     assert learned.startswith("No rival here is learned")
     lines = plain_text(figures).splitlines()
-    place = lines.index(headline(figures, SET))
+    place = lines.index(headline(linear(figures)))
     assert lines[place + 1 : place + 4] == [few, denoising, learned]
     monkeypatch.setattr("tools.evaluation.methods.package_version", lambda name: "1")  # whatever is installed
     with_both = study_of(tmp_path, methods=("paper", "bm3d+menon", "demosaicnet"), count=FEW)
-    full = figures_with(with_both, {(name, level): 0.05 * NOISE for name in with_both.methods for level in with_both.levels})
-    assert caveats(full, SET) == []
-    quiet = study_of(tmp_path, methods=("paper", "bilinear"), levels=(0.0,))
-    assert len(caveats(figures_with(quiet, {(name, 0.0): 0.05 * NOISE for name in quiet.methods}), SET)) == 2
+    full = figures_with(with_both, {(name, level): 0.05 * NOISE for name in with_both.methods for level in LEVELS})
+    assert caveats(linear(full)) == []
+    quiet = study_of(tmp_path, methods=("paper", "bilinear"), levels=(CLEAN,))
+    assert len(caveats(linear(figures_with(quiet, {(name, 0.0): 0.05 * NOISE for name in quiet.methods})))) == 2
 
 
 def test_a_missing_result_is_said_beside_the_headline(study: Study) -> None:
-    full = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in study.levels})
-    part = Figures(study, {cell: each for cell, each in full.results.items() if (cell.method, cell.level) != ("dlmmse", 0.03)})
-    assert caveats(part, SET)[-1].startswith("Without Bayer, DLMMSE 2005 at sigma 0.03: results of it are missing")
+    full = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in LEVELS})
+    part = Figures(study, {cell: each for cell, each in full.results.items() if (cell.method, cell.level) != ("dlmmse", NOISY)})
+    assert caveats(linear(part))[-1].startswith("Without Bayer, DLMMSE 2005 at sigma 0.03: results of it are missing")
 
 
 def test_leads_are_counted_with_their_range() -> None:
@@ -166,16 +163,16 @@ def test_the_worst_places_are_judged_apart_from_the_median(study: Study) -> None
     spoiled[28:32, 28:32] += np.array((0.5, -0.3, 0.4), np.float32)
     errors = {(name, level): 0.01 * NOISE for name in ("bilinear", "dlmmse") for level in (0.0, 0.03)}
     figures = figures_with(study, {**errors, ("paper", 0.0): spoiled, ("paper", 0.03): spoiled})
-    assert figures.winner(SET, 0.0, RGB) == "paper"
-    assert [figures.winner(SET, 0.0, criterion) for criterion in (TENTH, WHOLE, HUE)] == ["bilinear"] * 3
-    own = figures.pooled(SET, 0.0, "paper")
+    assert linear(figures).at(CLEAN).best(criterion=RGB) == "paper"
+    assert [linear(figures).at(CLEAN).best(criterion=criterion) for criterion in (TENTH, WHOLE, HUE)] == ["bilinear"] * 3
+    own = linear(figures).pooled(CLEAN, "paper")
     assert own is not None
     assert own.wrong_hue is not None
     assert own.wrong_hue == pytest.approx(4 * 4 / 30**2, abs=0.005)  # of the pixels inside the border
-    hue = figures.margin(SET, 0.0, HUE)
+    hue = linear(figures).at(CLEAN).margin(HUE)
     assert hue is not None
     assert hue[1] == pytest.approx(-100 * own.wrong_hue, abs=2)
-    sentence = worst_places(figures, SET)[0]
+    sentence = worst_places(linear(figures))[0]
     assert sentence.startswith("No noise, worst places beside the best rivals: -")
     assert f"wrong hue in {100 * own.wrong_hue:.1f} % of the pixels, {100 * own.wrong_hue + hue[1]:.1f} %" in sentence
     assert sentence in plain_text(figures)
@@ -186,11 +183,12 @@ def test_the_best_period_is_named(tmp_path: Path) -> None:
     error = {(0.0, "K=4"): 0.01, (0.0, "K=6"): 0.02, (0.0, "K=8"): 0.04, (0.03, "K=4"): 0.04}
     error |= {(0.03, "K=6"): 0.02, (0.03, "K=8"): 0.02}
     results = {
-        cell: Measures.of(TRUTH + np.float32(error.get((cell.level, cell.pattern), 0.1)) * NOISE, TRUTH) for cell in study.cells()
+        cell: Measures.of(TRUTH + np.float32(error.get((cell.level.level, cell.pattern), 0.1)) * NOISE, TRUTH)
+        for cell in study.cells()
     }
     figures = Figures(study, results)
-    assert figures.best_period(SET, 0.0) == pytest.approx((4, 20 * np.log10(2)), abs=0.01)
-    assert figures.best_period(SET, 0.03) == (6, 0.0)
+    assert linear(figures).best_period(CLEAN) == pytest.approx((4, 20 * np.log10(2)), abs=0.01)
+    assert linear(figures).best_period(NOISY) == (6, 0.0)
     said = "Best K of paper, and its margin over K = 6: no noise K = 4 (+6.0 dB), sigma 0.03 K = 6 (+0.0 dB)."
     assert said in plain_text(figures)
     assert [level["best_period"] for level in json.loads(encode_json(figures, "p", []))["verdict"][SET]["levels"]] == [4, 6]
@@ -199,9 +197,9 @@ def test_the_best_period_is_named(tmp_path: Path) -> None:
 
 def both_claims(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[Claim]:
     """The two claims; errors: of paper and dlmmse at the two levels."""
-    flat = {(name, level): each for name, pair in errors.items() for level, each in zip(study.levels, pair, strict=True)}
-    flat |= {("bilinear", level): 0.2 * NOISE for level in study.levels}
-    return claims(figures_with(study, flat), SET)
+    flat = {(name, level): each for name, pair in errors.items() for level, each in zip(LEVELS, pair, strict=True)}
+    flat |= {("bilinear", level): 0.2 * NOISE for level in LEVELS}
+    return claims(linear(figures_with(study, flat)))
 
 
 def findings(study: Study, **errors: tuple[FloatArray, FloatArray]) -> list[str]:
@@ -226,19 +224,19 @@ def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path) -> N
     """On one of six scenes the rival is better: shown in part, however far ahead we are on the others."""
     study = study_of(tmp_path, methods=("paper", "dlmmse"), count=FEW)
     size = {("paper", 0.0): 0.02, ("dlmmse", 0.0): 0.04, ("paper", 0.03): 0.02, ("dlmmse", 0.03): 0.08}
-    errors = {cell: size[cell.method, cell.level] for cell in study.cells()}
+    errors = {cell: size[cell.method, cell.level.level] for cell in study.cells()}
     for spoiled, finding, scenes in (
         (0.04, "shown", "6 of 6 scenes, by +6.0"),
         (0.01, "shown in part", "5 of 6 scenes, by -6.0 to +6.0"),
     ):
         for cell in errors:
-            if (cell.scene.name, cell.method, cell.level) == ("scene3", "dlmmse", 0.0):
+            if (cell.scene.name, cell.method, cell.level) == ("scene3", "dlmmse", CLEAN):
                 errors[cell] = spoiled
         results = {
             cell: Measures.of(TRUTH + np.float32(error) * (NOISE if cell.method == "paper" else GREY), TRUTH)
             for cell, error in errors.items()
         }
-        claim = claims(Figures(study, results), SET)[0]
+        claim = claims(linear(Figures(study, results)))[0]
         assert claim.finding == finding
         assert scenes.partition(",")[0] in claim.scenes
         assert "chance" not in claim.scenes
@@ -248,28 +246,30 @@ def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("middle", "finding"), [(0.09, "shown"), (0.0797, "shown"), (0.06, "shown in part")])
 def test_a_growing_lead_may_not_fall_in_between(tmp_path: Path, middle: float, finding: str) -> None:
-    study = study_of(tmp_path, levels=(0.0, 0.01, 0.03), methods=("paper", "dlmmse"))
-    errors = {("dlmmse", level): np.float32(size) * NOISE for level, size in zip(study.levels, (0.08, middle, 0.16), strict=True)}
-    errors |= {("paper", level): 0.05 * NOISE for level in study.levels}
-    assert claims(figures_with(study, errors), SET)[1].finding == finding
+    study = study_of(tmp_path, levels=PaperProtocol.levels((0.0, 0.01, 0.03)), methods=("paper", "dlmmse"))
+    errors = {
+        ("dlmmse", level.level): np.float32(size) * NOISE for level, size in zip(study.levels, (0.08, middle, 0.16), strict=True)
+    }
+    errors |= {("paper", level.level): 0.05 * NOISE for level in study.levels}
+    assert claims(linear(figures_with(study, errors)))[1].finding == finding
 
 
 def test_claims_need_a_noise_free_level_and_the_methods(tmp_path: Path) -> None:
-    noisy = study_of(tmp_path, levels=(0.01, 0.03))
-    errors = {(name, level): 0.05 * NOISE for name in noisy.methods for level in noisy.levels}
-    assert len(claims(figures_with(noisy, errors), SET)) == 1
+    noisy = study_of(tmp_path, levels=PaperProtocol.levels((0.01, 0.03)))
+    errors = {(name, level.level): 0.05 * NOISE for name in noisy.methods for level in noisy.levels}
+    assert len(claims(linear(figures_with(noisy, errors)))) == 1
     rivals = study_of(tmp_path, methods=("bilinear",))
-    assert claims(figures_with(rivals, {("bilinear", level): NOISE for level in rivals.levels}), SET) == []
+    assert claims(linear(figures_with(rivals, {("bilinear", level.level): NOISE for level in rivals.levels}))) == []
 
 
 def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
-    errors = {(name, level): 0.05 * NOISE for name in study.methods for level in study.levels}
+    errors = {(name, level): 0.05 * NOISE for name in study.methods for level in LEVELS}
     full = figures_with(study, errors)
-    gone = next(cell for cell in full.results if cell.method == "dlmmse" and cell.level == 0.03)
+    gone = next(cell for cell in full.results if cell.method == "dlmmse" and cell.level == NOISY)
     part = Figures(study, {cell: each for cell, each in full.results.items() if cell is not gone})
-    assert full.pooled(SET, 0.03, "dlmmse") is not None
-    assert part.pooled(SET, 0.03, "dlmmse") is None
-    assert part.pooled(SET, 0.0, "dlmmse") is not None
+    assert linear(full).pooled(NOISY, "dlmmse") is not None
+    assert linear(part).pooled(NOISY, "dlmmse") is None
+    assert linear(part).pooled(CLEAN, "dlmmse") is not None
     assert "-" in next(line for line in plain_text(part).splitlines() if "DLMMSE" in line)
 
 
@@ -282,7 +282,7 @@ def test_tables_hold_every_figure(tmp_path: Path) -> None:
     assert document["failed"] == ["a.txt: no picture"]
     assert document["protocol"]["levels"] == [0.0, 0.03]
     own = next(each for each in document["figures"] if (each["scene"], each["method"], each["level"]) == ("scene0", "paper", 0.03))
-    found = figures.of_scene("scene0", 0.03, "paper", Tile.of_period(own["period"]))
+    found = figures.of_scene("scene0", NOISY, "paper", Tile.of_period(own["period"]))
     assert found is not None
     assert own["rgb_q50"] == pytest.approx(found.quality.median[RGB], abs=1e-4)
     assert own["luminance_q25"] == pytest.approx(found.quality.luminance[1], abs=1e-4)
@@ -306,9 +306,9 @@ def test_patterns_are_compared_with_each_other_and_with_their_planes(tmp_path: P
         cell: Measures.of(TRUTH + np.float32(error.get((cell.method, cell.pattern), 0.02)) * NOISE, TRUTH) for cell in study.cells()
     }
     figures = Figures(study, results)
-    assert figures.rivals == ["bilinear"]
-    assert figures.best_pattern(SET, 0.0, RGB) == kodak
-    assert list(gains(figures, SET, 0.0, "planes").values()) == pytest.approx([20 * np.log10(4)] * 2, abs=0.02)
+    assert study.rivals == ["bilinear"]
+    assert linear(figures).best_pattern(CLEAN, RGB) == kodak
+    assert list(gains(linear(figures), CLEAN, "planes").values()) == pytest.approx([20 * np.log10(4)] * 2, abs=0.02)
     text = plain_text(figures)
     assert "Best pattern at no noise: median RGB Kodak (40." in text
     assert "paper gains +12.0 to +12.0 dB over interpolated planes." in text

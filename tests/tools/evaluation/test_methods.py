@@ -4,10 +4,12 @@ import pytest
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tools.evaluation import methods as module
+from tools.camera.bayer import sample_bayer
+from tools.camera.protocols import PaperProtocol, SensorProtocol
+from tools.evaluation import method as module
 from tools.evaluation.cameras import CameraPair
-from tools.evaluation.methods import Method, choose, default_names, methods
-from tools.evaluation.protocol import Protocol
+from tools.evaluation.method import Method
+from tools.evaluation.methods import choose, default_names, methods
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.versions import package_version
 
@@ -51,26 +53,21 @@ def test_a_method_without_its_package_is_left_out_and_refused_by_name(monkeypatc
         choose(["bm3d+menon"])
 
 
-def test_identities_tell_apart_what_differs() -> None:
-    identities = {name: method.identity() for name, method in methods().items()}
-    assert len(set(identities.values())) == len(identities)
-
-
 def test_balanced_methods_see_white_as_grey() -> None:
     """Under a coloured light the samples are divided by what white reads, and the picture multiplied by it."""
     seen: list[FloatArray] = []
 
-    def spy(samples: FloatArray, order: str) -> FloatArray:
+    def spy(samples: FloatArray) -> FloatArray:
         seen.append(samples)
-        return demosaic_bilinear(samples, order)
+        return demosaic_bilinear(samples)
 
     rgb = np.broadcast_to(np.array([0.3, 0.6, 0.15], np.float32), (30, 30, 3))
-    cameras = CameraPair(Protocol(), 0.0, rgb, CfaPattern.bayer(6), (0.5, 1.0, 0.25))
+    cameras = CameraPair(PaperProtocol(0.0), 0, rgb, CfaPattern.bayer(6), (0.5, 1.0, 0.25))
     picture = Method("spy", "", spy, balanced=True).render(cameras)
     np.testing.assert_allclose(seen[0], 0.6, atol=1e-6)
     np.testing.assert_allclose(picture, rgb, atol=1e-6)
     Method("spy", "", spy).render(cameras)
-    np.testing.assert_array_equal(seen[1], Protocol().bayer_shot(rgb, 0.0).samples)
+    np.testing.assert_array_equal(seen[1], sample_bayer(rgb))
 
 
 def test_methods_that_denoise_share_the_denoised_samples() -> None:
@@ -81,7 +78,7 @@ def test_methods_that_denoise_share_the_denoised_samples() -> None:
         return samples * np.float32(0.5)
 
     rgb = np.full((30, 30, 3), 0.4, np.float32)
-    cameras = CameraPair(Protocol(), 0.0, rgb, CfaPattern.bayer(6), None)
+    cameras = CameraPair(PaperProtocol(0.0), 0, rgb, CfaPattern.bayer(6), None)
     for _ in range(2):
         picture = Method("spy", "", demosaic_bilinear, denoise=darken).render(cameras)
         np.testing.assert_allclose(picture, rgb / 2, atol=1e-6)
@@ -93,6 +90,6 @@ def test_methods_that_denoise_share_the_denoised_samples() -> None:
 @pytest.mark.parametrize("period", [4, 6])
 def test_ours_give_a_flat_scene_back_in_scene_units(name: str, period: int) -> None:
     rgb = np.broadcast_to(np.array([0.2, 0.4, 0.3], np.float32), (48, 54, 3))
-    for protocol, level, tolerance in ((Protocol(), 0.0, 2e-3), (Protocol("sensor"), 0.5, 0.02)):
-        picture = methods()[name].render(CameraPair(protocol, level, rgb, CfaPattern.bayer(period), None))
+    for level, tolerance in ((PaperProtocol(0.0), 2e-3), (SensorProtocol(0.5), 0.02)):
+        picture = methods()[name].render(CameraPair(level, 0, rgb, CfaPattern.bayer(period), None))
         np.testing.assert_allclose(picture.mean(axis=(0, 1)), rgb[0, 0], atol=tolerance)

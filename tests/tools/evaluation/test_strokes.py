@@ -9,6 +9,7 @@ import pytest
 
 from shared.errors import InputError
 from tests.tools.evaluation.examples import alone, measured, study_of
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation import strokes
 from tools.evaluation.figures import Figures
 from tools.evaluation.methods import methods
@@ -44,7 +45,7 @@ def test_every_method_level_and_pattern_once(tmp_path: Path, monkeypatch: pytest
     assert failures == []
     assert [(each.method, each.level, each.tile) for each in found] == [
         (method, level, tile)
-        for level in (0.0, 0.03)
+        for level in study.levels
         for method, tile in (*(("preview", tile) for tile in tiles), ("bilinear", None))
     ]
     monkeypatch.setattr(strokes, "kept", None)  # the second time nothing is rendered
@@ -66,7 +67,7 @@ def test_every_method_level_and_pattern_once(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
-    study = study_of(tmp_path, ("preview",), count=1, levels=(0.0,))
+    study = study_of(tmp_path, ("preview",), count=1, levels=PaperProtocol.levels((0.0,)))
     first, _ = measure_strokes(study, tmp_path, alone())
     (path,) = (tmp_path / "results").glob("*.json")
     for damaged in (b"", b"[[1, 2]]", b'{"a": 1}', path.read_bytes()[:-9]):
@@ -78,7 +79,7 @@ def test_a_method_that_fails_is_a_line(tmp_path: Path, monkeypatch: pytest.Monke
     def fails(_: object) -> None:
         raise InputError("no picture")
 
-    study = study_of(tmp_path, ("preview", "bilinear"), count=1, levels=(0.0,))
+    study = study_of(tmp_path, ("preview", "bilinear"), count=1, levels=PaperProtocol.levels((0.0,)))
     monkeypatch.setattr(type(methods()["preview"]), "render", lambda self, cameras: fails(cameras))
     found, failures = measure_strokes(study, tmp_path, alone())
     assert (found, len(failures)) == ([], 2)

@@ -5,21 +5,24 @@ import numpy as np
 import pytest
 
 from offline import PAPER, render
+from offline.version import ALGORITHM
 from shared import SensorCalibration
 from shared.pattern import CfaPattern
 from shared.sensor import simulate_additive
+from tests.bayer import bayer_mosaic
 from tests.tools.evaluation.examples import measured, small_scene, study_of
 from tests.walking import CHANGED, one_field_changed
+from tools.camera.protocols import PaperProtocol, SensorProtocol
+from tools.evaluation import cache
 from tools.evaluation import methods as registry
 from tools.evaluation import study as module
 from tools.evaluation.cache import FOLDER
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
-from tools.evaluation.protocol import Protocol
-from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.study import collect, tasks, work
 from tools.evaluation.tiles import Tile, chosen_tiles
-from tools.host.code_digest import digest
+
+NOISY = PaperProtocol(0.03)
 
 
 def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_path: Path) -> None:
@@ -31,12 +34,12 @@ def test_figures_are_those_of_simulating_rendering_and_measuring_by_hand(tmp_pat
         mosaic = simulate_additive(truth, CfaPattern.bayer(6), SensorCalibration(), 0.03, np.random.default_rng(0))
         sparse = render(mosaic, PAPER).rgb
         for name, picture in (("bilinear", bayer), ("paper", sparse)):
-            found = figures.of_scene(f"scene{seed}", 0.03, name)
+            found = figures.of_scene(f"scene{seed}", NOISY, name)
             assert found is not None
             assert found.quality == quality(picture, truth)
             assert found.psnr == whole_psnr(picture, truth, 15)
         maps.append(patch_psnr(sparse, truth))
-    pooled = figures.pooled("linear photographs", 0.03, "paper")
+    pooled = figures.sets[0].pooled(NOISY, "paper")
     assert pooled is not None
     for plane, name in enumerate(("rgb", "luminance", "chrominance")):
         expected = np.quantile(np.concatenate([each[plane].ravel() for each in maps]), QUANTILES)
@@ -62,34 +65,45 @@ def test_a_new_method_a_new_level_a_new_period_add_only_themselves(tmp_path: Pat
 
     def added(**changes: object) -> list[tuple[str, float, str]]:
         todo, _ = tasks(replace(study, **changes), tmp_path)  # type: ignore[arg-type]
-        return sorted({(cell.method, cell.level, cell.pattern) for task in todo for cell in task.cells})
+        return sorted({(cell.method, cell.level.level, cell.pattern) for task in todo for cell in task.cells})
 
     assert added(methods=(*study.methods, "ea")) == [("ea", 0.0, ""), ("ea", 0.03, "")]
-    assert added(levels=(0.0, 0.01, 0.03)) == [("bilinear", 0.01, ""), ("dlmmse", 0.01, ""), ("paper", 0.01, "K=6")]
+    assert added(levels=PaperProtocol.levels((0.0, 0.01, 0.03))) == [
+        ("bilinear", 0.01, ""),
+        ("dlmmse", 0.01, ""),
+        ("paper", 0.01, "K=6"),
+    ]
     assert added(tiles=chosen_tiles([4, 6], ())) == [("paper", 0.0, "K=4"), ("paper", 0.03, "K=4")]
     kodak = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
     assert added(tiles=(study.tile, kodak)) == [("paper", 0.0, "Kodak"), ("paper", 0.03, "Kodak")]
     assert added(tiles=(replace(study.tile, name="mine"),)) == []  # the same pattern under another name
-    assert added(protocol=Protocol("paper", 1)) == [("bilinear", 0.03, ""), ("dlmmse", 0.03, ""), ("paper", 0.03, "K=6")]
-    assert len(added(protocol=Protocol("sensor"), levels=(1.0,))) == 3
+    assert added(seed=1) == [("bilinear", 0.03, ""), ("dlmmse", 0.03, ""), ("paper", 0.03, "K=6")]
+    assert len(added(levels=SensorProtocol.levels((1.0,)))) == 3
     assert added(scenes=study.scenes[::-1]) == []
 
 
-def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path) -> None:
+def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = study_of(tmp_path, methods=("paper",), count=1)
     scene, method, tile = study.scenes[0], registry.methods()["menon-wb"], study.tile
-    whole = study.cell(scene, 0.03, method, tile).name
-    other: dict[str, str] = {}
-    for name, protocol in one_field_changed(study.protocol):
-        other[name] = replace(study, protocol=protocol).cell(scene, 0.03, method, tile).name
+    whole = study.cell(scene, NOISY, method, tile).name
+    other: dict[str, str] = {"seed": replace(study, seed=1).cell(scene, NOISY, method, tile).name}
+    for level in (PaperProtocol(0.02), SensorProtocol(0.03)):
+        other[str(level)] = study.cell(scene, level, method, tile).name
     for name, pattern in one_field_changed(tile.pattern):
-        other[f"pattern.{name}"] = study.cell(scene, 0.03, method, replace(tile, pattern=pattern)).name
+        other[f"pattern.{name}"] = study.cell(scene, NOISY, method, replace(tile, pattern=pattern)).name
     for name in ("digest", "neutral", "channels"):
-        other[name] = study.cell(replace(scene, **{name: CHANGED}), 0.03, method, tile).name  # type: ignore[arg-type]
-    for name, change in {"function": demosaic_bilinear, "code": ("shared",), "balanced": False, "packages": ("numpy",)}.items():
-        other[name] = study.cell(scene, 0.03, replace(method, **{name: change}), tile).name  # type: ignore[arg-type]
-    assert {"kind", "seed", "pattern.tile", "pattern.origin", "pattern.channels", "channels"} <= other.keys()
+        other[name] = study.cell(replace(scene, **{name: CHANGED}), NOISY, method, tile).name  # type: ignore[arg-type]
+    for name, change in {"name": "menon", "version": 2, "balanced": False, "packages": ("numpy",)}.items():
+        other[name] = study.cell(scene, NOISY, replace(method, **{name: change}), tile).name  # type: ignore[arg-type]
+    for place, name in ((PaperProtocol, "version"), (cache, "MEASURING")):
+        with monkeypatch.context() as changed:
+            changed.setattr(place, name, 2)
+            other[f"{place} {name}"] = study.cell(scene, NOISY, method, tile).name
+    assert {"pattern.tile", "pattern.origin", "pattern.channels", "channels"} <= other.keys()
     assert len({whole, *other.values()}) == len(other) + 1
+    of_ours = {str(registry.methods()[name].version) for name in ("paper", "best", "unlearned", "preview")}
+    assert len(of_ours) == 4
+    assert sum(each.startswith(f"[{ALGORITHM}, ") for each in of_ours) == 3
 
 
 def test_another_picture_under_the_same_name_is_measured_again(tmp_path: Path) -> None:
@@ -97,18 +111,6 @@ def test_another_picture_under_the_same_name_is_measured_again(tmp_path: Path) -
     np.save(tmp_path / "scene1.npy", small_scene(78, 102, 9))
     todo, there = tasks(study_of(tmp_path), tmp_path)
     assert (len(todo), there) == (6, 6)
-
-
-def test_changed_code_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    study = study_of(tmp_path)
-    measured(study, tmp_path)
-
-    def changed(*places: str) -> str:
-        return digest(*places) + "new" * ("offline" in places)
-
-    monkeypatch.setattr(registry, "digest", changed)
-    todo, _ = tasks(study, tmp_path)
-    assert {cell.method for task in todo for cell in task.cells} == {"paper"}
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
@@ -122,26 +124,16 @@ def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:
     assert after.scenes == before.scenes
 
 
-def test_equal_methods_share_their_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = registry.methods()
-    monkeypatch.setitem(known, "best", replace(known["paper"], name="best"))
-    study = study_of(tmp_path, methods=("paper", "best", "bilinear"))
-    todo, _ = tasks(study, tmp_path)
-    assert len(todo) == 8
-    figures = measured(study, tmp_path)
-    assert figures.of_scene("scene0", 0.03, "best") is not None
-
-
 def test_one_failing_method_stops_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from shared.errors import ConvergenceError
 
     study = study_of(tmp_path, methods=("bilinear", "dlmmse"))
     genuine = module.render_cell
 
-    def failing(cell, protocol, reading):  # type: ignore[no-untyped-def]
+    def failing(cell, seed, reading):  # type: ignore[no-untyped-def]
         if cell.method == "dlmmse" and cell.scene.name == "scene1":
             raise ConvergenceError("stopped at 500 iterations")
-        return genuine(cell, protocol, reading)
+        return genuine(cell, seed, reading)
 
     monkeypatch.setattr(module, "render_cell", failing)
     lines = [line for task in tasks(study, tmp_path)[0] for line in work(task)]

@@ -5,10 +5,10 @@ import pytest
 
 from shared import CfaPattern
 from shared.pattern_text import read_pattern
+from tools.camera.protocols import PaperProtocol, SensorProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
-from tools.evaluation.protocol import Protocol
 from tools.evaluation.study import can_photograph
 from tools.evaluation.tiles import Tile, chosen_tiles, filters_of
 
@@ -56,12 +56,12 @@ def test_share_and_light() -> None:
 def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:
     """White light through cyan, magenta and yellow: everything is halved, and so is the noise."""
     white, dark = np.ones((120, 120, 3), np.float32), np.zeros((120, 120, 3), np.float32)
-    for protocol, level in ((Protocol(), 0.03), (Protocol("sensor"), 0.25)):
+    for level in (PaperProtocol(0.03), SensorProtocol(0.25)):
         found = []
         for pattern in (CfaPattern.bayer(4), BROADBAND):
             filters = filters_of(pattern, "RGB")
             mask = pattern.panchromatic_mask(white.shape[:2])
-            bright, black = (protocol.sparse_shot(light, level, pattern, filters).signal[mask] for light in (white, dark))
+            bright, black = (CameraPair(level, 0, light, pattern, None).sparse.signal[mask] for light in (white, dark))
             found.append([each / filters.unit for each in (bright.mean(), bright.std(), black.std())])
         np.testing.assert_allclose(found[1], found[0], rtol=0.01)
 
@@ -69,8 +69,8 @@ def test_under_the_same_light_noise_is_the_same_part_of_white() -> None:
 @pytest.mark.parametrize("name", ["planes", "best"])
 def test_pictures_in_other_colours_are_unmixed_to_the_scenes(name: str) -> None:
     rgb = np.broadcast_to(np.array([0.2, 0.4, 0.3], np.float32), (48, 48, 3))
-    for protocol, level in ((Protocol(), 0.0), (Protocol("sensor"), 0.5)):
-        picture = methods()[name].render(CameraPair(protocol, level, rgb, BROADBAND, None))
+    for level in (PaperProtocol(0.0), SensorProtocol(0.5)):
+        picture = methods()[name].render(CameraPair(level, 0, rgb, BROADBAND, None))
         np.testing.assert_allclose(picture.mean(axis=(0, 1)), rgb[0, 0], atol=0.01)
 
 

@@ -9,6 +9,7 @@ from shared import CfaPattern
 from shared.arrays import CodeArray, FloatArray
 from shared.display import ColourTransform
 from tests.tools.scenes.test_camera_raw import LINEAR_RAW, RATIONAL, SHORT, rationals, write_dng
+from tools.camera.protocols import SensorProtocol
 from tools.camera.simulated_camera import SimulatedCamera
 from tools.scenes.clipped import saturation, with_white_highlights
 from tools.scenes.load import load_scene
@@ -62,7 +63,7 @@ def test_a_burnt_out_lamp_is_white_without_a_ring(tmp_path: Path, width: float, 
 @pytest.mark.parametrize("amount", [1.0, 0.25, 1 / 16])
 def test_before_any_camera_a_clipped_lamp_is_grey_and_not_magenta(tmp_path: Path, amount: float) -> None:
     scene = raw(tmp_path / "lamp.dng", bayer(lamp(6, (160, 180))))
-    shot = SimulatedCamera.of(CfaPattern.bayer(), light=amount).shoot(scene, np.random.default_rng(0))
+    shot = SimulatedCamera.of(CfaPattern.bayer(), protocol=SensorProtocol(amount)).shoot(scene, np.random.default_rng(0))
     shown = ColourTransform.to_space(shot.mosaic.calibration).apply(shot.truth)
     assert np.ptp(shown[40, 45]) < 1e-3
 

@@ -10,6 +10,7 @@ import numpy as np
 from shared import SensorCalibration
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
+from tools.camera.protocols import Protocol
 from tools.pictures.samples import quantise
 from tools.scenes.scene import RGB as RGB_CHANNELS
 
@@ -48,7 +49,7 @@ class Crop:
     """
 
     scene: SceneInfo
-    level: float
+    level: Protocol
     row: int
     column: int
     height: int
@@ -145,13 +146,13 @@ def render_crop(
     step = lcm(2, pattern.period)  # keeps the phase of both filter patterns
     rows = _around(crop.row, crop.height, truth.shape[0], step)
     columns = _around(crop.column, crop.width, truth.shape[1], step)
-    cameras = CameraPair(study.protocol, crop.level, truth, pattern, crop.scene.neutral, (rows, columns))
+    cameras = CameraPair(crop.level, study.seed, truth, pattern, crop.scene.neutral, (rows, columns))
     top, left = crop.row - rows.start, crop.column - columns.start
     for name in names:
         yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]
 
 
-def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> Iterator[tuple[float, Crop]]:
+def _candidates(figures: Figures, level: Protocol, why: str, taken: list[Crop]) -> Iterator[tuple[float, Crop]]:
     """The best crop of each scene, with its score."""
     for scene in figures.study.scenes:
         results = {
@@ -159,7 +160,7 @@ def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> 
             for cell, measures in figures.results.items()
             if cell.scene == scene and cell.level == level and cell.tile in (None, figures.study.tile)
         }
-        own, rival = figures.ours, figures.rival_of_scene(scene.name, level)
+        own, rival = figures.study.ours, figures.at_scene(scene.name, level).best(figures.study.rivals)
         if own is None or own not in results or scene.channels != RGB_CHANNELS or (rival is None and why != WHY_PATTERNS):
             continue
         errors = results[own].errors
@@ -190,17 +191,17 @@ def _candidates(figures: Figures, level: float, why: str, taken: list[Crop]) -> 
 def _shown(figures: Figures, crop: Crop) -> tuple[str, ...]:
     """Methods shown: ours with the best first, the paper's rival, and the best rivals on this scene; of patterns our best only."""
     if crop.why == WHY_PATTERNS:
-        return tuple(filter(None, [figures.ours]))
+        return tuple(filter(None, [figures.study.ours]))
     scored = [
         (figure.quality.median[RGB], name)
-        for name in figures.rivals
+        for name in figures.study.rivals
         if (figure := figures.of_scene(crop.scene.name, crop.level, name)) is not None
     ]
     best = [name for _, name in sorted(scored, reverse=True)][:_RIVALS]
-    if "dlmmse" in figures.rivals and "dlmmse" not in best:
+    if "dlmmse" in figures.study.rivals and "dlmmse" not in best:
         best = [*best[: _RIVALS - 1], "dlmmse"]
     ours = [name for name in figures.study.methods if methods()[name].ours]
-    return (*sorted(ours, key=lambda name: name != figures.ours), *best)
+    return (*sorted(ours, key=lambda name: name != figures.study.ours), *best)
 
 
 def _overlap(crop: Crop, scene: SceneInfo, row: int, column: int) -> bool:

@@ -9,10 +9,10 @@ from tools.pictures.html import bullets, cell, row, row_title, table
 
 from ..claims import claims
 from ..criteria import CRITERIA
-from ..figures import Figures
+from ..figures import Figures, SetFigures
 from ..methods import methods
 from ..metrics import BORDER, PATCH
-from ..protocol import CROP
+from ..scene_sets import CROP
 from ..strokes import MARGIN, WIDTHS
 from ..study import Study
 from ..verdict import STROKES, capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
@@ -35,10 +35,10 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
     if figures.strokes:
         sections.append(("strokes", "Strokes", strokes_section(figures)))
-    if len(figures.study.periods) > 1 and figures.ours:
+    if len(figures.study.periods) > 1 and figures.study.ours:
         sections.append(("period", "Period", period_section(figures)))
     of_patterns = [each for each in exhibits if each.crop.why == WHY_PATTERNS]
-    if len(figures.study.tiles) > 1 and figures.ours:
+    if len(figures.study.tiles) > 1 and figures.study.ours:
         sections.append(("patterns", "Patterns", pattern_section(figures, of_patterns)))
     if len(exhibits) > len(of_patterns):
         others = [each for each in exhibits if each.crop.why != WHY_PATTERNS]
@@ -65,15 +65,10 @@ def _read(name: str) -> str:
 
 def _lede(figures: Figures) -> str:
     study = figures.study
-    light = (
-        "additive Gaussian noise on every sample, nothing clipped (the paper's protocol)"
-        if study.protocol.kind == "paper"
-        else "equal exposure time on equal pixels: shot and read noise, clipping, 12 bits"
-    )
-    count, levels = len(study.scenes), ", ".join(_levels(figures))
+    count, levels = len(study.scenes), ", ".join(_levels(study))
     return (
         f"{count} scene{'s' * (count != 1)}, photographed with {_sensors(study)}, and with a Bayer sensor under the same light; "
-        f"{escape(light)}; {escape(levels)}. "
+        f"{escape(study.protocol.summary)}; {escape(levels)}. "
         f"Quality is the PSNR of every {PATCH} × {PATCH} patch."
     )
 
@@ -87,27 +82,25 @@ def _sensors(study: Study) -> str:
     return text + f", with {others} other pattern{'s' * (others != 1)} of it" * bool(others)
 
 
-def _levels(figures: Figures) -> list[str]:
-    return [figures.study.protocol.describe(level) for level in figures.study.levels]
+def _levels(study: Study) -> list[str]:
+    return [level.text for level in study.levels]
 
 
 def _verdict_section(figures: Figures) -> str:
     parts = []
-    for index, group in enumerate(figures.groups):
-        parts.append(f"<h2>{escape(heading(figures, group))}</h2>")
-        parts.append(f'<p class="headline">{escape(headline(figures, group))}</p>')
-        parts.append(bullets(caveats(figures, group), "caveats"))
-        parts.append(
-            "".join(f"<p>{escape(sentence)}</p>" for sentence in (*comparisons(figures, group), *worst_places(figures, group)))
-        )
+    for index, group in enumerate(figures.sets):
+        parts.append(f"<h2>{escape(heading(group))}</h2>")
+        parts.append(f'<p class="headline">{escape(headline(group))}</p>')
+        parts.append(bullets(caveats(group), "caveats"))
+        parts.append("".join(f"<p>{escape(sentence)}</p>" for sentence in (*comparisons(group), *worst_places(group))))
         items = [
             f'<li>“{escape(claim.text)}”: <span class="finding">{escape(claim.finding)}</span>, {escape(claim.scenes)}'
             f'<span class="soft why">{escape(claim.why)}</span></li>'
-            for claim in claims(figures, group)
+            for claim in claims(group)
         ]
-        if lost := losses(figures, group):
+        if lost := losses(group):
             items.append(f"<li>Where we lose: {escape(lost)}</li>")
-        parts.append(f'<ul class="verdict">{"".join(items)}</ul>{_losses_table(figures, group)}')
+        parts.append(f'<ul class="verdict">{"".join(items)}</ul>{_losses_table(group)}')
         tabs = "".join(
             f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(criterion.title)}</button>'
             for plane, criterion in enumerate(CRITERIA)
@@ -117,39 +110,39 @@ def _verdict_section(figures: Figures) -> str:
             parts.append(
                 f'<div id="table-{index}-{plane}" role="tabpanel" aria-labelledby="tab-{index}-{plane}"><p class="soft">'
                 f"{escape(criterion.explanation)} The winner of each column is marked ★.</p>"
-                f"{_pool_table(figures, group, plane)}</div>"
+                f"{_pool_table(group, plane)}</div>"
             )
     return "\n".join(parts)
 
 
-def _losses_table(figures: Figures, group: str) -> str:
+def _losses_table(group: SetFigures) -> str:
     """Where we lose: a row for each criterion, a column for each level; "" if it is nowhere."""
-    found = {(each.level, each.criterion): each for each in defeats(figures, group)}
+    found = {(each.level, each.criterion): each for each in defeats(group)}
     rows = []
     for criterion in sorted({criterion for _, criterion in found}):
-        here = [found.get((level, criterion)) for level in figures.study.levels]
-        texts = ["; ".join(defeat_parts(figures, group, each)) if each else "–" for each in here]
+        here = [found.get((level, criterion)) for level in group.study.levels]
+        texts = ["; ".join(defeat_parts(group, each)) if each else "–" for each in here]
         rows.append(row([row_title(capital(CRITERIA[criterion].title)), *map(cell, texts)], "lost"))
-    return table(["Where we lose", *_levels(figures)], rows) if rows else ""
+    return table(["Where we lose", *_levels(group.study)], rows) if rows else ""
 
 
-def _pool_table(figures: Figures, group: str, index: int) -> str:
-    study = figures.study
-    winners = [figures.winner(group, level, index) for level in study.levels]
+def _pool_table(group: SetFigures, index: int) -> str:
+    study = group.study
+    winners = [group.at(level).best(criterion=index) for level in study.levels]
     rows = []
     for name in study.methods:
-        found = [figures.pooled(group, level, name) for level in study.levels]
+        found = [group.pooled(level, name) for level in study.levels]
         texts = [CRITERIA[index].text(figure.values[index]) if figure else "–" for figure in found]
         cells = [cell(text, best=name == winner, mark="★ ") for text, winner in zip(texts, winners, strict=True)]
         rows.append(_method_row(name, cells))
-    margins = [figures.margin(group, level, index) for level in study.levels]
+    margins = [group.at(level).margin(index) for level in study.levels]
     if any(margins):
         cells = [
             f'<td>{CRITERIA[index].difference(lead[1])}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–")
             for lead in margins
         ]
-        rows.append(row([row_title(f"{figures.ours} minus best rival"), *cells], "margin"))
-    return table(["Method", *_levels(figures)], rows)
+        rows.append(row([row_title(f"{group.study.ours} minus best rival"), *cells], "margin"))
+    return table(["Method", *_levels(group.study)], rows)
 
 
 def _method_row(name: str, cells: Sequence[str]) -> str:
@@ -163,7 +156,7 @@ def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
         "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened.</p>"
     ]
     for level in dict.fromkeys(exhibit.crop.level for exhibit in exhibits):
-        parts.append(f"<h3>{escape(capital(figures.study.protocol.describe(level)))}</h3>")
+        parts.append(f"<h3>{escape(capital(level.text))}</h3>")
         shown = [_exhibit(each, figures) for each in exhibits if each.crop.level == level]
         parts.append(f'<div class="exhibits">{"".join(shown)}</div>')
     return "\n".join(parts)
@@ -172,7 +165,7 @@ def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
 def _exhibit(exhibit: Exhibit, figures: Figures) -> str:
     """An exhibit that shows the best rival of the scene beside our best render at first."""
     rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not is_ours(p)), 0)
-    own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.ours), 0)
+    own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.study.ours), 0)
     return exhibit_html(exhibit, rival, own)
 
 
@@ -192,7 +185,7 @@ def strokes_section(figures: Figures) -> str:
             title = methods()[each.method].title + (f", {each.tile.title}" if each.tile and len(study.tiles) > 1 else "")
             cells = [cell(f"{part:.2f}", best=part == most, mark="★ ") for part, most in zip(each.least, best, strict=True)]
             rows.append(row([row_title(title), *cells], "ours" * methods()[each.method].ours))
-        head = [capital(study.protocol.describe(level)), *(f"{width} pixels" for width in WIDTHS)]
+        head = [capital(level.text), *(f"{width} pixels" for width in WIDTHS)]
         parts.append(table(head, rows) if rows else "")
     return "\n".join(parts)
 
@@ -204,7 +197,7 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
         "PSNR, SSIM and wrong hues are in evaluation.csv and evaluation.json.</p>"
     ]
     for scene in study.scenes:
-        winners = [figures.winner_of_scene(scene.name, level) for level in study.levels]
+        winners = [figures.at_scene(scene.name, level).best() for level in study.levels]
         rows = []
         for name in study.methods:
             found = [figures.of_scene(scene.name, level, name) for level in study.levels]
@@ -213,7 +206,7 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
         summary = f"{scene.name} ({scene.columns} × {scene.rows}, {scene.group})"
         parts.append(
             f"<details><summary>{escape(summary)}</summary>{bullets(scene.notes, 'soft')}"
-            f"{table(['Method', *_levels(figures)], rows)}</details>"
+            f"{table(['Method', *_levels(study)], rows)}</details>"
         )
     if failures:
         parts.append(f"<h3>Left out</h3>{bullets(failures)}")
@@ -227,7 +220,7 @@ def _method_section(figures: Figures) -> str:
         "intensities in scene units (1 = the white level of the scene's source); luminance is the mean of the channels, "
         "chrominance the rest; pooled over all patches of a set, as in Fig. 3 of the paper",
         "Frames": f"cut to whole multiples of {CROP} pixels before sampling",
-        "Noise": f"seed {study.protocol.seed}, the same scene light for every camera; {study.protocol.conditions}",
+        "Noise": f"seed {study.seed}, the same scene light for every camera; {study.protocol.conditions}",
         "Sets": "what sensors measured is pooled; developed 8-bit pictures (Kodak, McMaster, others) are linearised and reported "
         "separately, because they were interpolated and sharpened before",
         "Rivals": "LibRaw and OpenCV, which take integers, get samples with a pedestal, so that no noise is clipped; LibRaw's "

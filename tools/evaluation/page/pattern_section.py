@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from html import escape
 
+from tools.camera.protocols import Protocol
 from tools.pictures.html import cell, row, row_title, table
 
 from ..criteria import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE
-from ..figures import Figures
-from ..methods import methods
-from ..pattern_verdict import BASELINES, COMPARED, best_patterns, gains
-from ..protocol import fraction
+from ..figures import Figures, SetFigures
+from ..methods import BASELINES, methods
+from ..pattern_verdict import COMPARED, best_patterns, gains
 from ..study import Study
 from ..tiles import Tile
 from ..verdict import capital, heading
@@ -27,16 +27,16 @@ def pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
     study = figures.study
     parts = [
         f"<h2>Which pattern is best, and when?</h2><p>{escape(_conditions(study))} Figures are those of "
-        f"{escape(methods()[figures.ours or ''].title)}. Worst colour is the chrominance that nine tenths of the patches reach, "
+        f"{escape(methods()[study.ours or ''].title)}. Worst colour is the chrominance that nine tenths of the patches reach, "
         "hue the share of pixels of wrong hue.</p>",
         f'<div class="tiles">{"".join(_card(study, tile) for tile in study.tiles)}</div>',
     ]
-    for group in figures.groups:
-        sentences = "".join(f"<p>{escape(sentence)}</p>" for sentence in best_patterns(figures, group))
-        plots, lines = _plots(figures, group)
-        tables = "".join(_table(figures, group, level) for level in study.levels)
+    for group in figures.sets:
+        sentences = "".join(f"<p>{escape(sentence)}</p>" for sentence in best_patterns(group))
+        plots, lines = _plots(group)
+        tables = "".join(_table(group, level) for level in study.levels)
         parts.append(
-            f'<h3>{escape(heading(figures, group))}</h3>{sentences}<p class="soft">How much better each pattern is than '
+            f'<h3>{escape(heading(group))}</h3>{sentences}<p class="soft">How much better each pattern is than '
             f"{escape(study.tile.title)}: above 0 it is ahead.</p>"
             f'<div><div class="plots">{plots}</div>{legend(lines)}</div>{tables}'
         )
@@ -44,16 +44,12 @@ def pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
         parts.append("<h3>Where the patterns differ most</h3>")
         for level in dict.fromkeys(exhibit.crop.level for exhibit in exhibits):
             shown = "".join(_exhibit(each) for each in exhibits if each.crop.level == level)
-            parts.append(f'<h4>{escape(capital(study.protocol.describe(level)))}</h4><div class="exhibits">{shown}</div>')
+            parts.append(f'<h4>{escape(capital(level.text))}</h4><div class="exhibits">{shown}</div>')
     return "\n".join(parts)
 
 
 def _conditions(study: Study) -> str:
-    if study.protocol.kind == "paper":
-        light = "with noise that is the same fraction of what a panchromatic pixel reads in white"
-    else:
-        light = "on the same pixels, with the same exposure time"
-    text = f"Every pattern photographs the same scenes under the same light, {light}."
+    text = f"Every pattern photographs the same scenes under the same light, {study.protocol.equal_noise}."
     if any(tile.pattern.channels != "RGB" for tile in study.tiles):
         text += (
             " Pictures in other colours than the scene's are unmixed (by the inverse of the filters' matrix) and measured there."
@@ -70,15 +66,13 @@ def _card(study: Study, tile: Tile) -> str:
     )
 
 
-def _plots(figures: Figures, group: str) -> tuple[str, list[Lead]]:
+def _plots(group: SetFigures) -> tuple[str, list[Lead]]:
     """A plot for each criterion over noise, and its lines."""
-    study = figures.study
-    paper = study.protocol.kind == "paper"
-    labels = [f"{level:g}" if paper else fraction(level) for level in study.levels]
-    places = list(study.levels) if paper else [float(index) for index in range(len(study.levels))]
+    study = group.study
+    labels, places, axis = [level.tick for level in study.levels], study.protocol.places(study.levels), study.levels[0].axis
     drawn, lines = [], []
     for index in COMPARED:
-        columns = [figures.by_pattern(group, level, index) for level in study.levels]
+        columns = [group.by_pattern(level, index) for level in study.levels]
         if not any(columns):
             continue
         sign, own = CRITERIA[index].sign, study.tile
@@ -94,16 +88,16 @@ def _plots(figures: Figures, group: str) -> tuple[str, list[Lead]]:
         ]
         unit = "%" if index == HUE else "dB"
         title = f"{capital(CRITERIA[index].title)}, {unit}"
-        drawn.append(lead_plot(title, places, labels, lines, "sigma" if paper else "exposure"))
+        drawn.append(lead_plot(title, places, labels, lines, axis))
     return "".join(drawn), lines
 
 
-def _table(figures: Figures, group: str, level: float) -> str:
+def _table(group: SetFigures, level: Protocol) -> str:
     """All figures of a set at a level: a row for each pattern."""
-    study = figures.study
-    values = {index: figures.by_pattern(group, level, index) for index in COMPARED}
-    best = {index: figures.best_pattern(group, level, index) for index in COMPARED}
-    leads = {f"over {name}": found for name in BASELINES if (found := gains(figures, group, level, name))}
+    study = group.study
+    values = {index: group.by_pattern(level, index) for index in COMPARED}
+    best = {index: group.best_pattern(level, index) for index in COMPARED}
+    leads = {f"over {name}": found for name in BASELINES if (found := gains(group, level, name))}
     rows = []
     for tile in study.tiles:
         light = study.light(tile)
@@ -113,7 +107,7 @@ def _table(figures: Figures, group: str, level: float) -> str:
             cells.append(cell(text, best=best[index] == tile, mark="★ "))
         cells += [cell(f"{found[tile]:+.1f}" if tile in found else "–") for found in leads.values()]
         rows.append(row([row_title(tile.name), *cells]))
-    head = [capital(study.protocol.describe(level)), "W", "light", *(_HEADS[index] for index in COMPARED), *leads]
+    head = [capital(level.text), "W", "light", *(_HEADS[index] for index in COMPARED), *leads]
     return table(head, rows)
 
 

@@ -11,31 +11,31 @@ from typing import Any
 import numpy as np
 
 from shared.arrays import BORDER, FloatArray
+from tools.camera.bayer import channel_map, check_mosaic
 
-from .bayer import channel_map, check_mosaic
+from ..method import Method
 
-PACKAGES = "demosaicnet", "torch"
 _LAYERS, _WIDTH = 15, 64
 _MARGIN = 40  # pixels: more than the network sees around each one, and even
 _GAMMA = 2.2  # it has learned from pictures as screens show them
 _ROWS = 256  # of a piece
-_PHASES = {"GRBG": (0, 0), "RGGB": (0, 1), "BGGR": (1, 0), "GBRG": (1, 1)}  # pixels before the first quad of the order GRBG
 
 
-def demosaic_demosaicnet(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
+def demosaic_demosaicnet(mosaic: FloatArray) -> FloatArray:
     """The network's picture, float32 (H, W, 3), of a Bayer mosaic (H, W), both in scene units, 1 = white.
 
-    Raises InputError for an unknown order, and for a frame of less than 2 x 2.
+    Raises InputError for a frame of less than 2 x 2.
     """
-    check_mosaic(mosaic, order)
+    check_mosaic(mosaic)
     import torch
 
     height, width = mosaic.shape
-    down, right = _PHASES[order]
-    pads = (_MARGIN + down, _MARGIN + (height + down) % 2), (_MARGIN + right, _MARGIN + (width + right) % 2)
+    # The network's quads begin with green: one column before ours.
+    pads = (_MARGIN, _MARGIN + height % 2), (_MARGIN + 1, _MARGIN + (width + 1) % 2)
     codes = np.sign(mosaic) * np.abs(mosaic) ** np.float32(1 / _GAMMA)
     wide = np.pad(codes, pads, mode=BORDER)
-    planes = (wide * (channel_map(wide.shape, "GRBG") == np.arange(3)[:, None, None])).astype(np.float32)
+    filters = channel_map((wide.shape[0], wide.shape[1] + 1))[:, 1:]
+    planes = (wide * (filters == np.arange(3)[:, None, None])).astype(np.float32)
     picture = np.empty((3, *(size - 2 * _MARGIN for size in wide.shape)), np.float32)
     for top in range(0, picture.shape[1], _ROWS):
         end = min(top + _ROWS, picture.shape[1])
@@ -44,7 +44,7 @@ def demosaic_demosaicnet(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
         edge = (end - top + 2 * _MARGIN - found.shape[1]) // 2  # what the convolutions have eaten
         inside = slice(_MARGIN - edge, _MARGIN - edge + end - top)
         picture[:, top:end] = found[:, inside, _MARGIN - edge : _MARGIN - edge + picture.shape[2]]
-    picture = picture[:, down : down + height, right : right + width].transpose(1, 2, 0)
+    picture = picture[:, :height, 1 : 1 + width].transpose(1, 2, 0)
     return np.ascontiguousarray(np.sign(picture) * np.abs(picture) ** np.float32(_GAMMA))
 
 
@@ -76,3 +76,16 @@ def _weights() -> dict[str, Any]:
 
     path = distribution("demosaicnet").locate_file("demosaicnet/data/bayer.pth")
     return dict(torch.load(str(path), map_location="cpu", weights_only=True))
+
+
+METHODS = (
+    Method(
+        "demosaicnet",
+        "Bayer, Gharbi 2016, balanced",
+        demosaic_demosaicnet,
+        balanced=True,
+        packages=("demosaicnet", "torch"),
+        extra="learned-rivals",
+        seconds=8,
+    ),
+)

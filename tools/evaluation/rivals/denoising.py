@@ -3,13 +3,16 @@
 The licence of the package `bm3d` allows non-commercial use only. It is imported only when a method that needs it is run.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
+from tools.camera.bayer import check_mosaic
 
-from .bayer import check_mosaic
+from .colour_demosaicing import MENON
+from .dlmmse import DLMMSE
 
 LEAST = 8  # pixels of a plane each way: BM3D's block
 
@@ -56,3 +59,19 @@ def _stabilised_bm3d(plane: DoubleArray, shot: float, read: float) -> DoubleArra
     inverse = smooth**2 / 4 + root / (4 * smooth) - 11 / (8 * smooth**2) + 5 * root / (8 * smooth**3) - 1 / 8 - electron_read**2
     result: DoubleArray = inverse * shot
     return result
+
+
+SECONDS = 40
+"""Rough duration per megapixel, once for all methods that begin with it."""
+METHODS = tuple(
+    replace(
+        each,
+        name=f"bm3d+{each.name}",
+        title=each.title.replace("Bayer, ", "Bayer, BM3D + "),
+        denoise=denoise_bayer,
+        packages=(*each.packages, "bm3d"),
+        extra="rivals",
+        seconds=each.seconds + SECONDS,
+    )
+    for each in (MENON, MENON.with_balance(), DLMMSE, DLMMSE.with_balance())
+)

@@ -8,8 +8,9 @@ it. Each is denoised, the two are averaged by their expected errors, and red and
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray
+from tools.camera.bayer import channel_map, check_mosaic
 
-from .bayer import channel_map, check_mosaic
+from ..method import Method
 
 _GREEN = 1
 # Second-order interpolation of the missing colour along a line (section II; after Hamilton and Adams).
@@ -22,16 +23,16 @@ _DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
 _AXIAL = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
 
 
-def demosaic_dlmmse(mosaic: FloatArray, order: str = "RGGB") -> FloatArray:
+def demosaic_dlmmse(mosaic: FloatArray) -> FloatArray:
     """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units. Measured samples are kept.
 
-    Raises InputError for an unknown order, and when the mosaic has fewer than two rows or columns.
+    Raises InputError when the mosaic has fewer than two rows or columns.
     """
-    check_mosaic(mosaic, order)
+    check_mosaic(mosaic)
     from scipy.ndimage import correlate
 
     samples = mosaic.astype(np.float64)
-    colour = channel_map(mosaic.shape, order)
+    colour = channel_map(mosaic.shape)
     green_site = colour == _GREEN
     horizontal, horizontal_error = _directional_estimate(samples, green_site, axis=1)
     vertical, vertical_error = _directional_estimate(samples, green_site, axis=0)
@@ -72,3 +73,7 @@ def _moving_mean(values: DoubleArray, axis: int) -> DoubleArray:
     # Not uniform_filter1d: the rounding errors of its running sums would enter the variances.
     mean: DoubleArray = correlate1d(values, np.full(_WINDOW, 1 / _WINDOW), axis, mode="mirror")
     return mean
+
+
+DLMMSE = Method("dlmmse", "Bayer, DLMMSE 2005", demosaic_dlmmse, seconds=0.15)
+METHODS = (DLMMSE, DLMMSE.with_balance())

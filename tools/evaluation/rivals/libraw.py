@@ -1,6 +1,7 @@
 """LibRaw's demosaicing of a Bayer DNG in memory: the code behind nearly every free raw developer and many viewers."""
 
 import io
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,30 +11,31 @@ from shared.arrays import FloatArray
 from shared.dng.tags import CFA_CODES, DNG_BACKWARD_VERSION, DNG_VERSION, Compression, Photometric, Tag
 from shared.errors import InputError
 from shared.tiff import Directory, FieldType, encode_tiff
+from tools.camera.bayer import ORDER, check_mosaic
 
-from .bayer import check_mosaic
+from ..method import Method
 from .integers import Levels
 
 ALGORITHMS = ("ahd", "dcb", "dht", "aahd")
 _LEAST = 22  # pixels each way: LibRaw refuses smaller frames
 
 
-def demosaic_libraw(mosaic: FloatArray, algorithm: str, order: str = "RGGB") -> FloatArray:
+def demosaic_libraw(mosaic: FloatArray, algorithm: str) -> FloatArray:
     """Picture, float32 (H, W, 3), from a Bayer mosaic (H, W), both in scene units.
 
     LibRaw gets the samples with a pedestal that it keeps, so that noise below black or above white is not clipped. It returns
     linear 16-bit camera colours without white balance, colour conversion or brightening.
 
     algorithm: one of ALGORITHMS.
-    Raises InputError for an unknown algorithm or order, and for a frame smaller than 22 x 22.
+    Raises InputError for an unknown algorithm, and for a frame smaller than 22 x 22.
     """
-    check_mosaic(mosaic, order)
+    check_mosaic(mosaic)
     if algorithm not in ALGORITHMS:
         raise InputError(f"unknown LibRaw algorithm {algorithm!r}; one of {', '.join(ALGORITHMS)}")
     if min(mosaic.shape) < _LEAST:
         raise InputError(f"a mosaic of {mosaic.shape[1]} x {mosaic.shape[0]} is too small for LibRaw: {_LEAST} pixels each way")
     levels = Levels.around(mosaic)
-    developed = develop(encode_bayer_dng(levels.encode(mosaic), order), algorithm)
+    developed = develop(encode_bayer_dng(levels.encode(mosaic)), algorithm)
     if developed.shape != (*mosaic.shape, 3):
         raise InputError(f"LibRaw made {developed.shape} of a mosaic of {mosaic.shape}")
     return levels.decode(developed)
@@ -59,7 +61,7 @@ def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
     return np.asarray(developed, np.uint16)
 
 
-def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:
+def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535, camera colours are those of sRGB."""
     rows, columns = codes.shape
     fields: dict[int, tuple[FieldType, Any]] = {
@@ -76,7 +78,7 @@ def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:
         Tag.ROWS_PER_STRIP: (FieldType.LONG, [rows]),
         Tag.PLANAR_CONFIG: (FieldType.SHORT, [1]),
         Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [2, 2]),
-        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in order)),
+        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in ORDER)),
         Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
         Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
         Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, "Panchroma Bayer rival"),
@@ -88,3 +90,16 @@ def encode_bayer_dng(codes: NDArray[np.uint16], order: str = "RGGB") -> bytes:
         Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, [1, 1, 1]),
     }
     return encode_tiff(Directory(fields, strips=[codes.astype("<u2").tobytes()]))
+
+
+METHODS = tuple(
+    Method(
+        name,
+        f"Bayer, LibRaw {name.upper()}",
+        partial(demosaic_libraw, algorithm=name),
+        balanced=True,
+        packages=("rawpy",),
+        seconds=0.2,
+    )
+    for name in ALGORITHMS
+)

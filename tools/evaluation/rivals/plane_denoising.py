@@ -12,6 +12,7 @@ from math import gcd
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 
+from ..method import Method
 from .denoising import LEAST, denoise_plane
 from .planes import planes
 
@@ -40,3 +41,16 @@ def _grids(pattern: CfaPattern) -> Iterator[tuple[int, slice, slice]]:
         if len(sites) * down * across == pattern.period**2:
             sites = [(slice(starts[0][0] % down, None, down), slice(starts[0][1] % across, None, across))]
         yield from ((channel, rows, columns) for rows, columns in sites)
+
+
+METHODS = (
+    Method(
+        "bm3d+planes",
+        "BM3D + interpolated planes",
+        denoised_planes,
+        sparse=True,
+        packages=("bm3d",),
+        extra="rivals",
+        seconds=15,
+    ),
+)

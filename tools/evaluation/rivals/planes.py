@@ -14,6 +14,8 @@ from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.errors import InputError
 
+from ..method import Method
+
 _SLANT = 1e-4  # how far the lattice is slanted and stretched each way, so that each way another triangulation is the only one
 _AROUND = 3  # tiles around one that hold all sites of its triangles
 _LEAST = 1e-9  # smaller weights are rounding errors
@@ -99,3 +101,9 @@ def _inside(places: IndexArray, size: int, period: int) -> IndexArray:
     """Places in an axis of `size` for places anywhere: those outside are taken from the nearest tile, in their own phase."""
     above: BoolArray = places >= size
     return np.where(places < 0, places % period, places - above * ((places - size) // period + 1) * period)
+
+
+METHODS = (
+    Method("planes", "Interpolated planes", planes, sparse=True, seconds=0.1),
+    Method("planes+w", "Interpolated planes + W", sharpened_planes, sparse=True, seconds=0.1),
+)

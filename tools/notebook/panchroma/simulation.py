@@ -13,8 +13,8 @@ from shared import CfaPattern, read_camera
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
-from tools.camera.filters import filters_for
-from tools.camera.lens import SimulatedLens
+from tools.camera.lens import check_lens, lens_of
+from tools.camera.protocols import chosen_protocol
 from tools.camera.simulated_camera import SimulatedCamera
 from tools.scenes.decoders import Decoded, decode_array
 from tools.scenes.load import load_scene
@@ -81,25 +81,21 @@ def simulate(
     >>> shot.truth
     <Picture 60 x 60, linear A, B, C, D>
     """
-    if sigma is not None and light is not None:
-        raise InputError(f"sigma is {sigma} and light is {light}: the first is the paper's noise, the other a sensor's; give one")
-    if light is not None and not 0 < light < np.inf:
-        raise InputError(f"light is {light}, expected a positive factor; 1 is a full exposure")
+    kind, level = chosen_protocol(None, {"sigma": sigma, "light": light})
+    protocol = kind(kind.default if level is None else level)
     if seed < 0:
         raise InputError(f"seed is {seed}, expected 0 or more")
     known = None if camera is None else read_camera(camera)
-    lens = SimulatedLens.asked(shading, aberration)
+    lens = lens_of({"shading": shading, "aberration": aberration})
     tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
     if known:
         known.check_pattern(tile)
-        lens.check(known.calibration, camera)
+        check_lens(lens, known.calibration, camera)
     seen = _scene(scene, tile.channels, channels, linear, max_pixels)
-    noise = (sigma or 0.0) if light is None else None
-    taking = SimulatedCamera.of(tile, known, bits=bits, lens=lens, sigma=noise, light=1.0 if light is None else light)
-    exposed = taking.shoot(seen, np.random.default_rng(seed))
+    exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(seen, np.random.default_rng(seed))
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
     truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
-    return told(Shot(exposed.mosaic, truth, seen.name, (*seen.notes, *filters_for(tile, seen).notes)))
+    return told(Shot(exposed.mosaic, truth, seen.name, exposed.notes))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
+from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
 from tools.evaluation.measures import WINDOW
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import (
@@ -17,7 +18,6 @@ from tools.evaluation.page.gallery import (
     render_exhibit,
     render_gallery,
 )
-from tools.evaluation.protocol import Protocol
 from tools.evaluation.scene_sets import Reading
 from tools.evaluation.study import Study, render_cell
 
@@ -31,17 +31,17 @@ def large(folder: Path, **changes: object) -> Study:
 
 
 @pytest.mark.parametrize(
-    ("kind", "level", "names"), [("paper", 0.03, ("paper", "bilinear", "dcb")), ("sensor", 0.25, ("preview", "dlmmse"))]
+    ("level", "names"), [(PaperProtocol(0.03), ("paper", "bilinear", "dcb")), (SensorProtocol(0.25), ("preview", "dlmmse"))]
 )
-def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, kind: str, level: float, names: tuple[str, ...]) -> None:
-    study = large(tmp_path, methods=names, levels=(level,), protocol=Protocol(kind))  # type: ignore[arg-type]
+def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, level: Protocol, names: tuple[str, ...]) -> None:
+    study = large(tmp_path, methods=names, levels=(level,))
     scene = study.scenes[0]
     crop = Crop(scene, level, 117, 131, WINDOW, WINDOW, WHY_WORST)
     parts = dict(render_crop(study, crop, study.reading.truth(scene.source), study.methods))
     assert tuple(parts) == study.methods
     for name, part in parts.items():
         method = methods()[name]
-        whole = render_cell(study.cell(scene, level, method, study.tile if method.sparse else None), study.protocol, study.reading)
+        whole = render_cell(study.cell(scene, level, method, study.tile if method.sparse else None), study.seed, study.reading)
         assert part.shape == (WINDOW, WINDOW, 3)
         difference = np.abs(part - whole[crop.part])
         assert np.quantile(difference, 0.99) < INVISIBLE, name
@@ -52,12 +52,14 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
     figures = measured(study, tmp_path)
     crops = list(choose_crops(figures))
     assert {crop.why for crop in crops} <= {WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE}
-    assert {crop.level for crop in crops} == {0.0, 0.03}
-    worst = next(crop for crop in crops if crop.why == WHY_WORST and crop.level == 0.03)
-    taken = [crop for crop in crops if crop.level == 0.03 and crop is not worst]
-    own = figures.results[study.cell(study.scenes[0], 0.03, methods()["preview"], study.tile)].errors
+    assert {crop.level for crop in crops} == set(study.levels)
+    worst = next(crop for crop in crops if crop.why == WHY_WORST and crop.level == study.levels[1])
+    taken = [crop for crop in crops if crop.level == study.levels[1] and crop is not worst]
+    own = figures.results[study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile)].errors
     truth = study.reading.truth(study.scenes[0].source)
-    rendered = render_cell(study.cell(study.scenes[0], 0.03, methods()["preview"], study.tile), study.protocol, study.reading)
+    rendered = render_cell(
+        study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile), study.seed, study.reading
+    )
     assert np.mean((rendered[worst.part] - truth[worst.part]) ** 2) <= own.max() * 1.001
     for crop in taken:  # no two squares of a level show the same
         assert max(abs(crop.row - worst.row), abs(crop.column - worst.column)) >= WINDOW
@@ -82,7 +84,7 @@ def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
 def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     np.save(tmp_path / "scene0.npy", small_scene(78, 90, 0) / 16)
     study = study_of(tmp_path, count=1)
-    crop = Crop(study.scenes[0], 0.0, 15, 15, 48, 60, WHY_WORST)
+    crop = Crop(study.scenes[0], study.levels[0], 15, 15, 48, 60, WHY_WORST)
     shown = render_exhibit(study, (crop, ("bilinear",)))
     assert shown.stops > 3
     assert shown.pictures[0].pixels.mean() > 60
@@ -90,5 +92,5 @@ def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
 
 
 def test_without_rivals_there_is_no_gallery(tmp_path: Path) -> None:
-    figures = measured(study_of(tmp_path, methods=("paper",), count=1, levels=(0.03,)), tmp_path)
+    figures = measured(study_of(tmp_path, methods=("paper",), count=1, levels=PaperProtocol.levels((0.03,))), tmp_path)
     assert render_gallery(figures, alone()) == []

@@ -3,15 +3,15 @@ import pytest
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from shared.pattern import BAYER_ORDERS
+from tests.bayer import bayer_mosaic
 from tests.data import photograph
+from tools.camera.bayer import ORDER, sample_bayer
 from tools.evaluation.metrics import quality
-from tools.evaluation.rivals.bayer import bayer_mosaic
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.scenes.load import load_scene
 
 
-def literal(mosaic: FloatArray, order: str) -> DoubleArray:
+def literal(mosaic: FloatArray) -> DoubleArray:
     """Each missing value: the mean of its channel's samples among the eight neighbours, in the mirrored frame."""
     height, width = mosaic.shape
     padded = np.pad(mosaic.astype(float), 1, mode="reflect")
@@ -19,59 +19,35 @@ def literal(mosaic: FloatArray, order: str) -> DoubleArray:
     for row in range(height):
         for column in range(width):
             for channel, letter in enumerate("RGB"):
-                if order[row % 2 * 2 + column % 2] == letter:
+                if ORDER[row % 2 * 2 + column % 2] == letter:
                     rgb[row, column, channel] = mosaic[row, column]
                     continue
                 seen = [
                     padded[row + 1 + down, column + 1 + right]
                     for down in (-1, 0, 1)
                     for right in (-1, 0, 1)
-                    if order[(row + down) % 2 * 2 + (column + right) % 2] == letter
+                    if ORDER[(row + down) % 2 * 2 + (column + right) % 2] == letter
                 ]
                 rgb[row, column, channel] = np.mean(seen)
     return rgb
 
 
-@pytest.mark.parametrize("order", BAYER_ORDERS)
 @pytest.mark.parametrize("shape", [(2, 2), (5, 8), (6, 7), (9, 9)])
-def test_bilinear_is_the_mean_of_the_nearest_samples(order: str, shape: tuple[int, int]) -> None:
+def test_bilinear_is_the_mean_of_the_nearest_samples(shape: tuple[int, int]) -> None:
     mosaic = np.random.default_rng(1).random(shape).astype(np.float32)
-    np.testing.assert_allclose(demosaic_bilinear(mosaic, order), literal(mosaic, order), atol=1e-6)  # float32 rounding
+    np.testing.assert_allclose(demosaic_bilinear(mosaic), literal(mosaic), atol=1e-6)  # float32 rounding
 
 
-@pytest.mark.parametrize("order", BAYER_ORDERS)
-def test_the_mosaic_takes_each_sample_from_its_channel(order: str) -> None:
+def test_the_mosaic_takes_each_sample_from_its_channel() -> None:
     rgb = np.random.default_rng(2).random((5, 6, 3)).astype(np.float32)
-    mosaic = bayer_mosaic(rgb, 0, np.random.default_rng(0), order)
+    mosaic = sample_bayer(rgb)
     for row, column in np.ndindex(5, 6):
-        assert mosaic[row, column] == rgb[row, column, "RGB".index(order[row % 2 * 2 + column % 2])]
+        assert mosaic[row, column] == rgb[row, column, "RGB".index(ORDER[row % 2 * 2 + column % 2])]
 
 
-@pytest.mark.parametrize("order", BAYER_ORDERS)
-def test_an_even_colour_comes_back_exactly(order: str) -> None:
-    rgb = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (7, 9, 3))
-    np.testing.assert_array_equal(demosaic_bilinear(bayer_mosaic(rgb, 0, np.random.default_rng(0), order), order), rgb)
-
-
-def test_noise_is_gaussian_seeded_and_not_clipped() -> None:
-    black = np.zeros((200, 200, 3), np.float32)
-    mosaic = bayer_mosaic(black, 0.03, np.random.default_rng(3))
-    assert mosaic.std() == pytest.approx(0.03, rel=0.02)
-    assert mosaic.min() < -0.05
-    np.testing.assert_array_equal(mosaic, bayer_mosaic(black, 0.03, np.random.default_rng(3)))
-
-
-def test_wrong_arguments_are_refused() -> None:
-    rgb = np.zeros((4, 4, 3), np.float32)
-    with pytest.raises(InputError, match="order 'RGBG'"):
-        bayer_mosaic(rgb, 0, np.random.default_rng(0), "RGBG")
-    for sigma in (-1, np.nan, np.inf):
-        with pytest.raises(InputError, match="sigma"):
-            bayer_mosaic(rgb, sigma, np.random.default_rng(0))
-    with pytest.raises(InputError, match="order"):
-        demosaic_bilinear(rgb[..., 0], "XYZZ")
+def test_wrong_mosaics_are_refused() -> None:
     with pytest.raises(InputError, match="2 rows"):
-        demosaic_bilinear(rgb[:1, :, 0])
+        demosaic_bilinear(np.zeros((1, 4), np.float32))
 
 
 # Established by an independent implementation of scene loading, metric and interpolation: medians of RGB, luminance, chrominance.

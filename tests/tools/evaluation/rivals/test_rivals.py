@@ -7,17 +7,15 @@ import pytest
 import rawpy
 
 from shared.arrays import FloatArray
-from shared.calibration import NoiseModel
 from shared.errors import InputError
-from shared.pattern import BAYER_ORDERS
 from tests.data import photograph
+from tools.camera.bayer import ORDER, sample_bayer
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import psnr, quality
-from tools.evaluation.protocol import cut
-from tools.evaluation.rivals.bayer import bayer_exposure, sample_bayer
 from tools.evaluation.rivals.denoising import denoise_bayer
 from tools.evaluation.rivals.integers import Levels
 from tools.evaluation.rivals.libraw import ALGORITHMS, demosaic_libraw, encode_bayer_dng
+from tools.evaluation.scene_sets import cut
 from tools.scenes.load import load_scene
 
 # colour-demosaicing 0.2 imports from a namespace that SciPy is going to drop.
@@ -32,8 +30,8 @@ CODE = 2 / 65535  # what 16 bits over a range of 1.3 may be wrong by
 EDGE = 8  # pixels: rivals do as they like there
 
 
-def demosaic(name: str, mosaic: FloatArray, order: str) -> FloatArray:
-    return methods()[name].function(mosaic, order=order)
+def demosaic(name: str, mosaic: FloatArray) -> FloatArray:
+    return methods()[name].function(mosaic)
 
 
 def smooth_scene(rows: int, columns: int) -> FloatArray:
@@ -41,11 +39,10 @@ def smooth_scene(rows: int, columns: int) -> FloatArray:
     return np.stack([0.5 + 0.3 * np.sin(down + right), 0.4 + 0.2 * np.cos(down), 0.3 + 0.2 * np.sin(right)], -1).astype(np.float32)
 
 
-@pytest.mark.parametrize("order", BAYER_ORDERS)
 @pytest.mark.parametrize("name", RIVALS)
-def test_colours_land_in_their_channels(name: str, order: str) -> None:
+def test_colours_land_in_their_channels(name: str) -> None:
     rgb = smooth_scene(62, 74)
-    picture = demosaic(name, sample_bayer(rgb, order), order)
+    picture = demosaic(name, sample_bayer(rgb))
     assert picture.shape == rgb.shape
     assert picture.dtype == np.float32
     assert psnr(picture, rgb, EDGE) > 38
@@ -54,7 +51,7 @@ def test_colours_land_in_their_channels(name: str, order: str) -> None:
 @pytest.mark.parametrize("name", RIVALS)
 def test_an_even_colour_comes_back(name: str) -> None:
     rgb = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (40, 44, 3))
-    inner = demosaic(name, sample_bayer(rgb), "RGGB")[EDGE:-EDGE, EDGE:-EDGE]
+    inner = demosaic(name, sample_bayer(rgb))[EDGE:-EDGE, EDGE:-EDGE]
     np.testing.assert_allclose(inner, rgb[EDGE:-EDGE, EDGE:-EDGE], atol=CODE)
 
 
@@ -63,7 +60,7 @@ def test_nothing_below_black_or_above_white_is_clipped(name: str) -> None:
     rng = np.random.default_rng(0)
     for level in (0.0, 1.0):
         mosaic = (level + 0.05 * rng.standard_normal((60, 60))).astype(np.float32)
-        picture = demosaic(name, mosaic, "RGGB")[EDGE:-EDGE, EDGE:-EDGE]
+        picture = demosaic(name, mosaic)[EDGE:-EDGE, EDGE:-EDGE]
         assert picture.min() < level - 0.05
         assert picture.max() > level + 0.05
         assert picture.mean() == pytest.approx(level, abs=0.01)
@@ -81,11 +78,11 @@ def test_levels_hold_all_samples_and_come_back() -> None:
 
 def test_libraw_reads_the_dng_as_it_was_written() -> None:
     codes = np.random.default_rng(0).integers(0, 65536, (30, 40), dtype=np.uint16)
-    with rawpy.imread(io.BytesIO(encode_bayer_dng(codes, "GRBG"))) as raw:
+    with rawpy.imread(io.BytesIO(encode_bayer_dng(codes))) as raw:
         np.testing.assert_array_equal(raw.raw_image_visible, codes)
         assert raw.raw_pattern is not None
         letters = [raw.color_desc.decode()[index] for index in raw.raw_pattern.ravel().tolist()]
-        assert letters == ["G", "R", "B", "G"]
+        assert letters == list(ORDER)
         assert raw.white_level == 65535
 
 
@@ -94,22 +91,6 @@ def test_libraw_refuses_what_it_cannot_do() -> None:
         demosaic_libraw(np.zeros((20, 40), np.float32), "ahd")
     with pytest.raises(InputError, match="vng"):
         demosaic_libraw(np.zeros((40, 40), np.float32), "vng")
-
-
-def test_an_exposure_is_that_of_a_sensor() -> None:
-    rgb = np.full((200, 200, 3), 0.25, np.float32)
-    noise, levels = NoiseModel((2e-4,), (6e-4,)), (256, 4095)
-    for exposure in (1.0, 0.25):
-        measured = bayer_exposure(rgb, noise, exposure, levels, np.random.default_rng(0))
-        assert measured.mean() == pytest.approx(0.25 * exposure, rel=0.01)
-        expected = np.sqrt(2e-4 * 0.25 * exposure + 6e-4**2)
-        assert measured.std() == pytest.approx(expected, rel=0.03)
-        codes = measured * (levels[1] - levels[0])
-        np.testing.assert_allclose(codes, np.rint(codes), atol=2e-3)  # 12 bits, through float32
-    bright = bayer_exposure(rgb * 8, noise, 1.0, levels, np.random.default_rng(0))
-    assert bright.max() == 1.0  # clipped at white
-    with pytest.raises(InputError, match="exposure"):
-        bayer_exposure(rgb, noise, 0, levels, np.random.default_rng(0))
 
 
 def test_denoising_lowers_noise_and_keeps_the_light() -> None:
@@ -136,5 +117,5 @@ TOLERANCE = 0.15  # dB
 @pytest.mark.parametrize("scene", MENON)
 def test_established_figures_of_menon_come_out(scene: str) -> None:
     truth = cut(load_scene(str(photograph(scene))).rgb)
-    found = quality(demosaic("menon", sample_bayer(truth), "RGGB"), truth).median
+    found = quality(demosaic("menon", sample_bayer(truth)), truth).median
     assert found == pytest.approx(MENON[scene], abs=TOLERANCE)

@@ -16,9 +16,8 @@ import numpy as np
 from offline.burst import Motion, align
 from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
-
-from .bayer import channel_map
-from .dlmmse import demosaic_dlmmse
+from tools.camera.bayer import channel_map
+from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 
 _ROUNDS = 4  # of back-projection
 _BLUR = 0.5  # pixels: standard deviation of what is spread
@@ -31,7 +30,6 @@ def render_bayer_burst(
     mosaics: Sequence[FloatArray],
     sigma: float,
     neutral: tuple[float, ...] | None,
-    order: str = "RGGB",
     motions: Sequence[Motion] | None = None,
 ) -> FloatArray:
     """The picture of the first frame from all frames of a burst, float32 (H, W, 3), scene units.
@@ -39,20 +37,19 @@ def render_bayer_burst(
     mosaics: of a Bayer sensor, (H, W), scene units; the first is the reference.
     sigma: standard deviation of the noise on every sample, scene units; 0: there is none.
     neutral: what white reads; samples are balanced by it, as in a raw developer. None = unknown.
-    order: filters of the first two rows, one of BAYER_ORDERS.
     motions: how each frame lies against the reference; None = it is measured.
     Raises InputError where a frame cannot be aligned.
     """
     white = np.array(neutral or (1.0, 1.0, 1.0), np.float32)
     white /= white.max()
-    filters = white[channel_map(mosaics[0].shape, order)]
+    filters = white[channel_map(mosaics[0].shape)]
     balanced = [mosaic / filters for mosaic in mosaics]
-    pictures = [demosaic_dlmmse(mosaic, order) for mosaic in balanced]
+    pictures = [demosaic_dlmmse(mosaic) for mosaic in balanced]
     if motions is None:
         motions = [Motion(), *(_motion(pictures[0], each, sigma / white) for each in pictures[1:])]
-    merged = _merged(balanced, pictures, motions, order)
+    merged = _merged(balanced, pictures, motions)
     if sigma:
-        merged = _denoised(merged, _noise_left(motions, sigma / filters, order))
+        merged = _denoised(merged, _noise_left(motions, sigma / filters))
     return (merged * white).astype(np.float32)
 
 
@@ -62,7 +59,7 @@ def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Moti
     return align(reference.sum(axis=2), frame.sum(axis=2), (noise, noise)).motion
 
 
-def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion], order: str) -> DoubleArray:
+def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion]) -> DoubleArray:
     """The mean of the pictures as the reference would see them, corrected by the samples of all mosaics, (H, W, 3)."""
     from scipy.ndimage import gaussian_filter, map_coordinates
 
@@ -71,7 +68,7 @@ def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motio
     merged: DoubleArray = np.asarray(np.mean(seen, axis=0), np.float64)
     pixels = np.indices(shape, np.float32)
     places = [np.stack(motion.back(pixels[0], pixels[1], shape)) for motion in motions]
-    colour = channel_map(shape, order)
+    colour = channel_map(shape)
     for channel in range(3):
         at = np.concatenate([place[:, colour == channel] for place in places], axis=1)
         values = np.concatenate([mosaic[colour == channel] for mosaic in mosaics])
@@ -105,14 +102,14 @@ def _spread(at: FloatArray, values: FloatArray | DoubleArray, shape: tuple[int, 
     return total.reshape(shape)
 
 
-def _noise_left(motions: Sequence[Motion], noise: FloatArray, order: str) -> DoubleArray:
+def _noise_left(motions: Sequence[Motion], noise: FloatArray) -> DoubleArray:
     """Standard deviation of the noise of each channel of the merged picture: what becomes of frames that are nothing but noise.
 
     noise: standard deviation on each sample, (H, W).
     """
     rng = np.random.default_rng(0)
     mosaics = [(noise * rng.standard_normal(noise.shape)).astype(np.float32) for _ in motions]
-    merged = _merged(mosaics, [demosaic_dlmmse(mosaic, order) for mosaic in mosaics], motions, order)
+    merged = _merged(mosaics, [demosaic_dlmmse(mosaic) for mosaic in mosaics], motions)
     left: DoubleArray = merged.std(axis=(0, 1))
     return left
 

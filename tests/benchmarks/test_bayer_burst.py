@@ -5,10 +5,11 @@ import pytest
 
 from offline.burst import Motion
 from shared.arrays import FloatArray
-from tools.camera.burst import Burst, burst_frames
+from tests.bayer import bayer_mosaic
+from tests.benchmarks.bayer_burst import render_bayer_burst
+from tools.camera.bayer import sample_bayer
+from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.evaluation.metrics import psnr
-from tools.evaluation.rivals.bayer import bayer_mosaic, sample_bayer
-from tools.evaluation.rivals.burst import render_bayer_burst
 from tools.evaluation.rivals.dlmmse import demosaic_dlmmse
 from tools.host.versions import package_version
 from tools.scenes.drawn.builtin import builtin_scene
@@ -22,7 +23,7 @@ CONVERGED = 1e-3  # what a few rounds of back-projection leave
 def light(count: int, pixels: float) -> list[FloatArray]:
     """Frames of fine leaves and print."""
     scene = builtin_scene(660, 440).rgb[60:220, 60:240]
-    return [frame.rgb for frame in burst_frames(scene, Burst(count, pixels), np.random.default_rng(1))]
+    return [frame.rgb for frame in burst_frames(scene, SimulatedBurst(count, pixels), np.random.default_rng(1))]
 
 
 def shifted(scene: FloatArray, motion: Motion) -> FloatArray:

@@ -1,0 +1,12 @@
+"""A Bayer camera with additive noise."""
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from tools.camera.bayer import sample_bayer
+from tools.camera.protocols import PaperProtocol
+
+
+def bayer_mosaic(rgb: FloatArray, sigma: float, rng: np.random.Generator) -> FloatArray:
+    """Its samples, float32 (H, W), scene units, not clipped, of a scene (H, W, 3)."""
+    return PaperProtocol(sigma).bayer(sample_bayer(rgb), rng).samples

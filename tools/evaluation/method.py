@@ -1,0 +1,72 @@
+"""What a method is: a way from the shot of one of the two cameras to a picture."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from shared.arrays import FloatArray
+from tools.host.versions import package_version
+
+from .cameras import CameraPair, Denoise
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way from a shot to a picture.
+
+    title: name for people.
+    function: makes the picture, from a Mosaic if the method is for any pattern, from Bayer samples if it is not.
+    version: of the code of the method, a JSON value. Kept results are used while it stays: raise it whenever its pictures change.
+    ours: whether it is Panchroma's.
+    sparse: whether it renders shots of the sparse-colour camera, of any pattern.
+    balanced: a rival that gets white-balanced samples.
+    denoise: applied to a rival's samples first.
+    packages: distributions that it needs; results depend on their versions, too. extra: of ours, which installs them.
+    seconds: rough duration per megapixel, from which the time left is estimated.
+    """
+
+    name: str
+    title: str
+    function: Callable[..., FloatArray]
+    version: Any = 1
+    ours: bool = False
+    sparse: bool = False
+    balanced: bool = False
+    denoise: Denoise | None = None
+    packages: tuple[str, ...] = ()
+    extra: str = "evaluation"
+    seconds: float = 1.0
+
+    @property
+    def short(self) -> str:
+        """Title without the name of the sensor."""
+        return self.title.partition(", ")[2] or self.title
+
+    @property
+    def missing(self) -> str | None:
+        """A package that the method needs and that is not installed."""
+        return next((package for package in self.packages if package_version(package) is None), None)
+
+    @property
+    def remedy(self) -> str:
+        """The command that installs what the method needs."""
+        return f"pip install -e '.[{self.extra}]'"
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What results depend on besides scene, noise and pattern, as JSON values."""
+        return {
+            "method": self.name,
+            "version": self.version,
+            "packages": {each: package_version(each) for each in self.packages},
+        }
+
+    def with_balance(self) -> "Method":
+        """The same method, given white-balanced samples."""
+        return replace(self, name=f"{self.name}-wb", title=f"{self.title.rpartition(' ')[0]}, balanced", balanced=True)
+
+    def render(self, cameras: CameraPair) -> FloatArray:
+        """Render the shot of the camera that this method is for. Returns float32 (H, W, N), scene units."""
+        if self.sparse:
+            return cameras.render_sparse(self.function)
+        return cameras.render_bayer(self.function, balanced=self.balanced, denoise=self.denoise)

@@ -1,0 +1,43 @@
+"""Our own methods: the presets of the off-camera renderer, and the camera's preview."""
+
+from dataclasses import asdict, replace
+from functools import partial
+
+from offline import BEST, PAPER, RenderSettings, render
+from offline.version import ALGORITHM
+from shared import Mosaic
+from shared.arrays import FloatArray
+from tools.pictures.previews import linear_preview, preview_version
+
+from .method import Method
+
+PRESETS = {"paper": PAPER, "best": BEST, "unlearned": replace(BEST, learned=PAPER.learned)}
+
+
+def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:
+    """Render a shot with the off-camera renderer. Returns float32 (H, W, C), scene units of the shot."""
+    return render(mosaic, settings).rgb
+
+
+def _preset(name: str, title: str, seconds: float) -> Method:
+    settings = PRESETS[name]
+    version, packages = [ALGORITHM, asdict(settings)], ("onnxruntime",) if settings.learned.used else ()
+    function = partial(render_preset, settings)
+    return Method(name, f"Sparse colour, {title}", function, version, ours=True, sparse=True, packages=packages, seconds=seconds)
+
+
+METHODS = (
+    _preset("paper", "paper", 0.3),
+    _preset("best", "best", 2),
+    _preset("unlearned", "best, unlearned", 2),
+    Method(
+        "preview",
+        "Sparse colour, preview",
+        linear_preview,
+        preview_version(),
+        ours=True,
+        sparse=True,
+        packages=("onnxruntime",),
+        seconds=0.1,
+    ),
+)
