@@ -1,6 +1,5 @@
 """The frame on which speed is measured: the built-in scene as both cameras see it, of any size."""
 
-from tests.bayer import bayer_mosaic
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive
+from tests.bayer import bayer_mosaic
 from tools.evaluation.rivals.integers import Levels
 from tools.scenes.drawn.builtin import builtin_scene
 

@@ -93,8 +93,9 @@ def alternate(works: Mapping[str, Work], rounds: int) -> dict[str, list[float]]:
 
 def rivals(frame: Frame) -> dict[str, Work]:
     """What is installed of them; bringing the frame into the form that they take is not timed."""
+    from tools.evaluation.rivals.colour_demosaicing import demosaic_malvar, demosaic_menon
     from tools.evaluation.rivals.libraw import develop, encode_bayer_dng
-    from tools.evaluation.rivals.packages import demosaic_malvar, demosaic_menon, edge_aware
+    from tools.evaluation.rivals.opencv import edge_aware
 
     works: dict[str, Work] = {}
     if find_spec("colour_demosaicing"):
@@ -107,14 +108,14 @@ def rivals(frame: Frame) -> dict[str, Work]:
         import cv2
 
         cv2.setNumThreads(int(os.environ["OMP_NUM_THREADS"]))
-        works["OpenCV, edge-aware"] = partial(edge_aware, frame.bayer_codes, "RGGB")
+        works["OpenCV, edge-aware"] = partial(edge_aware, frame.bayer_codes)
     return works
 
 
 def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     """Time everything in turns on one frame: presets and their stages, files, and rivals."""
     from offline import render, render_bands
-    from tools.evaluation.presets import PRESETS
+    from tools.evaluation.ours import PRESETS
 
     def by_bands(settings: object) -> None:
         deque(render_bands(frame.mosaic, settings), maxlen=0)  # type: ignore[arg-type]
@@ -147,7 +148,7 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
 def render_file(shot: Path, preset: str, rows: int | None = None, columns: int | None = None) -> float:
     """Render a DNG, or its corner, to a TIFF of 16 bits beside it; returns the seconds in which bands were made."""
     from offline import render_bands, threads
-    from tools.evaluation.presets import PRESETS
+    from tools.evaluation.ours import PRESETS
     from tools.pictures.band_writer import write_picture_bands
     from tools.pictures.writer import PictureKind
 
