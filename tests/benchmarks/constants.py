@@ -1,0 +1,313 @@
+"""Halve and double every number that changes a picture: python -m tests.benchmarks.constants SCENE... [-o constants.json]
+
+The numbers are the settings of the preset `best`, and the module-level names in `offline` that stand for a number or for several.
+Each is halved and doubled, by itself, in a copy of the package. Pictures of the middle of all scenes are rendered with it, in the
+CASES below, and compared with those of the package as it is. The table shows the change of PSNR (mean over a half of the scenes)
+in the case where it is largest: constants may be chosen on the first half of the scenes, and have to hold on the other half.
+
+--markdown FILE prints the table of an earlier run's FILE. --only TEXT measures names that contain TEXT. -j N: threads.
+"""
+
+import argparse
+import ast
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import shift
+
+from offline import BEST, PAPER, RenderSettings, render, use_threads
+from offline.burst import merge_burst, render_burst_bands
+from shared import CfaPattern, Mosaic, SensorCalibration
+from shared.aberration import Aberration
+from shared.arrays import FloatArray
+from shared.sensor import simulate_additive, simulate_sensor
+from tests.data import ROOT
+from tools.evaluation.metrics import BORDER, psnr, quality
+from tools.scenes.load import load_scene
+
+SIDE = 168  # pixels: a whole number of periods, and large enough for a burst to align
+FACTORS = (0.5, 2.0)
+FIGURES = "median", "10 %", "whole"
+_SETTING = "settings"
+_NAME = re.compile(r"_?[A-Z][A-Z0-9_]*")
+_LEFT_OUT = {"memory.py", "ahead.py", "compile.py", "version.py"}  # about memory and compilation, not about pictures
+_REFUSED = "refused"
+_LENS = ((2e-3, 0.0), (0.0, 0.0), (-2e-3, 0.0))  # a quarter of a pixel in the corners of a crop
+_MOTIONS = (0.0, 0.0), (1.25, 2.5), (2.0, -1.75), (-2.4, 1.1)  # pixels
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number that may change pictures.
+
+    file: the module, relative to `offline`; `_SETTING` for a setting.
+    name: of the constant, or `stage.name` of the setting.
+    value: as it is written.
+    start, end: where that is in the module's text; 0 for a setting.
+    """
+
+    file: str
+    name: str
+    value: str
+    start: int = 0
+    end: int = 0
+
+    @property
+    def title(self) -> str:
+        """Its name in tables."""
+        return f"{self.file.removesuffix('.py').replace('/', '.')}.{self.name}"
+
+
+def numbers() -> list[Number]:
+    """Every setting and constant of `offline` that is a number, or several."""
+    found = []
+    for part in fields(BEST):
+        stage = getattr(BEST, part.name)
+        values = {each.name: getattr(stage, each.name) for each in fields(stage)}
+        found += [
+            Number(_SETTING, f"{part.name}.{name}", str(value)) for name, value in values.items() if scaled(value, 2.0) is not None
+        ]
+    for path in sorted((ROOT / "offline").rglob("*.py")):
+        if path.name not in _LEFT_OUT:
+            found += constants_of(path.read_text(encoding="utf-8"), path.relative_to(ROOT / "offline").as_posix())
+    return found
+
+
+def constants_of(text: str, file: str) -> Iterator[Number]:
+    """The numbers that a module's text gives names in capitals."""
+    lines = [0]
+    for line in text.splitlines(keepends=True):
+        lines.append(lines[-1] + len(line.encode()))
+    for node in ast.parse(text).body:
+        match node:
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)) if len(names) == len(values):
+                pairs = list(zip(names, values, strict=True))
+            case ast.Assign(targets=[name], value=value) | ast.AnnAssign(target=name, value=ast.expr() as value):
+                pairs = [(name, value)]
+            case _:
+                continue
+        for name, value in pairs:
+            if isinstance(name, ast.Name) and _NAME.fullmatch(name.id) and _is_number(value):
+                start, end = (
+                    lines[row - 1] + column
+                    for row, column in ((value.lineno, value.col_offset), (value.end_lineno or 0, value.end_col_offset or 0))
+                )
+                yield Number(file, name.id, text.encode()[start:end].decode(), start, end)
+
+
+def _is_number(node: ast.expr) -> bool:
+    """Whether an expression consists of numbers alone."""
+    match node:
+        case ast.Constant(value=value):
+            return isinstance(value, int | float) and not isinstance(value, bool)
+        case ast.UnaryOp(operand=operand):
+            return _is_number(operand)
+        case ast.BinOp(left=left, right=right):
+            return _is_number(left) and _is_number(right)
+        case ast.Tuple(elts=parts):
+            return bool(parts) and all(map(_is_number, parts))
+        case ast.Call(func=ast.Attribute(attr="float32"), args=[part]):
+            return _is_number(part)
+    return False
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """A number, or each of several, times a factor; whole numbers stay whole. None for anything else."""
+    match value:
+        case bool():
+            return None
+        case int():
+            return round(value * factor) if value != 1 or factor > 1 else 1
+        case float() | np.floating():
+            return value * type(value)(factor)
+        case tuple() if value and all(scaled(each, factor) is not None for each in value):
+            parts = [scaled(each, factor) for each in value]
+            return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return None
+
+
+def changed(text: str, number: Number, factor: float) -> str:
+    """A module's text with one of its constants times a factor."""
+    new = repr(scaled(eval(number.value, {"np": np}), factor))  # numbers alone, as `_is_number` has seen
+    before, after = text.encode()[: number.start].decode(), text.encode()[number.end :].decode()
+    return before + new + after
+
+
+def with_setting(settings: RenderSettings, name: str, factor: float) -> RenderSettings:
+    """Settings with one of them, `stage.name`, times a factor."""
+    part, _, field = name.partition(".")
+    stage = getattr(settings, part)
+    return replace(settings, **{part: replace(stage, **{field: scaled(getattr(stage, field), factor)})})
+
+
+# What is rendered: from the scene, the settings and a source of noise to the picture and what it should be.
+
+
+def _shot(scene: FloatArray, sigma: float, rng: np.random.Generator, *, known: bool = True, letters: str = "") -> Mosaic:
+    pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(6)
+    taken = simulate_additive(scene, pattern, SensorCalibration(), sigma, rng)
+    return taken if known else replace(taken, calibration=replace(taken.calibration, noise=None))
+
+
+def _bright(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
+    taken = simulate_sensor(scene, CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False), 2.0, rng)
+    return np.float32(0.5) * render(taken, settings).rgb
+
+
+def _defective(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
+    taken = _shot(scene, 0.01, rng)
+    samples, hot = taken.samples.copy(), rng.random(taken.shape) < 1e-3
+    samples[hot] = rng.uniform(0, 3, int(hot.sum()))
+    return render(replace(taken, samples=samples), settings).rgb
+
+
+def _aberrant(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
+    lens = Aberration(_LENS, (SIDE, SIDE))
+    return render(simulate_additive(scene, CfaPattern.bayer(6), SensorCalibration(aberration=lens), 0.01, rng), settings).rgb
+
+
+def _burst(scene: FloatArray, settings: RenderSettings, rng: np.random.Generator) -> FloatArray:
+    moved = (shift(scene, (*motion, 0.0), mode="mirror").astype(np.float32) for motion in _MOTIONS)
+    merged = merge_burst([_shot(each, 0.02, rng) for each in moved], settings, reference=0)
+    return np.concatenate(list(render_burst_bands(merged, settings)))
+
+
+CASES: dict[str, Callable[[FloatArray, RenderSettings, np.random.Generator], FloatArray]] = {
+    "clean": lambda scene, settings, rng: render(_shot(scene, 0.0, rng), settings).rgb,
+    "0.01": lambda scene, settings, rng: render(_shot(scene, 0.01, rng), settings).rgb,
+    "0.03": lambda scene, settings, rng: render(_shot(scene, 0.03, rng), settings).rgb,
+    "unknown": lambda scene, settings, rng: render(_shot(scene, 0.02, rng, known=False), settings).rgb,
+    "bright": _bright,
+    "defects": _defective,
+    "lens": _aberrant,
+    "scattered": lambda scene, settings, rng: render(_shot(scene, 0.01, rng, letters="WBWG/BWGW/WGWR/GWRW"), settings).rgb,
+    "paper": lambda scene, _, rng: render(_shot(scene, 0.01, rng), PAPER).rgb,
+    "burst": _burst,
+}
+"""clean, 0.01, 0.03: noise of this standard deviation, and the model of it. unknown: 0.02, without a model. bright: exposed by a
+stop too much, as a sensor does. defects: 0.01, and one sample in a thousand reads anything. lens: 0.01, with chromatic aberration.
+scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four frames at 0.02."""
+
+
+def measure(scenes: Path, name: str, factor: float, only: list[str]) -> None:
+    """In a process of its own: print the FIGURES and a digest of each case and scene, as JSON."""
+    from hashlib import sha256
+
+    use_threads(1)
+    settings = with_setting(BEST, name, factor) if name else BEST
+    found: dict[str, list[list[Any]]] = {case: [] for case in only}
+    with np.load(scenes) as file:
+        for scene in (file[each] for each in file):
+            for case in only:
+                picture = CASES[case](scene, settings, np.random.default_rng(6))
+                levels = quality(picture, scene).rgb
+                digest = sha256(picture.tobytes()).hexdigest()
+                found[case].append([levels[2], levels[0], psnr(picture, scene, BORDER), digest])
+    print(json.dumps(found))
+
+
+class Trial:
+    """Measures the package with a number changed."""
+
+    def __init__(self, folder: Path, scenes: list[FloatArray]) -> None:
+        self._folder = folder
+        self._first, self._all = folder / "first.npz", folder / "all.npz"
+        np.savez(self._first, scenes[0])
+        np.savez(self._all, *scenes)
+        self.whole: dict[str, list[list[Any]]] = json.loads(self._run(ROOT, self._all, "", 1.0, list(CASES)))
+
+    def of(self, number: Number, factor: float) -> dict[str, list[list[float]]] | str:
+        """Case -> change of FIGURES of each scene, of cases whose picture of the first scene changes; or why there is none."""
+        name = number.name if number.file == _SETTING else ""
+        with tempfile.TemporaryDirectory(dir=self._folder) as folder:
+            tree = Path(folder)
+            if not name:  # what is compiled stays valid but for the kernels that this number is in
+                shutil.copytree(ROOT / "offline", tree / "offline")
+                path = tree / "offline" / number.file
+                path.write_text(changed(path.read_text(encoding="utf-8"), number, factor), encoding="utf-8")
+            try:
+                first = json.loads(self._run(tree, self._first, name, factor, list(CASES)))
+                cases = [case for case in CASES if first[case][0] != self.whole[case][0]]
+                found = json.loads(self._run(tree, self._all, name, factor, cases)) if cases else {}
+            except subprocess.CalledProcessError as error:
+                return f"{_REFUSED}: {error.stderr.strip().splitlines()[-1]}"
+        return {
+            case: [
+                [a - b for a, b in zip(now[:3], was[:3], strict=True)]
+                for now, was in zip(found[case], self.whole[case], strict=True)
+            ]
+            for case in found
+        }
+
+    def _run(self, tree: Path, scenes: Path, name: str, factor: float, cases: list[str]) -> str:
+        code = f"from tests.benchmarks.constants import *; measure(Path({str(scenes)!r}), {name!r}, {factor}, {cases})"
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tree), str(ROOT)])}
+        return subprocess.run(
+            [sys.executable, "-c", code], env=environment, cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout
+
+
+def shown(changes: dict[str, list[list[float]]] | str) -> str:
+    """The case that changes most, and its mean changes in the first half of the scenes and in the other one, dB."""
+    if isinstance(changes, str):
+        return _REFUSED
+    if not changes:
+        return "="
+    case = max(changes, key=lambda each: np.abs(np.mean(changes[each], axis=0)).max())
+    table = np.array(changes[case])
+    halves = [table[::2].mean(axis=0), table[1::2].mean(axis=0)]
+    return f"{case} " + " ".join("/".join(f"{value:+.2f}" for value in half) for half in halves)
+
+
+def markdown(kept: dict[str, Any]) -> str:
+    """The table for people: settings first, then modules. Cells without spaces, for a page that is counted in words."""
+    lines = ["|number|is|halved|doubled|", "|-|-|-|-|"]
+    for title, (value, *changes) in kept.items():
+        cells = [shown(each).replace(" ", ", ") for each in changes]
+        lines.append(f"|`{title}`|{value}|{'|'.join(cells)}|")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure, print a line for each number, and keep the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE")
+    parser.add_argument("-o", "--output", type=Path, default=Path("constants.json"), metavar="FILE")
+    parser.add_argument("--only", default="", metavar="TEXT")
+    parser.add_argument("-j", "--threads", type=int, default=1, metavar="N")
+    parser.add_argument("--markdown", type=Path, metavar="FILE")
+    arguments = parser.parse_args()
+    if arguments.markdown:
+        print(markdown(json.loads(arguments.markdown.read_text())))
+        return
+    wanted = [each for each in numbers() if arguments.only in each.title]
+    kept: dict[str, Any] = json.loads(arguments.output.read_text()) if arguments.output.exists() else {}
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(arguments.threads) as pool:
+        trial = Trial(Path(folder), [middle(load_scene(scene).rgb) for scene in arguments.scenes])
+        tasks = {each.title: (each, [pool.submit(trial.of, each, factor) for factor in FACTORS]) for each in wanted}
+        for title, (number, results) in tasks.items():
+            changes = [each.result() for each in results]
+            print(f"{title:42} {number.value:24} {shown(changes[0]):44} {shown(changes[1])}", flush=True)
+            kept[title] = [number.value, *changes]
+            arguments.output.write_text(json.dumps(kept))
+
+
+def middle(scene: FloatArray) -> FloatArray:
+    """SIDE x SIDE pixels in the middle of a scene."""
+    top, left = ((size - SIDE) // 2 for size in scene.shape[:2])
+    return np.ascontiguousarray(scene[top : top + SIDE, left : left + SIDE])
+
+
+if __name__ == "__main__":
+    main()
