@@ -42,6 +42,7 @@ FIGURES = "median", "10 %", "whole"
 _SETTING = "settings"
 _NAME = re.compile(r"_?[A-Z][A-Z0-9_]*")
 _LEFT_OUT = {"memory.py", "ahead.py", "compile.py", "version.py"}  # about memory and compilation, not about pictures
+_IMPORT = re.compile(r"^from (\.+)([\w.]*) import ", re.MULTILINE)
 _REFUSED = "refused"
 _LENS = ((2e-3, 0.0), (0.0, 0.0), (-2e-3, 0.0))  # a quarter of a pixel in the corners of a crop
 _MOTIONS = (0.0, 0.0), (1.25, 2.5), (2.0, -1.75), (-2.4, 1.1)  # pixels
@@ -81,6 +82,17 @@ def numbers() -> list[Number]:
     for path in sorted((ROOT / "offline").rglob("*.py")):
         if path.name not in _LEFT_OUT:
             found += constants_of(path.read_text(encoding="utf-8"), path.relative_to(ROOT / "offline").as_posix())
+    return found
+
+
+def reached(path: Path) -> set[Path]:
+    """The modules of `offline` that a module needs: itself, those that it imports, and so on."""
+    found, new = set(), {path}
+    while new:
+        found |= new
+        pairs = [(each, *match) for each in new for match in _IMPORT.findall(each.read_text(encoding="utf-8"))]
+        new = {each.parents[len(dots) - 1].joinpath(*name.split(".")).with_suffix(".py") for each, dots, name in pairs}
+        new = {each for each in new if each.exists()} - found
     return found
 
 
@@ -197,7 +209,7 @@ CASES: dict[str, Callable[[FloatArray, RenderSettings, np.random.Generator], Flo
 }
 """clean, 0.01, 0.03: noise of this standard deviation, and the model of it. unknown: 0.02, without a model. bright: exposed by a
 stop too much, as a sensor does. defects: 0.01, and one sample in a thousand reads anything. lens: 0.01, with chromatic aberration.
-scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four frames at 0.02."""
+scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four frames at 0.02, for numbers that no single frame needs."""
 
 
 def measure(scenes: Path, name: str, factor: float, only: list[str]) -> None:
@@ -225,6 +237,7 @@ class Trial:
         self._first, self._all = folder / "first.npz", folder / "all.npz"
         np.savez(self._first, scenes[0])
         np.savez(self._all, *scenes)
+        self._single = reached(ROOT / "offline/render.py")
         self.whole: dict[str, list[list[Any]]] = json.loads(self._run(ROOT, self._all, "", 1.0, list(CASES)))
 
     def of(self, number: Number, factor: float) -> dict[str, list[list[float]]] | str:
@@ -236,9 +249,11 @@ class Trial:
                 shutil.copytree(ROOT / "offline", tree / "offline")
                 path = tree / "offline" / number.file
                 path.write_text(changed(path.read_text(encoding="utf-8"), number, factor), encoding="utf-8")
+            single = bool(name) or ROOT / "offline" / number.file in self._single
+            tried = [case for case in CASES if (case == "burst") != single]
             try:
-                first = json.loads(self._run(tree, self._first, name, factor, list(CASES)))
-                cases = [case for case in CASES if first[case][0] != self.whole[case][0]]
+                first = json.loads(self._run(tree, self._first, name, factor, tried))
+                cases = [case for case in tried if first[case][0] != self.whole[case][0]]
                 found = json.loads(self._run(tree, self._all, name, factor, cases)) if cases else {}
             except subprocess.CalledProcessError as error:
                 return f"{_REFUSED}: {error.stderr.strip().splitlines()[-1]}"
