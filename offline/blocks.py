@@ -1,8 +1,11 @@
-"""The samples of all whole colour blocks of a frame, site by site, and the panchromatic samples around them."""
+"""The colour sites of all whole blocks of a frame, what they read, and the panchromatic samples around the blocks."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shared.arrays import BORDER, BoolArray, DoubleArray, FloatArray, IndexArray
 from shared.calibration import NoiseModel
@@ -11,85 +14,153 @@ from shared.pattern import BlockGrid, CfaPattern
 
 from .kernels.outliers import surroundings
 
+Number = TypeVar("Number", bound=np.generic)
+
 _WIDEST = 4  # pixels: the best on photographs among 1, 2 and 4, though sites have panchromatic neighbours
 
 
-@dataclass(frozen=True, eq=False)
-class BlockSamples:
-    """The blocks of `BlockGrid` that lie wholly inside the frame: B = (rows, columns) of them, with S sites each.
+@dataclass(frozen=True)
+class Sites:
+    """The colour sites of the B = (rows, columns) blocks of a frame that lie wholly inside it, S sites in each.
 
-    origins: frame rows, and frame columns, of the blocks' first pixels.
-    places: frame rows, and frame columns, of all sites, (*B, S) each.
-    channels: (S,), channel index of each site.
-    samples: float64 (*B, S), scene units.
-    light: luminance at the sites, interpolated from the panchromatic samples around the block, float64 (*B, S), scene units.
-    lowest, highest: range of the panchromatic samples around each block, float64 B, scene units.
-    panchromatic: bool (K, K), the pattern from the frame's corner on.
-    neighbours: number of panchromatic samples around a block.
+    >>> import numpy as np
+    >>> from offline.blocks import Sites
+    >>> from shared import CfaPattern
+    >>> pattern = CfaPattern.bayer(6)
+    >>> sites = Sites(pattern, pattern.grid((13, 20)))
+    >>> sites.shape, sites.of(np.zeros((13, 20))).shape
+    ((2, 3), (2, 3, 4))
     """
 
-    origins: tuple[IndexArray, IndexArray]
-    places: tuple[IndexArray, IndexArray]
-    channels: IndexArray
-    samples: DoubleArray
+    pattern: CfaPattern
+    grid: BlockGrid
+
+    @classmethod
+    def in_frame(cls, mosaic: Mosaic) -> "Sites":
+        """The sites of a mosaic."""
+        return cls(mosaic.pattern, mosaic.pattern.grid(mosaic.shape))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """B, the number of whole blocks (down, across)."""
+        return len(self.grid.whole_rows), len(self.grid.whole_columns)
+
+    @cached_property
+    def channels(self) -> IndexArray:
+        """The channel of each site, (S,)."""
+        return np.array([channel for *_, channel in self.pattern.sites], np.intp)
+
+    @cached_property
+    def places(self) -> list[tuple[slice, slice]]:
+        """For each site the slices of the frame's rows and columns that hold it in all whole blocks."""
+        rows, columns = self.grid.whole_rows, self.grid.whole_columns
+        return [(self._every(rows + row), self._every(columns + column)) for row, column, _ in self.pattern.sites]
+
+    @property
+    def pixels(self) -> tuple[IndexArray, IndexArray]:
+        """Row and column of every site in the frame, (*B, S) each."""
+        sites = np.array(self.pattern.sites)
+        down, across = self.grid.whole_rows[:, None, None] + sites[:, 0], self.grid.whole_columns[None, :, None] + sites[:, 1]
+        rows, columns = np.broadcast_arrays(down, across)
+        return rows, columns
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Row and column of the middle of the first whole block."""
+        down, across = self.pattern.block_shape
+        return float(self.grid.whole_rows[0]) + (down - 1) / 2, float(self.grid.whole_columns[0]) + (across - 1) / 2
+
+    @property
+    def neighbours(self) -> int:
+        """Number of panchromatic samples around a block."""
+        (top, left), (down, across) = self.pattern.block_origin, self.pattern.block_shape
+        return int(self.pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)).sum())
+
+    def of(self, plane: NDArray[Number]) -> NDArray[Number]:
+        """The values of a plane, (H, W), at all sites, (*B, S)."""
+        return np.stack([plane[place] for place in self.places], axis=2)
+
+    def means(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The means of values, (*B, S), over the sites of each channel, (*B, C)."""
+        return np.stack([values[..., self.channels == each].mean(axis=2) for each in range(len(self.pattern.channels))], axis=2)
+
+    def whole(self, blocks: FloatArray) -> FloatArray:
+        """The whole blocks, (*B, C), of all blocks of the grid, (block rows, block columns, C)."""
+        return blocks[self.grid.inside].reshape(*self.shape, -1)
+
+    def surroundings(self, signal: FloatArray) -> "Surroundings":
+        """What the panchromatic samples of a plane, (H, W), are around each block."""
+        shape, places = (*self.shape, len(self.pattern.sites)), np.array(self.pattern.sites, np.intp)[:, :2]
+        light, lowest, highest = np.empty(shape), np.empty(self.shape), np.empty(self.shape)
+        origins = self.grid.whole_rows, self.grid.whole_columns
+        places = np.ascontiguousarray(places)
+        surroundings(signal, tile(self.pattern), *origins, self.pattern.block_shape, places, light, lowest, highest)
+        return Surroundings(light, lowest, highest)
+
+    def _every(self, places: IndexArray) -> slice:
+        """The slice that selects `places`, which are one period apart."""
+        return slice(int(places[0]), int(places[-1]) + 1, self.grid.period)
+
+
+class Surroundings(NamedTuple):
+    """The panchromatic samples around blocks, float64, scene units.
+
+    light: luminance at the sites, interpolated from them, (*B, S).
+    lowest, highest: their range, B.
+    """
+
     light: DoubleArray
     lowest: DoubleArray
     highest: DoubleArray
-    panchromatic: BoolArray
-    neighbours: int
 
 
-def gather(mosaic: Mosaic, signal: FloatArray) -> BlockSamples:
-    """Collect the blocks of `signal`, (H, W), scene units, which has the mosaic's shape and pattern."""
-    pattern, grid = mosaic.pattern, mosaic.pattern.grid(mosaic.shape)
-    origins = grid.whole_rows, grid.whole_columns
-    sites = np.array(pattern.sites)
-    shape = len(origins[0]), len(origins[1]), len(sites)
-    rows = np.broadcast_to(origins[0][:, None, None] + sites[:, 0], shape)
-    columns = np.broadcast_to(origins[1][None, :, None] + sites[:, 1], shape)
-    panchromatic = tile(mosaic)
-    light, lowest, highest = np.empty(shape), np.empty(shape[:2]), np.empty(shape[:2])
-    places = np.ascontiguousarray(sites[:, :2])
-    surroundings(signal, panchromatic, *origins, pattern.block_shape, places, light, lowest, highest)
-    samples = np.stack([signal[down, across] for _, down, across in block_sites(pattern, grid)], axis=2).astype(np.float64)
-    (top, left), (down, across) = pattern.block_origin, pattern.block_shape
-    neighbours = int(pattern.panchromatic_mask((down + 2, across + 2), (top - 1, left - 1)).sum())
-    return BlockSamples(origins, (rows, columns), sites[:, 2], samples, light, lowest, highest, panchromatic, neighbours)
+@dataclass(frozen=True, eq=False)
+class BlockSums:
+    """The sums of Eqs. 8-9 of each whole block for each channel, float64 (rows, columns, C); those of several frames add up.
+
+    weight: sum l^2 over the sites of the channel. product: sum l m.
+    """
+
+    weight: DoubleArray
+    product: DoubleArray
+
+    def __add__(self, other: "BlockSums") -> "BlockSums":
+        return BlockSums(self.weight + other.weight, self.product + other.product)
+
+    def solved(self, sigma: float, gamma: DoubleArray) -> DoubleArray:
+        """Chromaticities, (rows, columns, C): the exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a multiplier.
+
+        sigma: sigma_z > 0, in the units of l.
+        gamma: (C,), the weights of Eq. 7.
+        """
+        a = self.weight + sigma**2
+        free = (self.product + sigma**2 / gamma.sum()) / a  # Eqs. 8-9 without the constraint, pulled towards grey
+        pull = gamma / a
+        missing = 1 - free @ gamma
+        return free + pull * (missing / (pull @ gamma))[..., None]  # type: ignore[no-any-return]
 
 
-def sum_noise(blocks: BlockSamples, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:
+def sum_noise(sites: Sites, light: DoubleArray, gamma: DoubleArray, noise: NoiseModel) -> DoubleArray:
     """Standard deviation of the noise in what a block's channels add up to, less the luminance around it; float64 B, scene units.
 
     That is sum_i gamma_i (mean of the samples of channel i), less the mean of the panchromatic samples around the block (Eq. 7).
     Shot noise is that of a grey block. For a Bayer block with gamma = (1, 1, 1) it is 1.6 times the noise of one sample.
+    light: luminance at the sites, (*B, S).
     """
     shot, variance = np.array(noise.shot), np.array(noise.read) ** 2
-    squares = (gamma / np.bincount(blocks.channels))[blocks.channels] ** 2
-    per_light = squares @ shot[blocks.channels] / gamma.sum() + shot[-1] / blocks.neighbours
-    fixed = squares @ variance[blocks.channels] + variance[-1] / blocks.neighbours
-    sigma: DoubleArray = np.sqrt(per_light * np.maximum(blocks.light.mean(axis=2), 0) + fixed)
+    squares = (gamma / np.bincount(sites.channels))[sites.channels] ** 2
+    per_light = squares @ shot[sites.channels] / gamma.sum() + shot[-1] / sites.neighbours
+    fixed = squares @ variance[sites.channels] + variance[-1] / sites.neighbours
+    sigma: DoubleArray = np.sqrt(per_light * np.maximum(light.mean(axis=2), 0) + fixed)
     return sigma
 
 
-def tile(mosaic: Mosaic) -> BoolArray:
+def tile(pattern: CfaPattern) -> BoolArray:
     """Which pixels are panchromatic, bool (K, K), from the frame's corner on."""
-    return np.ascontiguousarray(mosaic.pattern.panchromatic_mask((mosaic.pattern.period, mosaic.pattern.period)))
+    return np.ascontiguousarray(pattern.panchromatic_mask((pattern.period, pattern.period)))
 
 
-def block_sites(pattern: CfaPattern, grid: BlockGrid) -> list[tuple[int, slice, slice]]:
-    """(channel, rows, columns) for each colour site of a block: the slices of the frame that hold this site of all whole blocks."""
-    rows, columns = grid.whole_rows, grid.whole_columns
-    return [
-        (channel, _every(rows + row, grid.period), _every(columns + column, grid.period)) for row, column, channel in pattern.sites
-    ]
-
-
-def _every(places: IndexArray, period: int) -> slice:
-    """The slice that selects `places`, which are one period apart."""
-    return slice(int(places[0]), int(places[-1]) + 1, period)
-
-
-def curvature(luminance: FloatArray, site: list[slice], grid: BlockGrid) -> FloatArray:
+def curvature(luminance: FloatArray, site: tuple[slice, slice], grid: BlockGrid) -> FloatArray:
     """How far luminance at a site is from the mean of the pixels one block's size to either side; the larger of both axes.
 
     The error of filled luminance grows with it. A block that is a whole tile counts as `_WIDEST` pixels wide at most.

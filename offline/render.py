@@ -7,11 +7,9 @@ and for too little.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel, SensorCalibration
@@ -19,7 +17,9 @@ from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from .kernels.aberration import undo_aberration
+from .aberration import without_aberration
+from .blocks import BlockSums
+from .cleaned import Cleaned, unclipped_blocks
 from .kernels.mixing import colour
 from .rows.affinity import solve_affinities
 from .rows.learned import learner_for
@@ -27,7 +27,7 @@ from .rows.pinning import Pinning
 from .rows.propagation import propagate
 from .rows.refinement import noise_level, reach, refine
 from .settings import BEST, LearnedSettings, RenderSettings, SiteSettings
-from .sites import SiteSamples, correct_sites, settle_luminance, site_samples, unclipped_blocks
+from .sites import BlockSamples, block_samples, correct_sites, settle_luminance
 from .solvers import Solved, SolverLog
 from .tiling import Part, bands, windows
 from .units import check_finite, in_scene_units, own_unit, scaled
@@ -36,7 +36,7 @@ from .whole.defects import mend_defects
 from .whole.denoising import denoise_luminance
 from .whole.highlights import clipping_level, restore_highlights
 from .whole.luminance import recover_luminance
-from .whole.noise import noise_of
+from .whole.noise import with_noise
 from .whole.pooling import pool_blocks
 from .whole.trust import trust_in_blocks, with_trusted_colour
 
@@ -118,7 +118,10 @@ def _pictures(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> I
     """The parts of a picture, in scene units and without shading, and of each channels times luminance (Eq. 17)."""
     exponent = own_unit([mosaic])
     frame = scaled(mosaic, exponent)
-    for part in finish(frame, measure(frame, settings, progress), settings, progress):
+    measured = measure(frame, settings, progress)
+    if measured.lost is not None:
+        progress.lost(measured.lost)
+    for part in finish(frame, measured, settings, progress):
         luminance, band = without_shading(part, frame), np.empty_like(part.chromaticity)
         colour(part.chromaticity, luminance, band)  # Eq. 17
         check_finite(band, part.first)
@@ -138,17 +141,33 @@ def warm_up(settings: RenderSettings = BEST) -> None:
     render(Mosaic(np.full((24, 24), 0.5, np.float32), CfaPattern.bayer(), calibration), settings)
 
 
-class Measured(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Measured:
     """What is known of the whole frame before colour is spread.
 
+    calibration: of the samples: their noise model is in it, and no shading.
     luminance: of every pixel, float32 (H, W).
     blocks: chromaticity of every block, float32 (block rows, block columns, C).
-    sites: the samples of the whole blocks; None where the settings do nothing with them.
+    samples: of the whole blocks; None where the settings do nothing with them.
+    lost: where light is lost, uint8 (H, W), see `Cleaned`; None = nowhere.
     """
 
+    calibration: SensorCalibration
     luminance: FloatArray
     blocks: FloatArray
-    sites: SiteSamples | None
+    samples: BlockSamples | None
+    lost: ByteArray | None
+
+
+class Others(NamedTuple):
+    """What the other frames of a burst know of the whole blocks of one frame.
+
+    sums: what they add to the sums of Eqs. 8-9; None = there are no others.
+    alone: how far luminance at the sites is known from this frame alone, 0 to 1, float32 (rows, columns).
+    """
+
+    sums: BlockSums | None
+    alone: FloatArray
 
 
 def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Measured:
@@ -157,60 +176,56 @@ def measure(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mea
     With shading this and `finish` see a frame that is darker towards its corners, equally for all filters, so that noise and
     saturation are those of the sensor everywhere; `without_shading` makes the light even at the end.
     """
-    clipping, samples = clipping_level(mosaic), registered(mosaic, settings, progress).evenly_shaded()
-    noise = noise_of(samples, settings.noise)
-    samples = mend_defects(samples, clipping, noise, settings.defects, progress)
-    trust = trust_in_blocks(samples, clipping, noise, settings.sites)
-    unclipped = unclipped_blocks(samples, clipping) if settings.asks_for_sites else None
-    samples = restore_highlights(samples, clipping, settings.highlights, progress)
-    luminance = recover_luminance(samples, settings.luminance, progress)  # l, Eqs. 1-5
-    luminance = denoise_luminance(luminance, samples, noise, settings.denoising, progress)
-    blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, progress)  # c_j, Eqs. 6-9
-    blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, progress)
-    blocks = with_trusted_colour(blocks, trust, mosaic)
-    if unclipped is None:
-        return Measured(luminance, blocks, None)
-    sites = site_samples(samples, unclipped, luminance, noise)
-    del samples  # a plane of the frame, before another one is needed
-    luminance = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
-    return Measured(luminance, blocks, sites)
+    frame = cleaned(mosaic, settings, progress)
+    luminance = recover_luminance(frame.mosaic, settings.luminance, progress)  # l, Eqs. 1-5
+    luminance = denoise_luminance(luminance, frame.mosaic, settings.denoising, progress)
+    return coloured(frame, luminance, settings, progress)
+
+
+def cleaned(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Cleaned:
+    """The samples of a single frame without what is wrong with them: aberration, defects, clipping."""
+    samples = with_noise(registered(mosaic, settings, progress).evenly_shaded(), settings.noise)
+    return restored(mend_defects(Cleaned(samples, clipping_level(mosaic)), settings.defects, progress), settings, progress)
+
+
+def restored(mended: Cleaned, settings: RenderSettings, progress: Progress) -> Cleaned:
+    """A frame without defects with its highlights restored; what their restoration would hide is measured before."""
+    trust = trust_in_blocks(mended, settings.sites)
+    unclipped = unclipped_blocks(mended) if settings.highlights.restored else None
+    return restore_highlights(replace(mended, trust=trust, unclipped=unclipped), settings.highlights, progress)
+
+
+def coloured(
+    frame: Cleaned, luminance: FloatArray, settings: RenderSettings, progress: Progress, others: Others | None = None
+) -> Measured:
+    """The colour of every block of a frame, and its luminance once colour is known.
+
+    luminance: (H, W), filled in and denoised, scene units.
+    others: what the other frames of a burst know.
+    """
+    sums = others.sums if others else None
+    blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)  # c_j, Eqs. 6-9
+    blocks = pool_blocks(blocks, frame, luminance, settings.pooling, progress, sums)
+    blocks = with_trusted_colour(blocks, frame)
+    measured = Measured(frame.mosaic.calibration, luminance, blocks, None, frame.lost)
+    if not settings.asks_for_sites:
+        return measured
+    samples = block_samples(frame, luminance, None if others is None else others.alone)
+    luminance = settle_luminance(luminance, blocks, samples, frame.mosaic.calibration.gamma, settings.sites)
+    return replace(measured, luminance=luminance, samples=samples)
 
 
 def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress) -> Mosaic:
-    """The mosaic as it would be if its lens had no lateral chromatic aberration; the mosaic itself if it has none.
-
-    A first picture, rendered as if there were none, tells how much the displacement of channels changes each sample. What is not in
-    that picture, such as noise, stays as it is. Samples that are saturated stay so, with those around them that their light
-    reaches; none loses more than half of its light.
-    """
-    lens = mosaic.calibration.aberration
-    if lens is None:
+    """The mosaic as it would be if its lens had no lateral chromatic aberration (see `aberration`); itself if it has none."""
+    if mosaic.calibration.aberration is None:
         return mosaic
     # At its sites a picture that is corrected shows the displaced samples themselves, and would hide what is displaced.
     rough = replace(settings, sites=SiteSettings(), learned=LearnedSettings())
     plain = replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
-    planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
-    radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)
-    progress.stage("aberration", height)
+    progress.stage("aberration", mosaic.shape[0])
     measured = measure(plain, rough, SILENT)  # needs the most memory, and comes before what is kept beside it
-    is_coded, reach = mosaic.samples.dtype == np.uint16, ceil(lens.reach(mosaic.shape))
-    signal = mosaic.signal if is_coded else mosaic.signal.copy()
-    signal.flags.writeable = True  # codes become a new array
-    for part, (first, end) in windows(finish(plain, measured, rough, SILENT), height, reach + 2, 1, 0):
-        picture, rows = np.empty_like(part.chromaticity), slice(first, end)
-        colour(part.chromaticity, without_shading(part, plain), picture)
-        changed = signal[rows].copy()
-        undo_aberration(picture, part.first, height, radial, gamma, planes, first, changed)
-        # Beside strong edges the first picture may be wrong by more than a dark sample, which would become a black dot.
-        np.maximum(changed, np.minimum(signal[rows], signal[rows] / 2), out=changed)
-        if is_coded:  # how bright and of which colour what is saturated is, is a guess, and would change what its light reaches
-            around = slice(max(first - reach - 1, 0), end + reach + 1)
-            saturated = maximum_filter(mosaic.samples[around] >= mosaic.calibration.white_level, 2 * reach + 3)
-            np.copyto(changed, signal[rows], where=saturated[first - around.start :][: len(changed)])
-        signal[rows] = changed
-        progress.advance(end - first)
-    signal.flags.writeable = False
-    return replace(plain, samples=signal)
+    parts = (replace(part, luminance=without_shading(part, plain)) for part in finish(plain, measured, rough, SILENT))
+    return without_aberration(mosaic, parts, progress)
 
 
 def without_shading(part: Part, mosaic: Mosaic) -> FloatArray:
@@ -221,8 +236,8 @@ def without_shading(part: Part, mosaic: Mosaic) -> FloatArray:
 
 def spread(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progress: Progress) -> Iterator[Part]:
     """Spread the chromaticity of blocks to pixels, band by band."""
-    pattern, (luminance, blocks, _) = mosaic.pattern, measured
-    sigma = noise_level(luminance, mosaic)
+    pattern, luminance, blocks = mosaic.pattern, measured.luminance, measured.blocks
+    sigma = noise_level(luminance, measured.calibration.noise)
     steps = bands(pattern.grid(mosaic.shape), reach(pattern.period, settings.refinement))
     progress.stage("colour", len(steps))
     initial, first = np.empty((0, mosaic.shape[1], blocks.shape[2]), np.float32), 0
@@ -238,7 +253,7 @@ def spread(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progres
 
 def finish(mosaic: Mosaic, measured: Measured, settings: RenderSettings, progress: Progress) -> Iterator[Part]:
     """Correct what has been spread by the samples at the colour sites, and by what is learned, band by band."""
-    sites, gamma = measured.sites, mosaic.calibration.gamma
+    sites, gamma = measured.samples, mosaic.calibration.gamma
     parts = spread(mosaic, measured, settings, progress)
     if sites is None:
         yield from parts

@@ -21,13 +21,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-from shared.pattern import BlockGrid, CfaPattern
 from shared.site_errors import nearness
 
-from .blocks import block_sites, curvature
+from .blocks import Sites, curvature
+from .cleaned import Cleaned, unclipped_blocks
 from .gaussian import gaussian, smoothed
 from .kernels import sites as kernels
 from .settings import SiteSettings
@@ -41,66 +40,59 @@ _WIDTH = 0.7  # blocks: standard deviation of the neighbourhood over which the p
 
 
 @dataclass(frozen=True, eq=False)
-class SiteSamples:
-    """What the whole blocks of a frame measured: float32 (rows, columns, S) for S sites per block.
+class BlockSamples:
+    """What the B = (rows, columns) whole blocks of a frame measured with their S sites, and how sure that is.
 
-    pattern: the filter pattern. grid: its blocks in the frame.
-    places: for each site its channel, and slices of the frame's rows and columns.
-    samples: scene units, defects mended and highlights restored.
-    variance: variance of their noise, scene units squared; None = there is no noise, or it is unknown.
-    trusted: bool (rows, columns), blocks without a sample at the sensor's limit in them or next to them.
-    doubt: standard deviation of the error of filled luminance, float32 (rows, columns), scene units.
-    kept: share of what the samples miss that `correct_sites` corrects, float32 (rows, columns), 0 to 1; None = all of it. A burst
-        corrects the rest itself, with the samples of all frames.
+    sites: where they are.
+    samples: float32 (*B, S), scene units, defects mended and highlights restored.
+    noise: of the samples; None = there is none, or it is unknown.
+    unclipped: bool B, blocks without a sample at the sensor's limit in them or next to them.
+    fill_error: standard deviation of the error of filled luminance, float32 B, scene units.
+    kept: share of what the samples miss that `correct_sites` corrects, float32 B, 0 to 1; None = all of it. A burst corrects the
+        rest itself, with the samples of all frames.
     """
 
-    pattern: CfaPattern
-    grid: BlockGrid
-    places: list[tuple[int, slice, slice]]
+    sites: Sites
     samples: FloatArray
-    variance: FloatArray | None
-    trusted: BoolArray
-    doubt: FloatArray
+    noise: NoiseModel | None
+    unclipped: BoolArray
+    fill_error: FloatArray
     kept: FloatArray | None = None
-
-    @property
-    def channels(self) -> IndexArray:
-        """The channel of each site, (S,)."""
-        return np.array([channel for channel, *_ in self.places], np.intp)
 
     @property
     def reach(self) -> int:
         """How many rows above and below a site its correction depends on."""
-        return site_reach(self.grid.period)
+        return site_reach(self.sites.grid.period)
 
     def within(self, part: Part) -> slice:
         """The rows of blocks that lie wholly inside a part of the picture."""
-        first = self.grid.whole_rows - part.first
-        inside = np.flatnonzero((first >= 0) & (first + self.grid.block_shape[0] <= len(part.luminance)))
+        grid = self.sites.grid
+        first = grid.whole_rows - part.first
+        inside = np.flatnonzero((first >= 0) & (first + grid.block_shape[0] <= len(part.luminance)))
         return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0)
 
     def inside(self, part: Part, rows: slice) -> list[tuple[int, slice, slice]]:
-        """`places` of these rows of blocks, in a part of the picture."""
-        period, count = self.grid.period, rows.stop - rows.start
-        first = [place.start + rows.start * period - part.first for _, place, _ in self.places]
+        """Channel of each site, and where it is in these rows of blocks, in a part of the picture."""
+        period, count = self.sites.grid.period, rows.stop - rows.start
+        first = [place.start + rows.start * period - part.first for place, _ in self.sites.places]
         return [
-            (channel, slice(start, start + (count - 1) * period + 1, period), columns)
-            for start, (channel, _, columns) in zip(first, self.places, strict=True)
+            (int(channel), slice(start, start + (count - 1) * period + 1, period), columns)
+            for channel, start, (_, columns) in zip(self.sites.channels, first, self.sites.places, strict=True)
         ]
 
     def error(self, part: Part, gamma: FloatArray, rows: slice) -> FloatArray:
-        """Sample minus picture at each site, times gamma (so that all channels have the unit of luminance); 0 without trust."""
+        """Sample minus picture at each site, times gamma (so that all channels have the unit of luminance); 0 beside clipping."""
         found = np.empty((rows.stop - rows.start, *self.samples.shape[1:]), np.float32)
         for site, (channel, *place) in enumerate(self.inside(part, rows)):
             seen = part.chromaticity[*place][..., channel] * part.luminance[*place]
             found[..., site] = (self.samples[rows, :, site] - seen) * gamma[channel]
-        return found * self.trusted[rows, :, None]
+        return found * self.unclipped[rows, :, None]
 
     def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:
         """Variance of the noise in `error`, float32 (rows, columns, S); None = no noise."""
-        if self.variance is None:
+        if self.noise is None or not self.noise.of_colours:
             return None
-        return self.variance[rows] * gamma[self.channels] ** 2
+        return self.noise.variance(self.samples[rows], self.sites.channels) * gamma[self.sites.channels] ** 2
 
 
 def site_reach(period: int) -> int:
@@ -108,54 +100,26 @@ def site_reach(period: int) -> int:
     return (len(gaussian(_WIDTH)) // 2 + 1) * period
 
 
-def site_samples(mosaic: Mosaic, trusted: BoolArray, luminance: FloatArray, noise: NoiseModel | None) -> SiteSamples:
+def block_samples(frame: Cleaned, luminance: FloatArray, alone: FloatArray | None = None) -> BlockSamples:
     """The samples of all whole blocks.
 
-    mosaic: in scene units, defects mended and highlights restored.
-    trusted: what `unclipped_blocks` returned before highlights were restored.
     luminance: (H, W), filled in, scene units.
-    noise: noise of the mosaic; None = unknown, treated as none.
+    alone: how far no other frame of a burst measures luminance at the sites, 0 to 1, (rows, columns); None = there is no other.
     """
-    grid = mosaic.pattern.grid(mosaic.shape)
-    places = block_sites(mosaic.pattern, grid)
-    values = gathered(mosaic.signal, places)
-    variance = None
-    if noise is not None and any(noise.shot[:-1] + noise.read[:-1]):
-        channels = [channel for channel, *_ in places]
-        shot, read = (np.array(part, np.float32)[channels] for part in (noise.shot, noise.read))
-        variance = shot * values.clip(0) + read**2
-    return SiteSamples(mosaic.pattern, grid, places, values, variance, trusted, doubt_of(luminance, places, grid))
+    error = fill_error(luminance, frame.sites)
+    if alone is not None:
+        error = error * alone
+    return BlockSamples(frame.sites, frame.sites.of(frame.signal), frame.noise, unclipped_blocks(frame), error, alone)
 
 
-def unclipped_blocks(mosaic: Mosaic, clipping: float) -> BoolArray:
-    """The whole blocks that have no sample of `clipping` (scene units) or more in or next to them, bool (rows, columns)."""
-    signal, grid = mosaic.signal, mosaic.pattern.grid(mosaic.shape)
-    trusted = np.ones((len(grid.whole_rows), len(grid.whole_columns)), np.bool_)
-    if not signal.max() >= clipping:
-        return trusted
-    limits = [size - 1 for size in signal.shape]
-    for down in range(-1, grid.block_shape[0] + 1):
-        rows = (grid.whole_rows + down).clip(0, limits[0])
-        for right in range(-1, grid.block_shape[1] + 1):
-            trusted &= signal[np.ix_(rows, (grid.whole_columns + right).clip(0, limits[1]))] < clipping
-    return trusted
-
-
-def gathered(plane: FloatArray, places: list[tuple[int, slice, slice]]) -> FloatArray:
-    """The values of (H, W) at each site of the whole blocks, (rows, columns, S)."""
-    return np.stack([plane[rows, columns] for _, rows, columns in places], axis=2)
-
-
-def doubt_of(luminance: FloatArray, places: list[tuple[int, slice, slice]], grid: BlockGrid) -> FloatArray:
+def fill_error(luminance: FloatArray, sites: Sites) -> FloatArray:
     """Standard deviation of the error of filled luminance in each whole block, scene units, float32 (rows, columns)."""
-    bends = [curvature(luminance, [*site], grid) for _, *site in places]
-    doubt: FloatArray = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_DOUBT)
-    return doubt
+    bends = [curvature(luminance, place, sites.grid) for place in sites.places]
+    error: FloatArray = np.sqrt(np.mean(np.square(bends), axis=0)) * np.float32(_DOUBT)
+    return error
 
 
-def solve_jointly(
-    mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid, chromaticity: DoubleArray, sigma: float, mismatch: float
-) -> DoubleArray:
+def solve_jointly(frame: Cleaned, luminance: FloatArray, chromaticity: DoubleArray, sigma: float, mismatch: float) -> DoubleArray:
     """Chromaticities of the whole blocks, float64 (rows, columns, C), by generalised least squares; sum_i gamma_i c_i = 1.
 
     luminance: (H, W), scene units.
@@ -163,19 +127,17 @@ def solve_jointly(
     sigma: sigma_z of these equations, > 0.
     mismatch: variance that differs from site to site, relative to that of luminance's error.
     """
-    places, signal = block_sites(mosaic.pattern, grid), mosaic.signal
-    light = gathered(luminance, places)
-    doubt = doubt_of(luminance, places, grid)
-    channels: IndexArray = np.array([channel for channel, *_ in places], np.intp)
+    sites = frame.sites
+    light, error = sites.of(luminance), fill_error(luminance, sites)
     variance = np.full_like(light, sigma**2)
-    near, gamma = nearness(mosaic.pattern, _FILLED), np.array(mosaic.calibration.gamma)
-    solved = chromaticity.copy()
-    kernels.solve_jointly(light, gathered(signal, places), doubt, variance, channels, near, mismatch, gamma, _ROUNDS, solved)
+    near, solved = nearness(sites.pattern, _FILLED), chromaticity.copy()
+    samples = sites.of(frame.signal)
+    kernels.solve_jointly(light, samples, error, variance, sites.channels, near, mismatch, frame.gamma, _ROUNDS, solved)
     return solved
 
 
 def settle_luminance(
-    luminance: FloatArray, blocks: FloatArray, sites: SiteSamples, gamma: tuple[float, ...], settings: SiteSettings
+    luminance: FloatArray, blocks: FloatArray, measured: BlockSamples, gamma: tuple[float, ...], settings: SiteSettings
 ) -> FloatArray:
     """l[n], float32 (H, W), with the most probable error of luminance at the colour sites taken off.
 
@@ -183,31 +145,29 @@ def settle_luminance(
     """
     if not settings.corrected:
         return luminance
-    weights = np.array(gamma, np.float32)
-    whole = blocks[sites.grid.inside].reshape(*sites.trusted.shape, -1) * weights
-    colour = np.stack([whole[..., channel] for channel, *_ in sites.places], axis=2)
-    missed = (sites.samples * weights[sites.channels] - colour * gathered(luminance, sites.places)) * sites.trusted[..., None]
-    error = missed.astype(np.float32, copy=False)
-    delta, _ = most_probable(error, colour, sites, slice(None), weights, settings)
+    weights, sites = np.array(gamma, np.float32), measured.sites
+    colour = np.take(sites.whole(blocks) * weights, sites.channels, axis=2)
+    missed = (measured.samples * weights[sites.channels] - colour * sites.of(luminance)) * measured.unclipped[..., None]
+    delta, _ = most_probable(missed.astype(np.float32, copy=False), colour, measured, slice(None), weights, settings)
     settled = luminance.copy()
-    for site, (_, rows, columns) in enumerate(sites.places):
-        settled[rows, columns] += delta[..., site]
+    for site, place in enumerate(sites.places):
+        settled[place] += delta[..., site]
     return settled
 
 
 def most_probable(
-    error: FloatArray, colour: FloatArray, sites: SiteSamples, rows: slice, gamma: FloatArray, settings: SiteSettings
+    error: FloatArray, colour: FloatArray, measured: BlockSamples, rows: slice, gamma: FloatArray, settings: SiteSettings
 ) -> tuple[FloatArray, FloatArray]:
     """The most probable errors at the sites of these rows of blocks: of luminance, (rows, columns, S), and of colour, (…, S, C).
 
     error: sample minus picture, times gamma, (rows, columns, S).
     colour: share of luminance in the channel of each site, (rows, columns, S).
     """
-    variance = sites.scaled_variance(gamma, rows)
+    sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
     power = signal_power(error, None if variance is None else variance.mean(axis=2), settings.deviations)
     share = np.square(colour).mean(axis=2)
     # Luminance is wrong by its doubt, but not by more than the errors show; the rest of these, or a part at least, is colour.
-    doubt = np.minimum(np.square(sites.doubt[rows]), power / np.maximum(share, _LEAST_SHARE))
+    doubt = np.minimum(np.square(measured.fill_error[rows]), power / np.maximum(share, _LEAST_SHARE))
     tint = np.maximum(power - doubt * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
     noise = np.zeros_like(error) if variance is None else variance
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
@@ -227,21 +187,21 @@ def signal_power(error: FloatArray, variance: FloatArray | None, deviations: flo
     return result
 
 
-def correct_sites(part: Part, sites: SiteSamples, gamma: tuple[float, ...], settings: SiteSettings) -> Part:
-    """The part of a picture with the errors at its colour sites shared out; only rows `sites.reach` inside the part are final.
+def correct_sites(part: Part, measured: BlockSamples, gamma: tuple[float, ...], settings: SiteSettings) -> Part:
+    """The part of a picture with the errors at its colour sites shared out; only rows `measured.reach` inside the part are final.
 
     gamma: (C,), the weights of Eq. 7.
     """
-    rows = sites.within(part)
+    rows = measured.within(part)
     if not settings.corrected or rows.start >= rows.stop:
         return part
-    weights, places = np.array(gamma, np.float32), sites.inside(part, rows)
+    weights, places = np.array(gamma, np.float32), measured.inside(part, rows)
     shares = np.stack([part.chromaticity[*place] * weights for _, *place in places], axis=2)  # (rows, columns, S, C)
-    colour = np.stack([shares[:, :, site, channel] for site, channel in enumerate(sites.channels)], axis=2)
-    light, tints = most_probable(sites.error(part, weights, rows), colour, sites, rows, weights, settings)
-    if sites.kept is not None:
-        light *= sites.kept[rows, :, None]
-        tints *= sites.kept[rows, :, None, None]
+    colour = np.stack([shares[:, :, site, channel] for site, (channel, *_) in enumerate(places)], axis=2)
+    light, tints = most_probable(measured.error(part, weights, rows), colour, measured, rows, weights, settings)
+    if measured.kept is not None:
+        light *= measured.kept[rows, :, None]
+        tints *= measured.kept[rows, :, None, None]
     luminance, chromaticity = part.luminance.copy(), part.chromaticity.copy()
     for site, (_, *place) in enumerate(places):
         before = luminance[*place]

@@ -12,7 +12,6 @@ from math import frexp
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.calibration import NOISE_RANGE, NoiseModel
 from shared.errors import RangeError
 from shared.mosaic import Mosaic
 
@@ -38,9 +37,9 @@ def scaled(mosaic: Mosaic, exponent: int) -> Mosaic:
     """The mosaic, whose samples are in scene units, in units of 2^exponent scene units; for 0 the mosaic itself."""
     if exponent == 0:
         return mosaic
-    noise, unit = mosaic.calibration.noise, 2.0**exponent
+    noise = mosaic.calibration.noise
     if noise is not None:
-        noise = NoiseModel(*(tuple(_possible(figure / unit) for figure in figures) for figures in (noise.shot, noise.read)))
+        noise = noise.in_units_of(2.0**exponent).possible()
     samples = np.ldexp(mosaic.samples, -exponent)
     samples.flags.writeable = False
     return replace(mosaic, samples=samples, calibration=replace(mosaic.calibration, noise=noise))
@@ -67,9 +66,3 @@ def check_finite(picture: FloatArray, first: int) -> None:
             f"{np.count_nonzero(wrong)} pixels of the picture are not finite (NaN or infinite), the first in row {first + row}, "
             f"column {column}; this is a fault of the render: please report the shot and the settings"
         )
-
-
-def _possible(figure: float) -> float:
-    """A figure of noise in the range that a calibration may have. Less than that is nothing, and more is as good as that."""
-    least, most = NOISE_RANGE
-    return 0.0 if figure < least else min(figure, most)

@@ -15,7 +15,7 @@ from typing import Any, get_args
 import numpy as np
 
 from .aberration import Aberration
-from .arrays import DoubleArray
+from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
 from .figures import numbers, shown, whole
 from .lens import OfLens
@@ -73,6 +73,34 @@ class NoiseModel:
     def sigma(self, signal: float, plane: int = -1) -> float:
         """Standard deviation sigma_z of a sample of one plane (by default panchromatic) at a signal level; both in scene units."""
         return math.sqrt(self.shot[plane] * max(signal, 0.0) + self.read[plane] ** 2)
+
+    def variance(self, signal: FloatArray, plane: int | IndexArray = -1) -> FloatArray:
+        """Variance of samples, float32 like `signal`, scene units squared. plane: of all samples, or of each along the last axis.
+
+        >>> import numpy as np
+        >>> from shared import NoiseModel
+        >>> noise = NoiseModel(shot=(0.25, 0.5), read=(0.0, 1.0))
+        >>> noise.variance(np.array([-1.0, 2.0], np.float32), np.array([0, 1])).tolist()
+        [0.0, 2.0]
+        """
+        shot, read = (np.array(figures, np.float32)[plane] for figures in (self.shot, self.read))
+        variance: FloatArray = shot * signal.clip(0) + read**2
+        return variance
+
+    def in_units_of(self, unit: float) -> "NoiseModel":
+        """The same noise, where samples are said in units of `unit` scene units, > 0."""
+        return NoiseModel(tuple(each / unit for each in self.shot), tuple(each / unit for each in self.read))
+
+    def possible(self) -> "NoiseModel":
+        """The model with figures that a calibration may have: less than that is nothing, and more is as good as the most."""
+        least, most = NOISE_RANGE
+        clamped = ((0.0 if each < least else min(each, most) for each in figures) for figures in (self.shot, self.read))
+        return NoiseModel(*map(tuple, clamped))
+
+    @property
+    def of_colours(self) -> bool:
+        """Whether the samples of any channel have noise."""
+        return any(self.shot[:-1] + self.read[:-1])
 
 
 @dataclass(frozen=True)

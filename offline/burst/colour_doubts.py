@@ -14,9 +14,8 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 
-from ..blocks import block_sites
+from ..blocks import Sites
 from ..gaussian import gaussian, smoothed
-from ..sites import gathered
 from .frames import Frame, scaled, variance
 from .frames import smoothed as smoothed_plane
 
@@ -103,11 +102,11 @@ def block_colours(frame: Frame, mosaic: Mosaic, gain: float) -> BlockColours:
     gamma = np.array(mosaic.calibration.gamma)
     pattern = mosaic.pattern
     channels = np.array(pattern.sites)[:, 2]
-    places = block_sites(pattern, pattern.grid(mosaic.shape))
-    light = gathered(frame.luminance, places).mean(axis=2, dtype=np.float64) / gain
+    sites = Sites.in_frame(mosaic)
+    light = sites.of(frame.luminance).mean(axis=2, dtype=np.float64) / gain
     near = smoothed_plane(frame.luminance, _NEAR)
     rough = smoothed_plane(np.square(frame.luminance - near), _NEAR) - variance(near, frame.noise)
-    contrast = np.maximum(gathered(rough, places).mean(axis=2, dtype=np.float64), 0) / gain**2
+    contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0) / gain**2
     seen, noise = np.zeros((2, len(gamma), *light.shape))
     known = scaled(frame.noise, gain)
     light = np.maximum(light, _LIT * known.sigma(0.0) if known else _TINY)  # shares of less light than that say nothing

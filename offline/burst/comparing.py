@@ -5,22 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.mosaic import Mosaic
 from shared.motion import Motion
-from shared.progress import Progress
+from shared.progress import SILENT, Progress
 
-from ..render import registered
+from ..blocks import BlockSums
+from ..cleaned import Cleaned, unclipped_blocks
+from ..render import restored
 from ..settings import RenderSettings
-from ..sites import unclipped_blocks
-from ..solvers import SolverLog
-from ..whole.defects import mend_defects
-from ..whole.highlights import restore_highlights
 from ..whole.luminance import recover_luminance
-from ..whole.trust import trust_in_blocks
 from .agreement import unclipped
 from .colour_doubts import block_colours
-from .frames import Frame, limit_of, noise_models, prepared
+from .frames import Frame, mended, prepared
 from .judging import Judged, judged, misfit
 
 _CANDIDATES = 3  # frames that are tried as the reference
@@ -35,8 +32,7 @@ class Comparison:
     """A reference, and what the other frames are to it.
 
     reference: its index.
-    samples: its samples, scene units, defects mended and highlights restored.
-    trust, clear: its blocks' trust in their colour, and which have no sample at the limit (`trust_in_blocks`, `unclipped_blocks`).
+    cleaned: it, defects mended and highlights restored.
     frames: what became of each frame, in the order given.
     kept: the reference and the frames that are used, each with its motion and gain.
     trusts: how far each of these agrees with the reference, 0 to 255, uint8 (H, W) each.
@@ -44,9 +40,7 @@ class Comparison:
     """
 
     reference: int
-    samples: Mosaic
-    trust: DoubleArray | None
-    clear: BoolArray
+    cleaned: Cleaned
     frames: tuple[Judged, ...]
     kept: list[tuple[Frame, Motion, float]]
     trusts: list[ByteArray]
@@ -64,8 +58,7 @@ def compared(
 
     motions: where the reference's points lie in each frame, if that is known.
     """
-    models = noise_models(shots, settings.noise)
-    frames = [prepared(shot, noise, settings, progress) for shot, noise in zip(shots, models, strict=True)]
+    frames = [prepared(shot, settings, progress) for shot in shots]
     found: list[Comparison] = []
     for candidate in _candidates(frames) if reference is None else [reference]:
         found.append(_with(candidate, shots, frames, settings, progress, motions))
@@ -98,13 +91,9 @@ def _with(
     motions: Sequence[Motion] | None,
 ) -> Comparison:
     """Compare all frames with one of them."""
-    reference, noise, clipping = shots[number], frames[number].noise, limit_of(shots[number])
-    samples = registered(reference, settings, progress).in_scene_units()
-    samples = mend_defects(samples, clipping, noise, settings.defects)
-    trust, clear = trust_in_blocks(samples, clipping, noise, settings.sites), unclipped_blocks(samples, clipping)
-    log = SolverLog()
-    samples = restore_highlights(samples, clipping, settings.highlights, log)
-    base = replace(frames[number], luminance=recover_luminance(samples, settings.luminance))
+    reference = shots[number]
+    cleaned = restored(mended(reference, settings, progress), settings, SILENT)
+    base = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
     colours = block_colours(base, reference, 1.0)
     everything: list[Judged] = []
     kept, trusts = [(base, Motion(), 1.0)], [np.full(reference.shape, 255, np.uint8)]
@@ -123,8 +112,8 @@ def _with(
             kept.append((frame, result.motion, result.gain))
             trusts.append(agrees)
     trusts[0] = _own_trust(base, trusts)
-    lost = None if log.places is None else np.minimum(log.places, trusts[0])
-    return Comparison(number, samples, trust, clear, tuple(everything), kept, trusts, lost)
+    lost = None if cleaned.lost is None else np.minimum(cleaned.lost, trusts[0])
+    return Comparison(number, cleaned, tuple(everything), kept, trusts, lost)
 
 
 def _own_trust(base: Frame, trusts: list[ByteArray]) -> ByteArray:
@@ -138,20 +127,17 @@ def _own_trust(base: Frame, trusts: list[ByteArray]) -> ByteArray:
     return own
 
 
-def relit_sites(samples: Mosaic, clear: BoolArray, limit: float, luminance: FloatArray, sums: DoubleArray) -> Mosaic:
-    """The reference with colour samples beyond its limit replaced by what other frames saw around their blocks.
+def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
+    """The reference with saturated colour samples replaced by what other frames saw around their blocks.
 
-    limit: scene units. luminance: merged, (H, W). sums: of the other frames (`ColourSamples.block_sums`).
+    luminance: merged, (H, W). sums: of the other frames (`ColourSamples.block_sums`).
     """
-    if clear.all():
-        return samples
-    pattern, signal = samples.pattern, samples.signal.copy()
-    grid, channels = pattern.grid(samples.shape), len(pattern.channels)
-    for row, column, channel in pattern.sites:
-        rows, columns = np.ix_(grid.whole_rows + row, grid.whole_columns + column)
-        power, product = sums[channel], sums[channels + channel]
-        known = (power > _TINY) & (signal[rows, columns] >= limit)
+    if unclipped_blocks(frame).all():
+        return frame
+    signal = frame.signal.copy()
+    for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):
+        power, product = sums.weight[..., channel], sums.product[..., channel]
+        known = (power > _TINY) & (signal[place] >= frame.clipping)
         share = product / np.where(known, power, 1)
-        signal[rows, columns] = np.where(known, share * luminance[rows, columns], signal[rows, columns])
-    signal.flags.writeable = False
-    return replace(samples, samples=signal)
+        signal[place] = np.where(known, share * luminance[place], signal[place])
+    return frame.with_samples(signal)

@@ -1,7 +1,7 @@
 """One frame of a burst before it is merged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,12 +10,11 @@ from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..blocks import block_sites
+from ..cleaned import Cleaned
 from ..gaussian import gaussian
 from ..kernels.smoothing import smooth
 from ..render import registered
 from ..settings import NoiseSettings, RenderSettings
-from ..sites import gathered
 from ..whole.defects import mend_defects
 from ..whole.highlights import clipping_level
 from ..whole.luminance import recover_luminance
@@ -96,12 +95,18 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
-def prepared(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
-    """A frame as it is merged. noise: see `noise_models`."""
-    clipping, samples = limit_of(mosaic), registered(mosaic, settings, progress).in_scene_units()
-    samples = mend_defects(samples, clipping, noise, settings.defects)
-    colours = gathered(samples.signal, block_sites(mosaic.pattern, mosaic.pattern.grid(mosaic.shape)))
-    return Frame(recover_luminance(samples, settings.luminance), colours, noise, clipping)
+def mended(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:
+    """A frame without aberration, shading and defects. Its calibration holds its noise, see `noise_models`."""
+    samples = registered(mosaic, settings, progress).in_scene_units()
+    bare = replace(samples, calibration=replace(samples.calibration, shading=None))
+    return mend_defects(Cleaned(bare, limit_of(mosaic)), settings.defects)
+
+
+def prepared(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
+    """A frame as it is merged."""
+    frame = mended(mosaic, settings, progress)
+    light = recover_luminance(frame.mosaic, settings.luminance)
+    return Frame(light, frame.sites.of(frame.signal), frame.noise, frame.clipping)
 
 
 def limit_of(mosaic: Mosaic) -> float:
@@ -115,14 +120,12 @@ def limit_of(mosaic: Mosaic) -> float:
 
 def scaled(noise: NoiseModel | None, gain: float) -> NoiseModel | None:
     """The noise of a frame in units of a reference that is `gain` times darker."""
-    return noise and NoiseModel(tuple(each / gain for each in noise.shot), tuple(each / gain for each in noise.read))
+    return noise and noise.in_units_of(gain)
 
 
 def variance(light: FloatArray, noise: NoiseModel | None) -> FloatArray | np.float32:
     """Variance of panchromatic samples that see some light."""
-    if noise is None:
-        return np.float32(0)
-    return np.float32(noise.shot[-1]) * np.maximum(light, np.float32(0)) + np.float32(noise.read[-1] ** 2)
+    return np.float32(0) if noise is None else noise.variance(light)
 
 
 def smoothed(plane: FloatArray, sigma: float) -> FloatArray:

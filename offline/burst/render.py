@@ -18,24 +18,19 @@ from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..blocks import block_sites
 from ..kernels.merging import displace, merge
 from ..kernels.mixing import colour
 from ..kernels.spreading import HALO, TILE, TOLERANCE, spread_samples, tiles_of
-from ..render import Measured, finish
+from ..render import Measured, Others, coloured, finish
 from ..settings import BEST, RenderSettings
-from ..sites import gathered, settle_luminance, site_samples
 from ..solvers import report
 from ..tiling import Part, windows
 from ..units import check_finite, in_scene_units, own_unit
 from ..units import scaled as in_unit
-from ..whole.chromaticity import estimate_chromaticities
 from ..whole.denoising import denoise_luminance
-from ..whole.pooling import pool_blocks
-from ..whole.trust import with_trusted_colour
 from .comparing import Comparison, compared, relit_sites
 from .copies import copies
-from .frames import Frame, scaled
+from .frames import Frame, noise_models, scaled
 from .judging import Judged, as_arrays
 from .samples import ColourSamples
 
@@ -93,8 +88,10 @@ def merge_burst(
         return _without(copied, frames, settings, progress, reference, motions)
     exponent = own_unit(frames)
     frames = [in_unit(frame, exponent) for frame in frames]
+    models = noise_models(frames, settings.noise)
+    frames = [_with_noise(frame, model) for frame, model in zip(frames, models, strict=True)]
     found = compared(frames, settings, progress, reference, motions)
-    kept, mosaic, samples = found.kept, frames[found.reference], found.samples
+    kept, mosaic, cleaned = found.kept, frames[found.reference], found.cleaned
     base, noise = kept[0][0], kept[0][0].noise
     light, weight = np.zeros((2, len(kept), *base.colours.shape), np.float32)
     grid, pattern = mosaic.pattern.grid(mosaic.shape), mosaic.pattern
@@ -108,22 +105,17 @@ def merge_burst(
     merge(planes, trusts, figures, panchromatic, all_motions, places, pattern.period, merged, shares, light, weight)
     del planes, trusts
     progress.advance()
-    luminance = _denoised(merged, shares, samples, noise, settings)
+    luminance = _denoised(merged, shares, cleaned.mosaic, settings)
     colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged).where_others(luminance, shares)
-    extra = colours.block_sums(grid, len(pattern.channels)) if len(kept) > 1 else None
-    if extra is not None:
-        samples = relit_sites(samples, found.clear, base.limit, luminance, extra)
-    blocks = estimate_chromaticities(samples, luminance, settings.chromaticity, extra=extra)
-    blocks = pool_blocks(blocks, samples, luminance, noise, settings.pooling, extra=extra)
-    blocks = with_trusted_colour(blocks, found.trust, mosaic)
-    sites = site_samples(samples, found.clear, luminance, noise)
-    alone = np.maximum(gathered(shares, block_sites(pattern, grid)).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    sums = colours.block_sums(grid, len(pattern.channels)) if len(kept) > 1 else None
+    if sums is not None:
+        cleaned = relit_sites(cleaned, luminance, sums)
+    alone = np.maximum(cleaned.sites.of(shares).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
     if unseen is not None:
-        alone = np.maximum(alone, gathered(unseen, block_sites(pattern, grid)).mean(axis=2))
-    alone = alone.astype(np.float32)
-    sites = replace(sites, doubt=sites.doubt * alone, kept=alone)  # others measure luminance under the sites too
-    settled = settle_luminance(luminance, blocks, sites, mosaic.calibration.gamma, settings.sites)
-    measured, colours = Measured(settled, blocks, sites), colours.relit(settled - luminance)
+        alone = np.maximum(alone, cleaned.sites.of(unseen).mean(axis=2))
+    # Others measure luminance under the sites too.
+    measured = coloured(cleaned, luminance, settings, SILENT, Others(sums, alone.astype(np.float32)))
+    colours = colours.relit(measured.luminance - luminance)
     return MergedBurst(found.reference, found.frames, shares, mosaic, measured, colours, exponent, found.lost)
 
 
@@ -177,6 +169,11 @@ def _without(
     return replace(merged, reference=used[merged.reference], frames=tuple(judged[number] for number in range(len(frames))))
 
 
+def _with_noise(frame: Mosaic, noise: NoiseModel | None) -> Mosaic:
+    """The frame, whose noise is this."""
+    return replace(frame, calibration=replace(frame.calibration, noise=noise and noise.possible()))
+
+
 def _stacked(found: Comparison) -> tuple[FloatArray, ByteArray]:
     """Luminance of the kept frames in units of the reference, and the trust in them, (F, H, W) each; taken out of `found`."""
     planes = np.empty((len(found.kept), *found.trusts[0].shape), np.float32)
@@ -204,20 +201,19 @@ def _figures(noise: NoiseModel | None, gain: float) -> tuple[float, float]:
     return (known.shot[-1], known.read[-1] ** 2) if known else (0.0, 0.0)
 
 
-def _denoised(
-    merged: FloatArray, shares: FloatArray, samples: Mosaic, noise: NoiseModel | None, settings: RenderSettings
-) -> FloatArray:
+def _denoised(merged: FloatArray, shares: FloatArray, samples: Mosaic, settings: RenderSettings) -> FloatArray:
     """Luminance denoised by what noise is left: by what most pixels have left, and by all of it where one frame is alone."""
+    noise = samples.calibration.noise
     if noise is None or not (noise.shot[-1] or noise.read[-1]) or settings.denoising.strength == 0:
         return merged
     level = -np.log2(shares)
     most = max(float(np.median(level)), 1e-3)
     part = 0.5**most
     less = NoiseModel(tuple(each * part for each in noise.shot), tuple(each * part**0.5 for each in noise.read))
-    result, alone = denoise_luminance(merged, samples, less, settings.denoising), 1 - level / most
+    result, alone = denoise_luminance(merged, _with_noise(samples, less), settings.denoising), 1 - level / most
     if alone.max() > _SOME_ALONE:
         weight = alone.clip(0, 1)
-        result += weight * (denoise_luminance(merged, samples, noise, settings.denoising) - result)
+        result += weight * (denoise_luminance(merged, samples, settings.denoising) - result)
     return result
 
 
@@ -237,8 +233,7 @@ def _colour_samples(
         values = frame.colours[used] / np.float32(gain)
         variance = np.zeros_like(values)
         if known := scaled(frame.noise, gain):
-            shot, read = (np.array(part, np.float32)[channels] for part in (known.shot, known.read))
-            variance = shot * values.clip(0) + read**2
+            variance = known.variance(values, channels)
         found.append((np.stack([y, x], axis=1), channels, values, light[number][used], variance, weight[number][used]))
     places, channel, values, lights, variances, weights = (np.concatenate(each) for each in zip(*found, strict=True))
     return ColourSamples(places, channel, values, lights, variances, weights, own=len(found[0][0]))

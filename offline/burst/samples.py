@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from shared.arrays import ByteArray, DoubleArray, FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.pattern import BlockGrid
 
+from ..blocks import BlockSums
 from ..gaussian import smoothed
 from ..kernels.spreading import TILE, Samples
 
@@ -64,8 +65,8 @@ class ColourSamples:
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
         return replace(self, weight=weight.astype(np.float32))
 
-    def block_sums(self, grid: BlockGrid, channels: int) -> DoubleArray:
-        """The sums of l^2 and l m of each channel from the samples of other frames around each whole block, (2 C, rows, columns).
+    def block_sums(self, grid: BlockGrid, channels: int) -> BlockSums:
+        """The sums of Eqs. 8-9 from the samples of other frames around each whole block.
 
         Each term counts relative to a sample in the middle of the block.
         """
@@ -79,13 +80,13 @@ class ColourSamples:
         light, variance = self.light[rest].astype(np.float64), self.variance[rest] + _FLOOR
         share = inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
         number = (block.clip(0, np.array(shape) - 1) * (shape[1], 1)).sum(axis=1)
-        sums = np.empty((2 * channels, *shape))
+        weight, product = np.empty((2, *shape, channels))
         for channel in range(channels):
             mine = self.channels[rest] == channel
-            for plane, factor in ((channel, light), (channels + channel, self.values[rest])):
+            for plane, factor in ((weight, light), (product, self.values[rest])):
                 terms = (share * light * factor)[mine]
-                sums[plane] = np.bincount(number[mine], terms, minlength=sums[plane].size).reshape(shape)
-        return sums
+                plane[..., channel] = np.bincount(number[mine], terms, minlength=shape[0] * shape[1]).reshape(shape)
+        return BlockSums(weight, product)
 
     def by_tile(self, shape: tuple[int, int], gamma: FloatArray) -> tuple[Samples, float]:
         """The samples as `spread_samples` takes them, and their median precision, 0 to 1."""

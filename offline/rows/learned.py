@@ -23,7 +23,7 @@ from shared.pattern import CfaPattern
 
 from ..kernels.compile import threads
 from ..settings import LearnedSettings
-from ..sites import SiteSamples
+from ..sites import BlockSamples
 from ..tiling import DARK, Part
 
 FOLDER = Path(__file__).parents[1] / "models"
@@ -128,17 +128,17 @@ class Learner:
         self._tile = self._session.get_outputs()[0].shape[-1] // pattern.period  # cells
         self._halo = (side - self._tile) // 2
 
-    def steps(self, sites: SiteSamples) -> tuple[int, int, int]:
+    def steps(self, sites: BlockSamples) -> tuple[int, int, int]:
         """(reach, step, origin) for `tiling.windows`: rows that a result depends on, rows of a tile, and where the first begins."""
-        period, origin = self._pattern.period, Cells.of(self._pattern, sites.grid.frame).origin[0]
+        period, origin = self._pattern.period, Cells.of(self._pattern, sites.sites.grid.frame).origin[0]
         return (self._halo + 1) * period + sites.reach, self._tile * period, origin
 
-    def refine(self, before: Part, part: Part, sites: SiteSamples, rows: tuple[int, int]) -> Part:
+    def refine(self, before: Part, part: Part, sites: BlockSamples, rows: tuple[int, int]) -> Part:
         """`part` with its chromaticity corrected in these rows of the frame, which end where tiles do.
 
         before: the same rows of the picture before `correct_sites`.
         """
-        height, width = sites.grid.frame
+        height, width = sites.sites.grid.frame
         cells = Cells.of(self._pattern, (height, width))
         inputs = Inputs(cells, before, part, sites, self._gamma)
         size = self._tile * cells.period
@@ -174,13 +174,13 @@ class Inputs:
     gamma: (C,), float32.
     """
 
-    def __init__(self, cells: Cells, before: Part, part: Part, sites: SiteSamples, gamma: FloatArray) -> None:
-        self._cells, self._part, self._gamma, self._height = cells, part, gamma, sites.grid.frame[0]
+    def __init__(self, cells: Cells, before: Part, part: Part, sites: BlockSamples, gamma: FloatArray) -> None:
+        self._cells, self._part, self._gamma, self._height = cells, part, gamma, sites.sites.grid.frame[0]
         rows = sites.within(before)
         self._error = sites.error(before, gamma, rows)[..., cells.sites]
         noise = sites.scaled_variance(gamma, rows)
         known = np.zeros(self._error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
-        self._variance = np.where(sites.trusted[rows], known, np.float32(UNKNOWN))[..., None]
+        self._variance = np.where(sites.unclipped[rows], known, np.float32(UNKNOWN))[..., None]
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 
     def cut(self, rows: tuple[int, int], columns: tuple[int, int]) -> dict[str, FloatArray]:

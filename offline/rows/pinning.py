@@ -16,7 +16,7 @@ from ..kernels.highlights import interpolate
 from ..kernels.pinning import HALO, TOLERANCE, pin_samples
 from ..kernels.spreading import TILE, tiles_of
 from ..settings import SiteSettings
-from ..sites import SiteSamples, signal_power, site_reach
+from ..sites import BlockSamples, signal_power, site_reach
 from ..solvers import report
 from ..tiling import DARK, Part
 
@@ -55,7 +55,7 @@ class Pinning:
     def __init__(
         self,
         blocks: FloatArray,
-        sites: SiteSamples,
+        sites: BlockSamples,
         gamma: tuple[float, ...],
         settings: SiteSettings,
         progress: Progress = SILENT,
@@ -66,7 +66,7 @@ class Pinning:
     @property
     def steps(self) -> tuple[int, int, int]:
         """(reach, step, origin) for `tiling.windows`."""
-        return _reach(self._sites.grid.period), TILE, 0
+        return _reach(self._sites.sites.grid.period), TILE, 0
 
     def applied(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows of a part of the picture, which reaches `steps[0]` rows beyond them.
@@ -80,12 +80,12 @@ class Pinning:
         variance = sites.scaled_variance(gamma, tiles)
         noise = None if variance is None else variance.mean(axis=2)
         power = signal_power(sites.error(part, gamma, tiles), noise, self._settings.deviations)
-        share = _share(power, noise) * sites.trusted[tiles]
+        share = _share(power, noise) * sites.unclipped[tiles]
         places = [place for _, *place in sites.inside(part, tiles)]
         lights = np.stack([part.luminance[*place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
         squared = np.square(lights) / np.maximum(np.square(lights).mean(axis=2, keepdims=True), DARK**2)
-        trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * sites.trusted[tiles, :, None]
+        trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * sites.unclipped[tiles, :, None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, place in enumerate(places):
             light = lights[..., site]
@@ -96,7 +96,7 @@ class Pinning:
 
     def _base(self, part: Part, share: FloatArray, tiles: slice) -> FloatArray:
         """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood."""
-        grid = self._sites.grid
+        grid = self._sites.sites.grid
         trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
         half = (grid.period - 1) / 2
         interpolate(
@@ -112,7 +112,7 @@ class Pinning:
         return base
 
     def _pinned(self, part: Part, rows: tuple[int, int], base: FloatArray, ratios: FloatArray, weights: FloatArray) -> Part:
-        channels = self._sites.pattern.filter_map(part.luminance.shape, (part.first, 0))
+        channels = self._sites.sites.pattern.filter_map(part.luminance.shape, (part.first, 0))
         shown = part.rows(*rows)
         found = np.empty_like(shown.chromaticity)
         prior = _SMOOTHNESS, _FADING, _EDGE

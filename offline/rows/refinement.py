@@ -3,7 +3,7 @@
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.mosaic import Mosaic
+from shared.calibration import NoiseModel
 from shared.progress import SILENT, Progress
 
 from ..gaussian import gaussian
@@ -41,9 +41,8 @@ def refine(
     return result
 
 
-def noise_level(luminance: FloatArray, mosaic: Mosaic) -> float:
-    """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if the calibration has no noise model."""
-    noise = mosaic.calibration.noise
+def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
+    """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if there is no noise model."""
     return noise.sigma(float(luminance.mean(dtype=np.float64))) if noise else 0.0
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 
 from shared.arrays import BORDER, DoubleArray, FloatArray
-from shared.mosaic import Mosaic
-from shared.pattern import BlockGrid
 from shared.progress import SILENT, Progress
 
-from ..blocks import block_sites
+from ..blocks import BlockSums
+from ..cleaned import Cleaned
 from ..kernels.medians import SLACK, oriented_median
 from ..settings import ChromaticitySettings
 from ..sites import solve_jointly
@@ -19,30 +18,26 @@ _LEAST_TOTAL = 0.5  # sum_i gamma_i c_i above which scaling is harmless
 
 
 def estimate_chromaticities(
-    mosaic: Mosaic,
+    frame: Cleaned,
     luminance: FloatArray,
     settings: ChromaticitySettings,
     progress: Progress = SILENT,
-    extra: DoubleArray | None = None,
+    others: BlockSums | None = None,
 ) -> FloatArray:
     """c_j of every block of the grid, float32 (block rows, block columns, C); sum_i gamma_i c_i = 1 in each.
 
     Blocks that lie partly or wholly outside the frame take the value of the nearest whole block.
 
     luminance: (H, W), scene units.
-    extra: what other frames add to sum l^2 and sum l m of each channel of each whole block, (2 C, rows, columns).
+    others: what other frames add to the sums of each whole block.
     """
     progress.stage("chromaticity", settings.repetitions)
-    grid = mosaic.pattern.grid(mosaic.shape)
-    gamma = np.array(mosaic.calibration.gamma)
-    sums = block_sums(mosaic, luminance, grid)
-    chromaticity = solve_constrained(*sums, gamma)
+    gamma, sums, sigma = frame.gamma, block_sums(frame, luminance), sigma_z(frame)
+    chromaticity = sums.solved(sigma, gamma)
     if settings.mismatch:
-        chromaticity = solve_jointly(mosaic, luminance, grid, chromaticity, sums[2], settings.mismatch)
-    if extra is not None:
-        more, products = (np.moveaxis(part, 0, 2) for part in np.split(extra, 2))
-        weight = sums[0]
-        chromaticity = solve_constrained(weight + more, weight * chromaticity + products, sums[2], gamma)
+        chromaticity = solve_jointly(frame, luminance, chromaticity, sigma, settings.mismatch)
+    if others is not None:
+        chromaticity = (BlockSums(sums.weight, sums.weight * chromaticity) + others).solved(sigma, gamma)
     unfiltered = chromaticity
     if settings.taps > 1:
         chromaticity = oriented_medians(chromaticity, settings.taps, settings.repetitions, progress)
@@ -54,39 +49,30 @@ def estimate_chromaticities(
         projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
         scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
     if settings.trust:
-        scaled = give_back(unfiltered, scaled, sums, gamma, settings.trust)
-    return grid.extend(scaled.astype(np.float32))
+        scaled = give_back(unfiltered, scaled, sums, sigma, gamma, settings.trust)
+    return frame.sites.grid.extend(scaled.astype(np.float32))
 
 
-def block_sums(mosaic: Mosaic, luminance: FloatArray, grid: BlockGrid) -> tuple[DoubleArray, DoubleArray, float]:
-    """The sums of Eqs. 8-9 of each whole block: sum l^2 and sum l m per channel, both float64 (rows, columns, C), and sigma_z."""
-    shape = len(grid.whole_rows), len(grid.whole_columns), len(mosaic.pattern.channels)
-    weight, product, signal = np.zeros(shape), np.zeros(shape), mosaic.signal
-    level = 0.0
-    for channel, *site in block_sites(mosaic.pattern, grid):
-        light, sample = luminance[*site].astype(np.float64), signal[*site]
+def block_sums(frame: Cleaned, luminance: FloatArray) -> BlockSums:
+    """The sums of Eqs. 8-9 of each whole block. luminance: (H, W), scene units."""
+    shape = *frame.sites.shape, len(frame.gamma)
+    weight, product, signal = np.zeros(shape), np.zeros(shape), frame.signal
+    for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):
+        light = luminance[place].astype(np.float64)
         weight[..., channel] += light**2
-        product[..., channel] += light * sample
-        level += float(sample.mean()) / len(mosaic.pattern.sites)
-    noise = mosaic.calibration.noise
-    variances = [noise.sigma(level, plane) ** 2 for plane in range(shape[2])] if noise else [0.0]
-    return weight, product, max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
+        product[..., channel] += light * signal[place]
+    return BlockSums(weight, product)
 
 
-def solve_constrained(weight: DoubleArray, product: DoubleArray, sigma: float, gamma: DoubleArray) -> DoubleArray:
-    """The exact minimiser of Eqs. 8-9 under sum_i gamma_i c_i = 1, by a Lagrange multiplier, for any number of channels C.
-
-    weight: sum l^2 over the sites of each channel, (..., C).
-    product: sum l m over the sites of each channel, (..., C).
-    sigma: sigma_z > 0, in the units of l.
-    gamma: (C,), the weights of Eq. 7.
-    Returns chromaticities, (..., C).
-    """
-    a = weight + sigma**2
-    free = (product + sigma**2 / gamma.sum()) / a  # Eqs. 8-9 without the constraint, pulled towards grey
-    pull = gamma / a
-    missing = 1 - free @ gamma
-    return free + pull * (missing / (pull @ gamma))[..., None]  # type: ignore[no-any-return]
+def sigma_z(frame: Cleaned) -> float:
+    """sigma_z of Eqs. 8-9, scene units: the noise of all channels at the mean sample of the whole blocks."""
+    places, noise = frame.sites.places, frame.noise
+    level = 0.0
+    for place in places:
+        level += float(frame.signal[place].mean()) / len(places)
+    variances = [noise.sigma(level, plane) ** 2 for plane in range(len(frame.gamma))] if noise else [0.0]
+    sigma: float = max(float(np.mean(variances)) ** 0.5, _LEAST_SIGMA)
+    return sigma
 
 
 def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, progress: Progress = SILENT) -> DoubleArray:

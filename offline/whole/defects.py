@@ -7,17 +7,16 @@ blocks' prediction is the defective one. So texture and small bright objects, wh
 A defective colour sample is replaced by what the rest of its block predicts, so it carries no information of its own into Eqs. 8-9.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
-from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSamples, gather, sum_noise, tile
+from ..blocks import sum_noise, tile
+from ..cleaned import Cleaned
 from ..kernels.outliers import find_outliers, mend_panchromatic
 from ..settings import DefectSettings
 
@@ -27,45 +26,34 @@ _MOST = 0.01  # fraction of the samples: if more than this stand out, they belon
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
 
 
-def mend_defects(
-    mosaic: Mosaic, clipping: float, noise: NoiseModel | None, settings: DefectSettings, progress: Progress = SILENT
-) -> Mosaic:
-    """The mosaic with defective samples replaced; the mosaic itself where there are none.
+def mend_defects(frame: Cleaned, settings: DefectSettings, progress: Progress = SILENT) -> Cleaned:
+    """The frame with defective samples replaced; the frame itself where there are none.
 
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
-
-    mosaic: in scene units (`Mosaic.in_scene_units`).
-    clipping: scene units from which on samples are saturated.
-    noise: noise of the mosaic; None = unknown.
     """
     if not settings.listed and settings.contrast == 0:
-        return mosaic
+        return frame
     progress.stage("defects", 2)
-    bad = _listed(mosaic) if settings.listed else np.zeros(mosaic.shape, np.bool_)
+    bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.mosaic.shape, np.bool_)
     if settings.contrast:
-        _find_panchromatic(mosaic, noise, settings, bad)
-    signal = mosaic.signal
-    rows, columns = _panchromatic_places(bad, mosaic)
+        _find_panchromatic(frame, settings, bad)
+    rows, columns = _panchromatic_places(bad, frame.mosaic)
     if len(rows):
         values = np.empty(len(rows), np.float32)
-        mend_panchromatic(signal, tile(mosaic), bad, rows, columns, values)
-        signal = signal.copy()
+        mend_panchromatic(frame.signal, tile(frame.mosaic.pattern), bad, rows, columns, values)
+        signal = frame.signal.copy()
         signal[rows, columns] = values
+        frame = frame.with_samples(signal)
     progress.advance()
-    blocks = gather(mosaic, signal)
-    bad_sites = bad[blocks.places]
-    gamma = np.array(mosaic.calibration.gamma)
+    bad_sites = bad[frame.sites.pixels]
     if settings.contrast:
-        _find_in_blocks(blocks, bad_sites, gamma, clipping, noise, settings)
+        _find_in_blocks(frame, bad_sites, settings)
     if bad_sites.any():
-        signal = signal.copy() if signal is mosaic.signal else signal
-        rows, columns = blocks.places
-        signal[rows[bad_sites], columns[bad_sites]] = _mended(blocks, bad_sites, gamma)
+        signal, (rows, columns) = frame.signal.copy(), frame.sites.pixels
+        signal[rows[bad_sites], columns[bad_sites]] = _mended(frame, bad_sites)
+        frame = frame.with_samples(signal)
     progress.advance()
-    if signal is mosaic.signal:
-        return mosaic
-    signal.flags.writeable = False
-    return replace(mosaic, samples=signal)
+    return frame
 
 
 def _listed(mosaic: Mosaic) -> BoolArray:
@@ -76,7 +64,8 @@ def _listed(mosaic: Mosaic) -> BoolArray:
     return bad
 
 
-def _find_panchromatic(mosaic: Mosaic, noise: NoiseModel | None, settings: DefectSettings, bad: BoolArray) -> None:
+def _find_panchromatic(frame: Cleaned, settings: DefectSettings, bad: BoolArray) -> None:
+    mosaic, noise = frame.mosaic, frame.noise
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
     gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
@@ -89,55 +78,55 @@ def _find_panchromatic(mosaic: Mosaic, noise: NoiseModel | None, settings: Defec
 def _panchromatic_places(bad: BoolArray, mosaic: Mosaic) -> tuple[IndexArray, IndexArray]:
     """Rows and columns of the bad panchromatic samples."""
     rows, columns = np.nonzero(bad)
-    panchromatic = tile(mosaic)
+    panchromatic = tile(mosaic.pattern)
     kept = panchromatic[rows % len(panchromatic), columns % len(panchromatic)]
     return rows[kept], columns[kept]
 
 
-def _find_in_blocks(
-    blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray, clipping: float, noise: NoiseModel | None, settings: DefectSettings
-) -> None:
+def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectSettings) -> None:
     """Mark in `bad`, (*B, S), each site that keeps its block from adding up to the luminance around it."""
-    share = (gamma / np.bincount(blocks.channels))[blocks.channels]  # weight of each site in the sum of Eq. 7
-    surplus = blocks.samples @ share - blocks.light @ share / gamma.sum()
-    tolerance = settings.contrast / 2 * (blocks.highest - blocks.lowest) + settings.floor
-    if noise is not None:
-        tolerance += settings.deviations * sum_noise(blocks, gamma, noise)
+    gamma, channels, (lights, lowest, highest) = frame.gamma, frame.sites.channels, frame.around
+    share = (gamma / np.bincount(channels))[channels]  # weight of each site in the sum of Eq. 7
+    surplus = frame.samples @ share - lights @ share / gamma.sum()
+    tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor
+    if frame.noise is not None:
+        tolerance += settings.deviations * sum_noise(frame.sites, lights, gamma, frame.noise)
     odd = np.abs(surplus) > tolerance
-    odd &= (blocks.highest < clipping) & ~bad.any(axis=2)
+    odd &= (highest < frame.clipping) & ~bad.any(axis=2)
     if odd.sum() > _MOST * bad.size:
         return
     where = np.nonzero(odd)
-    around = _around(blocks, bad, where, 1 / float(gamma.sum()))
-    light, surplus = blocks.light[where], surplus[where]
+    around = _around(frame, bad, where)
+    light, surplus = lights[where], surplus[where]
     # The defective sample explains the surplus, and lies outside the range of the neighbouring blocks.
-    excess = share * (blocks.samples[where] - around.middle * light)
+    excess = share * (frame.samples[where] - around.middle * light)
     guilty = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
-    ratio = (blocks.samples[where] / np.maximum(light, _LEAST_LIGHT))[guilty]
+    ratio = (frame.samples[where] / np.maximum(light, _LEAST_LIGHT))[guilty]
     low, high = around.lowest[guilty], around.highest[guilty]
     certain = np.maximum(ratio - high, low - ratio) > high - low
     certain &= (np.abs(surplus - excess[guilty]) < np.abs(surplus) / 2) & (around.known[guilty] >= _FEWEST)
     bad[where[0][certain], where[1][certain], guilty[1][certain]] = True
 
 
-def _mended(blocks: BlockSamples, bad: BoolArray, gamma: DoubleArray) -> FloatArray:
+def _mended(frame: Cleaned, bad: BoolArray) -> FloatArray:
     """Values for the bad sites: what the rest of the block predicts, else what the neighbouring blocks predict."""
+    gamma, (lights, lowest, highest) = frame.gamma, frame.around
     *where, site = np.nonzero(bad)
-    around = _around(blocks, bad, tuple(where), 1 / float(gamma.sum()))
+    around = _around(frame, bad, tuple(where))
     each, channels = np.arange(len(site)), np.arange(len(gamma))
-    light, good = blocks.light[*where], ~bad[*where]
-    here, channel = light[each, site], blocks.channels[site]
-    of_channel = good[:, None] & (blocks.channels == channels[:, None])  # (bad sites, C, S)
+    light, good = lights[*where], ~bad[*where]
+    here, channel = light[each, site], frame.sites.channels[site]
+    of_channel = good[:, None] & (frame.sites.channels == channels[:, None])  # (bad sites, C, S)
     seen = of_channel.any(axis=2)
     total = (of_channel * light[:, None]).sum(axis=2)
     seen &= total > _LEAST_LIGHT
-    ratio = (of_channel * blocks.samples[*where][:, None]).sum(axis=2) / np.where(seen, total, 1)
+    ratio = (of_channel * frame.samples[*where][:, None]).sum(axis=2) / np.where(seen, total, 1)
     # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks predict. The first is as uncertain as
     # luminance varies around the block, the second as the neighbouring blocks differ.
     others = channels != channel[:, None]
     left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[channel] * here
     predicted = around.middle[each, site] * here
-    doubt = ((blocks.highest - blocks.lowest)[*where] / gamma[channel]) ** 2 + _LEAST_LIGHT**2
+    doubt = ((highest - lowest)[*where] / gamma[channel]) ** 2 + _LEAST_LIGHT**2
     doubt_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + _LEAST_LIGHT**2
     balanced = (left * doubt_around + predicted * doubt) / (doubt + doubt_around)
     unseen = np.where((seen | ~others).all(axis=1), balanced, predicted)
@@ -158,10 +147,11 @@ class _Around(NamedTuple):
     known: IndexArray
 
 
-def _around(blocks: BlockSamples, bad: BoolArray, where: tuple[IndexArray, ...], grey: float) -> _Around:
-    """The neighbourhoods of the blocks at `where`; a site without a good neighbour is `grey`."""
-    dark = blocks.light <= _LEAST_LIGHT
-    ratios = np.where(bad | dark, np.nan, blocks.samples / np.where(dark, 1, blocks.light))
+def _around(frame: Cleaned, bad: BoolArray, where: tuple[IndexArray, ...]) -> _Around:
+    """The neighbourhoods of the blocks at `where`; a site without a good neighbour is grey."""
+    light, grey = frame.around.light, 1 / float(frame.gamma.sum())
+    dark = light <= _LEAST_LIGHT
+    ratios = np.where(bad | dark, np.nan, frame.samples / np.where(dark, 1, light))
     wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])
     count = (~np.isnan(near)).sum(axis=0)

@@ -12,7 +12,6 @@ coefficients more than their variance says, and surroundings of 3 x 3 pixels, ga
 import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, IndexArray
-from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
@@ -25,15 +24,15 @@ _PIECE, _LEAST_ROWS = 1 << 21, 128  # pixels between two reports of progress, an
 
 
 def denoise_luminance(
-    luminance: FloatArray, mosaic: Mosaic, noise: NoiseModel | None, settings: DenoisingSettings, progress: Progress = SILENT
+    luminance: FloatArray, mosaic: Mosaic, settings: DenoisingSettings, progress: Progress = SILENT
 ) -> FloatArray:
     """l[n] without noise, float32 (H, W), scene units; `luminance` itself where there is no noise to remove.
 
     luminance: (H, W), what `recover_luminance` returns. Its filled samples count as uncertain: the second pass replaces them by the
         result of the first.
-    noise: noise of the mosaic; None = unknown, treated as none.
+    mosaic: its noise model and its pattern are used.
     """
-    height, width = luminance.shape
+    (height, width), noise = luminance.shape, mosaic.calibration.noise
     shot, read = (settings.strength**2 * noise.shot[-1], settings.strength * noise.read[-1]) if noise else (0.0, 0.0)
     if shot == 0 and read == 0:
         return luminance

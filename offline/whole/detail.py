@@ -11,6 +11,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray
 
+from ..blocks import BlockSums
 from ..gaussian import smoothed
 
 _WIDTH = 2.0  # blocks: standard deviation of the neighbourhood that is compared
@@ -18,16 +19,16 @@ _TINY = 1e-30
 
 
 def give_back(
-    unfiltered: DoubleArray, smooth: DoubleArray, sums: tuple[DoubleArray, DoubleArray, float], gamma: DoubleArray, trust: float
+    unfiltered: DoubleArray, smooth: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, trust: float
 ) -> DoubleArray:
     """Chromaticities between those after the medians and those before, (rows, columns, C).
 
     unfiltered, smooth: chromaticities before and after the medians, (rows, columns, C).
-    sums: what `block_sums` returns.
+    sums: of the blocks. sigma: sigma_z of Eqs. 8-9.
     gamma: (C,), the weights of Eq. 7.
     trust: > 0. The estimated error energy is (squared violation of Eq. 7) / trust; larger values return more detail.
     """
-    weight, product, sigma = sums
+    weight, product = sums.weight, sums.product
     light = weight.mean(axis=2)
     missing = ((product + sigma**2 / gamma.sum()) / (weight + sigma**2)) @ gamma - 1
     error = smoothed(light * missing**2, _WIDTH)

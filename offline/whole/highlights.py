@@ -20,7 +20,8 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 from shared.white_balance import clipped_share, raised_to_white
 
-from ..blocks import gather
+from ..blocks import tile
+from ..cleaned import Cleaned
 from ..kernels.highlights import interpolate, raise_clipped
 from ..settings import HighlightSettings
 
@@ -44,33 +45,29 @@ def clipping_level(mosaic: Mosaic) -> float:
     return mosaic.calibration.full_scale - 0.5 * float(mosaic.calibration.scale().max())
 
 
-def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSettings, progress: Progress = SILENT) -> Mosaic:
-    """Replace samples that reach `clipping` (scene units) by estimates above it; without such samples, return the mosaic itself.
+def restore_highlights(frame: Cleaned, settings: HighlightSettings, progress: Progress = SILENT) -> Cleaned:
+    """Replace saturated samples by estimates above them, and note where light is lost; without such samples, the frame itself.
 
-    mosaic: free of defects: a single hot colour sample would pass for light.
-    progress: is told where light is lost (`Progress.lost`).
+    frame: free of defects: a single hot colour sample would pass for light.
     """
-    signal = mosaic.signal
+    signal, clipping = frame.signal, frame.clipping
     if not settings.restored or not signal.max() >= clipping:
-        return mosaic
+        return frame
     progress.stage("highlights", 1)
-    pattern, gamma = mosaic.pattern, np.array(mosaic.calibration.gamma)
-    blocks = gather(mosaic, signal)
-    count = np.bincount(blocks.channels)
-    means = np.stack([blocks.samples[..., blocks.channels == channel].mean(axis=2) for channel in range(len(count))], axis=2)
-    whole = unclipped(means, clipping, mosaic.calibration.neutral or (1.0,) * len(gamma), settings.shoulder)
+    pattern, sites, blocks = frame.mosaic.pattern, frame.sites, frame.around
+    means = sites.means(frame.samples)
+    white = frame.mosaic.calibration.neutral or (1.0,) * len(frame.gamma)
+    whole = unclipped(means, clipping, white, settings.shoulder)
     result = signal.copy()
     # In proportion, so that two sites of one channel keep their difference.
-    result[blocks.places] = blocks.samples * (whole / np.where(means > 0, means, 1))[..., blocks.channels]
-    light = replace_dark(whole @ gamma, blocks.lowest >= _BRIGHT * clipping).astype(np.float32)
+    result[sites.pixels] = frame.samples * (whole / np.where(means > 0, means, 1))[..., sites.channels]
+    light = replace_dark(whole @ frame.gamma, blocks.lowest >= _BRIGHT * clipping).astype(np.float32)
     gone = clipped_share(means, clipping, settings.shoulder).prod(axis=2)
     unknown = unmeasured(blocks.lowest / clipping, gone).astype(np.float32)
     lost = np.zeros(signal.shape, np.uint8)
-    middle = [float(origins[0]) + (size - 1) / 2 for origins, size in zip(blocks.origins, pattern.block_shape, strict=True)]
-    width = _WIDTH * pattern.period
+    middle, width = sites.middle, _WIDTH * pattern.period
     fall = np.exp(-(np.arange(int(_REACH * width) + 1) ** 2) / (2 * width**2))
-    height = len(signal)
-    for inner in strips(height):
+    for inner in strips(len(signal)):
         top = max(inner.start - len(fall), 0)
         seen = signal[top : inner.stop + len(fall)]
         if not seen.max() >= clipping:
@@ -80,13 +77,11 @@ def restore_highlights(mosaic: Mosaic, clipping: float, settings: HighlightSetti
         clear = pattern.panchromatic_mask(seen.shape, (top, 0))
         lost[inner] = _spread(np.where(clear & (seen >= clipping), plane, 0), clear, pattern)[kept]
         interpolate(light, (middle[0] - top, middle[1]), pattern.period, plane)
-        panchromatic = np.roll(blocks.panchromatic, -top, axis=0)
+        panchromatic = np.roll(tile(pattern), -top, axis=0)
         raise_clipped(seen, panchromatic, clipping, _TOLERANCE * clipping, plane, fall, _FAINT, raised)
         np.copyto(result[inner], raised[kept], where=clear[kept])
-    progress.lost(lost)
     progress.advance()
-    result.flags.writeable = False
-    return replace(mosaic, samples=result)
+    return replace(frame.with_samples(result), lost=lost)
 
 
 def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:

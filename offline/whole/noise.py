@@ -6,6 +6,8 @@ small tiles, and of tiles of similar brightness only those that vary least count
 Poisson-Gaussian model.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
@@ -25,10 +27,12 @@ _TEXTURED = 1.5  # times the variance of the line: a bin above it has no smooth 
 _ROUNDS = 4
 
 
-def noise_of(mosaic: Mosaic, settings: NoiseSettings) -> NoiseModel | None:
-    """The calibration's noise model; where it has none, an estimate if the settings ask for one, otherwise None: unknown."""
-    known = mosaic.calibration.noise
-    return estimate_noise(mosaic) if known is None and settings.estimate else known
+def with_noise(mosaic: Mosaic, settings: NoiseSettings) -> Mosaic:
+    """The mosaic; where its calibration has no noise model, with an estimate in it if the settings ask for one."""
+    if mosaic.calibration.noise is not None or not settings.estimate:
+        return mosaic
+    noise = estimate_noise(mosaic)
+    return replace(mosaic, calibration=replace(mosaic.calibration, noise=noise and noise.possible()))
 
 
 def estimate_noise(*mosaics: Mosaic) -> NoiseModel | None:

@@ -9,15 +9,13 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, strips
 from shared.calibration import NoiseModel
-from shared.mosaic import Mosaic
-from shared.pattern import BlockGrid
 from shared.progress import SILENT, Progress
 
-from ..blocks import block_sites, curvature
+from ..blocks import BlockSums, curvature
+from ..cleaned import Cleaned
 from ..gaussian import smoothed
 from ..kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
 from ..settings import PoolingSettings
-from .chromaticity import solve_constrained
 
 _LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
 _LEAST_PRECISION = 1e-6  # of a chromaticity
@@ -29,31 +27,31 @@ _NEAR = 1.5  # the window's radius, in standard deviations of the weight by dist
 
 def pool_blocks(
     blocks: FloatArray,
-    mosaic: Mosaic,
+    frame: Cleaned,
     luminance: FloatArray,
-    noise: NoiseModel | None,
     settings: PoolingSettings,
     progress: Progress = SILENT,
-    extra: DoubleArray | None = None,
+    others: BlockSums | None = None,
 ) -> FloatArray:
     """c_j of every block, float32 (block rows, block columns, C), sum_i gamma_i c_i = 1; `blocks` itself where there is no noise.
 
     blocks: what `estimate_chromaticities` returns; the first pass compares these.
     luminance: (H, W), denoised, scene units.
-    noise: noise of the mosaic; None = unknown, treated as none.
-    extra: what other frames add to sum l^2 and sum l m of each channel of each whole block, (2 C, rows, columns).
+    others: what other frames add to the sums of each whole block.
     """
-    if not settings.passes or noise is None or not any(noise.shot[:-1] + noise.read[:-1]):
+    noise = frame.noise
+    if not settings.passes or noise is None or not noise.of_colours:
         return blocks
     progress.stage("pooling", len(settings.passes))
-    grid = mosaic.pattern.grid(mosaic.shape)
-    channels, (rows, columns) = blocks.shape[2], (len(grid.whole_rows), len(grid.whole_columns))
-    chromaticity = blocks[grid.inside].reshape(rows, columns, channels).transpose(2, 0, 1)
-    sums, light = precise_sums(mosaic, luminance, chromaticity, noise, grid, settings.doubt)
-    if extra is not None:
+    sites, gamma = frame.sites, frame.gamma
+    channels, (rows, columns) = len(gamma), sites.shape
+    chromaticity = sites.whole(blocks).transpose(2, 0, 1)
+    sums, light = precise_sums(frame, luminance, chromaticity, settings.doubt)
+    if others is not None:
         shot, read = (np.array(part[:channels])[:, None, None] for part in (noise.shot, noise.read))
-        variances = np.maximum(shot * mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE)
-        sums[: 2 * channels] += (extra.reshape(2, channels, rows, columns) / variances).reshape(2 * channels, rows, columns)
+        variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE)
+        sums[:channels] += others.weight.transpose(2, 0, 1) / variances
+        sums[channels:-1] += others.product.transpose(2, 0, 1) / variances
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
     used = len(sums)
     sums = np.pad(sums, ((0, -used % TOGETHER), (0, 0), (0, 0)))
@@ -66,33 +64,31 @@ def pool_blocks(
         pooled = np.empty((len(sums), rows, columns + SLACK), np.float32)
         falloff = np.float32(-0.5 / settings.light**2)
         pool(_framed(sums, radius, 0), _framed(features, radius, 1), radius, near, falloff, pooled)
-        chromaticity = _solved(pooled[:used, :, :columns], np.array(mosaic.calibration.gamma))
+        chromaticity = _solved(pooled[:used, :, :columns], gamma)
         progress.advance()
-    return grid.extend(chromaticity.transpose(1, 2, 0))
+    return sites.grid.extend(chromaticity.transpose(1, 2, 0))
 
 
-def precise_sums(
-    mosaic: Mosaic, luminance: FloatArray, chromaticity: FloatArray, noise: NoiseModel, grid: BlockGrid, doubt: float
-) -> tuple[FloatArray, FloatArray]:
+def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, doubt: float) -> tuple[FloatArray, FloatArray]:
     """The sums of Eqs. 8-9 of each whole block, float32 (2 C + 1, rows, columns), and its luminance, float32 (rows, columns).
 
     The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error.
     That is the noise of the sample, taking the block for grey, and an error of luminance of `doubt` times its curvature, as the
     channel sees it: `chromaticity`, (C, rows, columns), is averaged over the block and its neighbours for this.
     """
-    shape, channels = (len(grid.whole_rows), len(grid.whole_columns)), len(mosaic.pattern.channels)
-    sums, light = np.zeros((2 * channels + 1, *shape), np.float32), np.zeros(shape, np.float32)
-    signal, sites = mosaic.signal, block_sites(mosaic.pattern, grid)
-    grey = np.float32(mosaic.calibration.grey)
+    channels, noise = len(frame.gamma), frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma))
+    sums, light = np.zeros((2 * channels + 1, *frame.sites.shape), np.float32), np.zeros(frame.sites.shape, np.float32)
+    signal, places = frame.signal, frame.sites.places
+    grey = np.float32(frame.mosaic.calibration.grey)
     seen = smoothed(chromaticity, _AROUND).clip(_FAINTEST * grey, _STRONGEST * grey)
-    for channel, *site in sites:
-        value = luminance[*site]
+    for channel, place in zip(frame.sites.channels, places, strict=True):
+        value = luminance[place]
         variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
-        variance += (np.float32(doubt) * seen[channel] * curvature(luminance, site, grid)) ** 2
+        variance += (np.float32(doubt) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
         precision = 1 / np.maximum(variance, _LEAST_VARIANCE)
         sums[channel] += value**2 * precision
-        sums[channels + channel] += value * signal[*site] * precision
-        light += value / len(sites)
+        sums[channels + channel] += value * signal[place] * precision
+        light += value / len(places)
     sums[-1] = 1
     return sums, light
 
@@ -102,8 +98,8 @@ def _solved(pooled: FloatArray, gamma: DoubleArray) -> FloatArray:
     found = np.empty((len(gamma), *pooled.shape[1:]), np.float32)
     for rows in strips(pooled.shape[1]):
         means = (pooled[:-1, rows] / pooled[-1, rows]).astype(np.float64).transpose(1, 2, 0)
-        weight, product = means[..., : len(gamma)], means[..., len(gamma) :]
-        found[:, rows] = solve_constrained(weight, product, 1.0, gamma).transpose(2, 0, 1)
+        sums = BlockSums(means[..., : len(gamma)], means[..., len(gamma) :])
+        found[:, rows] = sums.solved(1.0, gamma).transpose(2, 0, 1)
     return found
 
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from offline.cleaned import Cleaned
+from offline.sites import BlockSamples, block_samples
 from offline.tiling import Band
 from shared import CfaPattern, Mosaic
-from shared.arrays import DoubleArray
+from shared.arrays import DoubleArray, FloatArray
 from tests.reference.sensor import observe
 
 CASES = {
@@ -51,3 +53,13 @@ def shot(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02
     """A noisy mosaic of `materials`, whose calibration knows the noise."""
     noise = None if sigma is None else np.random.default_rng(seed + 1).normal(scale=sigma, size=shape)
     return observe(materials(shape, len(pattern.channels), seed), pattern, gamma_of(pattern), sigma, noise)
+
+
+def cleaned(mosaic: Mosaic, clipping: float = np.inf) -> Cleaned:
+    """The mosaic as it is: nothing is wrong with it."""
+    return Cleaned(mosaic, clipping)
+
+
+def sampled(mosaic: Mosaic, luminance: FloatArray, clipping: float = np.inf) -> BlockSamples:
+    """The samples of its whole blocks."""
+    return block_samples(cleaned(mosaic, clipping), luminance)

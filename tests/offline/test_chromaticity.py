@@ -10,7 +10,7 @@ from offline.settings import ChromaticitySettings
 from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
+from tests.offline.scenes import CASES, cleaned, every_case, gamma_of, materials, shot
 from tests.reference import chromaticity as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_colour
@@ -66,7 +66,7 @@ PLAIN, ODD = np.array([0.5, 0.3, 0.2]), np.array([0.2, 0.2, 0.6])
 
 def filtered(coarse: DoubleArray) -> FloatArray:
     mosaic, light = coarse_mosaic(coarse)
-    found = estimate_chromaticities(mosaic, light, PAPER)
+    found = estimate_chromaticities(cleaned(mosaic), light, PAPER)
     inside: FloatArray = found[mosaic.pattern.grid(mosaic.shape).inside].reshape(coarse.shape)
     return inside
 
@@ -80,7 +80,7 @@ def test_equals_the_reference(
     pattern: CfaPattern, shape: tuple[int, int], sigma: float | None, settings: ChromaticitySettings
 ) -> None:
     mosaic = shot(pattern, shape, sigma)
-    found = estimate_chromaticities(mosaic, light_of(mosaic), settings)
+    found = estimate_chromaticities(cleaned(mosaic), light_of(mosaic), settings)
     assert found.dtype == np.float32
     assert found.shape == (*pattern.grid(shape).shape, len(pattern.channels))
     assert_close(found, expected(mosaic, light_of(mosaic), settings), FLOAT32)
@@ -94,7 +94,7 @@ def test_equals_the_reference(
 def test_equals_the_reference_on_a_large_coarse_image(settings: ChromaticitySettings, block: tuple[str, ...]) -> None:
     """Enough blocks that the medians go round many times."""
     mosaic = shot(CfaPattern.with_block(block, 4, (3, 1)), (63, 70), 0.1)
-    found = estimate_chromaticities(mosaic, light_of(mosaic), settings)
+    found = estimate_chromaticities(cleaned(mosaic), light_of(mosaic), settings)
     assert_close(found, expected(mosaic, light_of(mosaic), settings), 10 * FLOAT32)  # noise makes some of them as large as ten
     assert_constraint(found, mosaic)
 
@@ -106,7 +106,7 @@ def test_exact_where_the_model_holds(pattern: CfaPattern, shape: tuple[int, int]
     colour = np.linspace(0.3, 1.0, len(gamma))
     scene = colour * np.random.default_rng(2).uniform(0.1, 1.0, (*shape, 1))
     mosaic = observe(scene, pattern, gamma_of(pattern), 0.0)
-    found = estimate_chromaticities(mosaic, luminance_of(scene, gamma_of(pattern)).astype(np.float32), PAPER)
+    found = estimate_chromaticities(cleaned(mosaic), luminance_of(scene, gamma_of(pattern)).astype(np.float32), PAPER)
     assert_close(found, np.broadcast_to(colour / (colour @ gamma), found.shape), RELATIVE)
 
 
@@ -118,7 +118,9 @@ def test_exposure_does_not_matter() -> None:
     )
     light = light_of(mosaic)
     assert_close(
-        estimate_chromaticities(bright, light * np.float32(1024), PAPER), estimate_chromaticities(mosaic, light, PAPER), FLOAT32
+        estimate_chromaticities(cleaned(bright), light * np.float32(1024), PAPER),
+        estimate_chromaticities(cleaned(mosaic), light, PAPER),
+        FLOAT32,
     )
 
 
@@ -126,7 +128,7 @@ def test_exposure_does_not_matter() -> None:
 @pytest.mark.parametrize("sigma", [None, 0.0, 0.02])
 def test_blackness_is_grey(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
     mosaic = observe(np.zeros((*shape, len(pattern.channels))), pattern, gamma_of(pattern), sigma)
-    found = estimate_chromaticities(mosaic, np.zeros(shape, np.float32), PAPER)
+    found = estimate_chromaticities(cleaned(mosaic), np.zeros(shape, np.float32), PAPER)
     assert_close(found, np.full(found.shape, mosaic.calibration.grey), FLOAT32)
 
 
@@ -136,7 +138,7 @@ def test_noise_pulls_towards_grey() -> None:
     distances = []
     for sigma in (0.0, 0.3, 3.0, 1000.0):
         mosaic = observe(materials(shape, 3), pattern, gamma_of(pattern), sigma)
-        found = estimate_chromaticities(mosaic, light_of(mosaic), NO_MEDIANS)
+        found = estimate_chromaticities(cleaned(mosaic), light_of(mosaic), NO_MEDIANS)
         distances.append(np.abs(found - mosaic.calibration.grey).mean())
     assert all(after < before for before, after in pairwise(distances))
     assert distances[-1] < 1e-5
@@ -148,10 +150,10 @@ def test_noise_is_that_of_the_colour_planes_at_the_mean_colour_sample() -> None:
     scene = materials(shape, 3)
     dark = observe(scene, pattern, gamma_of(pattern))
     mosaic = Mosaic(dark.signal, pattern, replace(dark.calibration, noise=noise))
-    found = estimate_chromaticities(mosaic, light_of(mosaic), NO_MEDIANS)
+    found = estimate_chromaticities(cleaned(mosaic), light_of(mosaic), NO_MEDIANS)
     # The mean of the channels' means and the mean of all samples differ by what the greens, of which there are two, differ.
     assert_close(found, expected(mosaic, light_of(mosaic), NO_MEDIANS), 1e-3)
-    assert np.abs(found - estimate_chromaticities(dark, light_of(dark), NO_MEDIANS)).max() > 0.02
+    assert np.abs(found - estimate_chromaticities(cleaned(dark), light_of(dark), NO_MEDIANS)).max() > 0.02
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -161,11 +163,11 @@ def test_wild_estimates_stay_finite_and_on_the_constraint(seed: int) -> None:
     pattern = CfaPattern.bayer(3)
     mosaic = Mosaic(random.normal(scale=0.1, size=(40, 41)).astype(np.float32), pattern, SensorCalibration())
     light = random.normal(scale=0.01, size=mosaic.shape).astype(np.float32)
-    found = estimate_chromaticities(mosaic, light, PAPER)
+    found = estimate_chromaticities(cleaned(mosaic), light, PAPER)
     assert np.isfinite(found).all()
     assert_constraint(found, mosaic)
     # Scaling a median that lies nearly across the constraint's plane would throw it far out (seed 4: a thousand times).
-    before = estimate_chromaticities(mosaic, light, NO_MEDIANS)
+    before = estimate_chromaticities(cleaned(mosaic), light, NO_MEDIANS)
     assert 10 < np.abs(found).max() <= np.abs(before).max()
 
 
@@ -174,7 +176,7 @@ def test_one_dark_site_is_settled_by_the_constraint() -> None:
     mosaic, light = coarse_mosaic(np.full((4, 4, 3), 1 / 3) * [1.2, 0.9, 0.9])
     dark = mosaic.signal.copy()
     dark[5, 5] = light[5, 5] = 0.0
-    found = estimate_chromaticities(Mosaic(dark, mosaic.pattern, mosaic.calibration), light, NO_MEDIANS)
+    found = estimate_chromaticities(cleaned(Mosaic(dark, mosaic.pattern, mosaic.calibration)), light, NO_MEDIANS)
     assert_close(found[1, 1], np.array([0.4, 0.3, 0.3]), RELATIVE)
 
 
@@ -200,7 +202,7 @@ def test_trust_gives_back_detail_and_not_errors() -> None:
     coarse = PLAIN + random.uniform(-0.1, 0.1, (12, 15, 3))
     coarse /= coarse.sum(axis=2, keepdims=True)
     mosaic, light = coarse_mosaic(coarse)
-    own, smooth, kept = (estimate_chromaticities(mosaic, light, settings) for settings in (NO_MEDIANS, PAPER, TRUSTING))
+    own, smooth, kept = (estimate_chromaticities(cleaned(mosaic), light, settings) for settings in (NO_MEDIANS, PAPER, TRUSTING))
     assert np.abs(smooth - own).max() > 0.05
     assert_close(kept, own, FLOAT32)
     wrong = (light * random.uniform(0.7, 1.3, light.shape)).astype(np.float32)
@@ -211,6 +213,6 @@ def test_trust_gives_back_detail_and_not_errors() -> None:
         replace(flat.calibration, noise=NoiseModel.gaussian(0.05, 4)),
     )
     for hurt, seen in ((flat, wrong), (noisy, light)):
-        smooth, kept = (estimate_chromaticities(hurt, seen, settings) for settings in (PAPER, TRUSTING))
+        smooth, kept = (estimate_chromaticities(cleaned(hurt), seen, settings) for settings in (PAPER, TRUSTING))
         errors = [np.square(found - PLAIN).mean() for found in (smooth, kept)]
         assert errors[1] < 1.1 * errors[0]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, render
-from offline.blocks import gather
+from offline.blocks import Sites
+from offline.cleaned import Cleaned
 from offline.settings import ChromaticitySettings, DefectSettings
 from offline.whole.defects import mend_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
@@ -24,7 +25,7 @@ SPECKS = 1e-4  # part of a drawn scene's pixels that may be taken for defects: t
 
 
 def mend(mosaic: Mosaic, settings: DefectSettings) -> Mosaic:
-    return mend_defects(mosaic, np.inf, mosaic.calibration.noise, settings)
+    return mend_defects(Cleaned(mosaic, np.inf), settings).mosaic
 
 
 def photographed(scene: FloatArray, sigma: float) -> Mosaic:
@@ -85,7 +86,7 @@ def test_listed_samples_are_never_looked_at(pattern: CfaPattern, shape: tuple[in
     settings = replace(SETTINGS, contrast=0.0)
     first, second = (mend(listing(replace(mosaic, samples=samples), places), settings).signal for samples in (mosaic.signal, wild))
     judged = pattern.panchromatic_mask(shape)
-    judged[gather(mosaic, mosaic.signal).places] = True
+    judged[Sites.in_frame(mosaic).pixels] = True
     assert np.array_equal(first[judged], second[judged])
     assert np.array_equal(first[~places], mosaic.signal[~places])
 

@@ -22,11 +22,12 @@ SETTINGS = BEST.denoising
 
 
 def noisy(shape: tuple[int, int], model: NoiseModel) -> tuple[Mosaic, DoubleArray]:
-    """A mosaic, and a plane of panchromatic samples at all its pixels."""
+    """A mosaic whose calibration has this noise, and a plane of panchromatic samples at all its pixels."""
     pattern = CfaPattern.bayer(6, origin=(2, 3))
     mosaic = observe(materials(shape, 3), pattern, gamma_of(pattern))
     clean = materials(shape, 3) @ np.array(gamma_of(pattern))
     deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
+    mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=model))
     return mosaic, clean + np.random.default_rng(3).normal(size=shape) * deviation
 
 
@@ -39,7 +40,7 @@ def test_equals_the_reference_in_any_pieces(model: NoiseModel, piece: int, monke
     settings = replace(SETTINGS, strength=0.8)
     uncertain = ~mosaic.pattern.panchromatic_mask(mosaic.shape)
     expected = reference.denoise_luminance(plane, uncertain, model.shot[-1], model.read[-1], settings)
-    found = denoise_luminance(plane.astype(np.float32), mosaic, model, settings)
+    found = denoise_luminance(plane.astype(np.float32), mosaic, settings)
     assert_close(found, expected, FLOAT32)
 
 
@@ -51,7 +52,7 @@ def test_noise_goes(model: NoiseModel) -> None:
     clean = 0.6 + 0.4 * np.sin(row / 25) * np.cos(column / 30) + 0.8 * (row + column > 120)
     deviation = np.sqrt(model.shot[-1] * clean + model.read[-1] ** 2)
     plane = clean + np.random.default_rng(3).normal(size=shape) * deviation
-    found = denoise_luminance(plane.astype(np.float32), mosaic, model, SETTINGS)
+    found = denoise_luminance(plane.astype(np.float32), mosaic, SETTINGS)
     assert np.square(found - clean).mean() < np.square(plane - clean).mean() / 10
 
 
@@ -59,5 +60,6 @@ def test_noise_goes(model: NoiseModel) -> None:
 def test_without_noise_the_samples_are_left_alone(model: NoiseModel | None) -> None:
     mosaic, plane = noisy((40, 50), MODELS[0])
     given = plane.astype(np.float32)
-    assert denoise_luminance(given, mosaic, model, SETTINGS) is given
-    assert denoise_luminance(given, mosaic, MODELS[0], replace(SETTINGS, strength=0.0)) is given
+    silent = replace(mosaic, calibration=replace(mosaic.calibration, noise=model))
+    assert denoise_luminance(given, silent, SETTINGS) is given
+    assert denoise_luminance(given, mosaic, replace(SETTINGS, strength=0.0)) is given

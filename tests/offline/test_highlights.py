@@ -12,7 +12,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.sensor import simulate_sensor
-from tests.offline.scenes import every_case, gamma_of, materials
+from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 
 NEUTRAL = (0.5, 1.0, 0.6)
 LIMIT = 3.0
@@ -68,14 +68,14 @@ def test_an_edge_beside_a_highlight_stays_sharp() -> None:
 def test_what_is_not_clipped_is_not_touched() -> None:
     mosaic = exposed(lamp(12.0, NEUTRAL))
     clipping = clipping_level(mosaic)
-    restored = restore_highlights(mosaic, clipping, BEST.highlights)
+    restored = restore_highlights(cleaned(mosaic, clipping), BEST.highlights)
     panchromatic = mosaic.pattern.panchromatic_mask(mosaic.shape)
     changed = restored.signal != mosaic.signal
     assert (mosaic.signal[changed & panchromatic] >= clipping).all()
     assert (restored.signal >= mosaic.signal).all()
     faded = (1 - BEST.highlights.shoulder) * clipping
     assert (mosaic.signal[changed & ~panchromatic] > 0.9 * faded).all()
-    assert restore_highlights(mosaic, clipping, PAPER.highlights) is mosaic
+    assert restore_highlights(cleaned(mosaic, clipping), PAPER.highlights).mosaic is mosaic
 
 
 def test_samples_without_a_limit_are_not_clipped() -> None:
@@ -83,7 +83,7 @@ def test_samples_without_a_limit_are_not_clipped() -> None:
     mosaic = exposed(scene)
     floating = Mosaic(mosaic.signal, mosaic.pattern, mosaic.calibration)
     assert clipping_level(floating) == np.inf
-    assert restore_highlights(floating, np.inf, BEST.highlights) is floating
+    assert restore_highlights(cleaned(floating), BEST.highlights).mosaic is floating
     white, below = (np.full(mosaic.shape, code, np.uint16) for code in (4095, 4094))
     assert Mosaic(white, mosaic.pattern, mosaic.calibration).signal.min() >= clipping_level(mosaic)
     assert Mosaic(below, mosaic.pattern, mosaic.calibration).signal.max() < clipping_level(mosaic)

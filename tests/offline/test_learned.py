@@ -8,12 +8,13 @@ import pytest
 
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
 from offline.rows.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, _session, model_for
-from offline.sites import SiteSamples, site_samples, unclipped_blocks
+from offline.sites import BlockSamples
 from offline.tiling import Part
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
+from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
 from tools.scenes.load import load_scene
 
@@ -29,13 +30,13 @@ def scene(height: int, width: int) -> FloatArray:
     return load_scene("builtin:330x220").rgb[:height, :width]
 
 
-def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Part, SiteSamples]:
+def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Part, BlockSamples]:
     """A picture that is blurred in colour, and what the sites measured."""
     mosaic = simulate_additive(rgb, pattern, GREY, sigma, np.random.default_rng(0))
     light = np.ascontiguousarray(rgb.sum(axis=2))
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
-    return Part(0, light, colour), site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, mosaic.calibration.noise)
+    return Part(0, light, colour), sampled(mosaic, light)
 
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
@@ -80,7 +81,7 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> 
     light = np.ascontiguousarray(rgb.sum(axis=2))
     part = Part(0, light, rgb / light[..., None])
     mosaic = simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0))
-    sites = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, None)
+    sites = sampled(mosaic, light)
     black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
     cells = Cells.of(pattern, shape)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
@@ -88,7 +89,7 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> 
     picture = cut["picture"][0].reshape(3, cells.shape[0], 6, cells.shape[1], 6).transpose(0, 1, 3, 2, 4)
     for number, (channel, row, column) in enumerate([(0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)]):
         known = cut["variance"][0, 0] < UNKNOWN
-        assert known.sum() == sites.trusted.size
+        assert known.sum() == sites.unclipped.size
         assert_close(cut["error"][0, number][known], picture[channel, :, :, row, column][known], 1e-6)
 
 
@@ -147,7 +148,7 @@ def test_noise_on_a_flat_surface_is_not_taken_for_colour() -> None:
 def test_blocks_at_the_limit_are_left_alone() -> None:
     rgb, pattern = scene(120, 120), CfaPattern.bayer(6)
     part, sites = measured(rgb, pattern)
-    untrusted = replace(sites, trusted=np.zeros_like(sites.trusted))
+    untrusted = replace(sites, unclipped=np.zeros_like(sites.unclipped))
     path = model_for(pattern)
     assert path is not None
     learner = Learner(path, pattern, (1.0, 1.0, 1.0))
@@ -160,7 +161,7 @@ def test_gamma_only_scales_the_channels() -> None:
     scaled = np.array(gamma, np.float32)
     part, sites = measured(rgb, pattern)
     other = replace(part, chromaticity=part.chromaticity / scaled)
-    seen = replace(sites, samples=sites.samples / scaled[sites.channels])
+    seen = replace(sites, samples=sites.samples / scaled[sites.sites.channels])
     path = model_for(pattern)
     assert path is not None
     expected = Learner(path, pattern, (1.0, 1.0, 1.0)).refine(part, part, sites, (0, 100)).chromaticity

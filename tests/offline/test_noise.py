@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from offline.settings import NoiseSettings
-from offline.whole.noise import estimate_noise, noise_of
+from offline.whole.noise import estimate_noise, with_noise
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import sample
@@ -69,8 +69,8 @@ def test_clipped_parts_do_not_count() -> None:
 
 def test_what_the_calibration_knows_is_not_estimated() -> None:
     mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
-    assert noise_of(mosaic, NoiseSettings(estimate=False)) is None
-    assert noise_of(mosaic, NoiseSettings(estimate=True)) == estimate_noise(mosaic)
+    assert with_noise(mosaic, NoiseSettings(estimate=False)) is mosaic
+    assert with_noise(mosaic, NoiseSettings(estimate=True)).calibration.noise == estimate_noise(mosaic)
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
-    assert noise_of(known, NoiseSettings(estimate=True)) is model
+    assert with_noise(known, NoiseSettings(estimate=True)) is known

@@ -1,9 +1,7 @@
 """No dead knobs, no dead stages: each setting and each stage of the page is moved, and the picture changes."""
 
 import sys
-from collections.abc import Callable
 from dataclasses import fields, replace
-from inspect import isfunction
 from typing import Any
 
 import numpy as np
@@ -11,14 +9,10 @@ import pytest
 
 from offline import BEST, PAPER, render
 from offline.settings import PoolingPass
-from offline.sites import SiteSamples, site_samples, unclipped_blocks
-from offline.tiling import Band
 from shared import CfaPattern, Mosaic
-from shared.arrays import FloatArray
 from shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
-from tools.camera.lens import lens_aberration
 
 PAGE = sys.modules[render.__module__]  # `offline.render` names the function
 # Rounding does not move a picture as far as this; every setting and stage does.
@@ -107,74 +101,3 @@ def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> 
     mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
     off = replace(plain, denoising=PAPER.denoising, pooling=PAPER.pooling)
     assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
-
-
-def even_affinities(luminance: FloatArray, pattern: CfaPattern, _: Any, band: Band, *__: Any) -> FloatArray:
-    (first, end), across = band.patches, pattern.grid((luminance.shape[0], luminance.shape[1])).patches[1]
-    return np.full((2, 2, (end - first) * pattern.period, across * pattern.period), 0.25, np.float32)
-
-
-def grey_blocks(mosaic: Mosaic, *_: Any) -> FloatArray:
-    shape = *mosaic.pattern.grid(mosaic.shape).shape, len(mosaic.pattern.channels)
-    return np.full(shape, mosaic.calibration.grey, np.float32)
-
-
-def mean_block(blocks: FloatArray, _: FloatArray, luminance: FloatArray, *__: Any) -> FloatArray:
-    mean: FloatArray = blocks.mean(axis=(0, 1))
-    return np.broadcast_to(mean, (*luminance.shape, mean.size)).copy()
-
-
-def untrusted(*given: Any) -> SiteSamples:
-    measured = site_samples(*given)
-    return replace(measured, trusted=np.zeros_like(measured.trusted))
-
-
-NEUTRAL: dict[str, Callable[..., Any]] = {
-    "registered": lambda mosaic, *_: mosaic,
-    "noise_of": lambda *_: None,
-    "clipping_level": lambda _: np.inf,
-    "mend_defects": lambda mosaic, *_: mosaic,
-    "restore_highlights": lambda mosaic, *_: mosaic,
-    "recover_luminance": lambda mosaic, *_: mosaic.signal.copy(),  # kernels are compiled anew for arrays that are read-only
-    "denoise_luminance": lambda filled, *_: filled,
-    "estimate_chromaticities": grey_blocks,
-    "pool_blocks": lambda measured, *_: measured,
-    "trust_in_blocks": lambda *_: None,
-    "with_trusted_colour": lambda blocks, *_: blocks,
-    "solve_affinities": even_affinities,
-    "propagate": mean_block,
-    "noise_level": lambda *_: 0.0,
-    "refine": lambda initial, *_: initial,
-    "site_samples": untrusted,
-    "unclipped_blocks": lambda mosaic, _: unclipped_blocks(mosaic, np.inf),
-    "settle_luminance": lambda luminance, *_: luminance,
-    "correct_sites": lambda part, *_: part,
-    "learner_for": lambda *_: None,
-}
-
-
-def test_every_stage_of_the_page_has_a_neutral_one() -> None:
-    named = {name for page in (PAGE.measure, PAGE.spread, PAGE.finish) for name in page.__code__.co_names}
-    cut = {"bands", "reach", "windows", "spread"}  # where bands are cut leaves no trace
-    assert {name for name in named if isfunction(getattr(PAGE, name, None))} == {*NEUTRAL, *cut}
-
-
-# In BEST the oriented medians and all before them only tell what looks alike, and refinement rests.
-DAMAGED = {"clipping_level", "mend_defects", "restore_highlights", "unclipped_blocks"}
-LATE = {"site_samples", "settle_luminance", "correct_sites", "learner_for", "trust_in_blocks", "with_trusted_colour"}
-IDLE = {"paper": {*DAMAGED, *LATE, "noise_of", "denoise_luminance", "pool_blocks"}, "best": {"noise_level", "refine"}}
-
-
-@pytest.mark.parametrize(
-    ("preset", "stage"), [(name, stage) for name, idle in IDLE.items() for stage in NEUTRAL if stage not in idle]
-)
-def test_every_stage_matters(preset: str, stage: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = PRESETS[preset]
-    mosaic = damaged_shot(0.02) if stage in DAMAGED else busy_shot(0.02)
-    if stage == "registered":
-        mosaic = replace(mosaic, calibration=replace(mosaic.calibration, aberration=lens_aberration(0.8, 0, 3, (45, 50))))
-    whole = render(mosaic, settings).rgb
-    monkeypatch.setattr(PAGE, stage, NEUTRAL[stage])
-    idle = render(mosaic, settings).rgb
-    assert np.abs(idle - whole).max() > SEEN
-    assert np.abs(idle - whole).mean() > SEEN

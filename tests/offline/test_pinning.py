@@ -8,12 +8,12 @@ import pytest
 
 from offline import BEST, render
 from offline.rows.pinning import Pinning
-from offline.sites import SiteSamples, site_samples, unclipped_blocks
+from offline.sites import BlockSamples
 from offline.tiling import Part, windows
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive
-from tests.offline.scenes import shot
+from tests.offline.scenes import sampled, shot
 from tests.reference.sensor import luminance_of
 
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
@@ -23,14 +23,14 @@ HOLES = 5e-3
 SITES = replace(BEST.sites, corrected=True)
 
 
-def pictured(mosaic: Mosaic) -> tuple[Part, SiteSamples, FloatArray]:
+def pictured(mosaic: Mosaic) -> tuple[Part, BlockSamples, FloatArray]:
     """The picture before it is pinned: true luminance, and one colour everywhere; with its samples and tiles."""
     random = np.random.default_rng(4)
     light = (1 + 0.3 * random.normal(size=mosaic.shape)).clip(0.1).astype(np.float32)
     count = len(mosaic.pattern.channels)
     grey = np.float32(1 / sum(mosaic.calibration.gamma))
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, count), grey)
-    samples = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, mosaic.calibration.noise)
+    samples = sampled(mosaic, light)
     return Part(0, light, np.full((*mosaic.shape, count), grey)), samples, blocks
 
 
@@ -84,11 +84,14 @@ def test_noise_alone_moves_nothing() -> None:
     mosaic = shot(KODAK, (90, 90), None)
     part, samples, blocks = pictured(mosaic)
     seen = np.stack(
-        [part.luminance[*place] * part.chromaticity[*place][..., channel] for channel, *place in samples.places], axis=2
+        [
+            part.luminance[place] * part.chromaticity[*place, channel]
+            for channel, place in zip(samples.sites.channels, samples.sites.places, strict=True)
+        ],
+        axis=2,
     )
-    variance = np.full_like(seen, 0.01**2)
     noise: FloatArray = (seen + np.random.default_rng(1).normal(0, 0.01, seen.shape)).astype(np.float32)
-    noisy = replace(samples, samples=noise, variance=variance)
+    noisy = replace(samples, samples=noise, noise=NoiseModel.gaussian(0.01, 4))
     found = Pinning(blocks, noisy, mosaic.calibration.gamma, SITES).applied(part, (0, 90)).chromaticity
     assert np.abs(found - part.chromaticity).max() < 1e-6
 
@@ -98,5 +101,5 @@ def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     mosaic = shot(KODAK, (90, 90), None)
     part, samples, blocks = pictured(mosaic)
     blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
-    found = Pinning(blocks, replace(samples, trusted=np.zeros_like(samples.trusted)), mosaic.calibration.gamma, SITES)
+    found = Pinning(blocks, replace(samples, unclipped=np.zeros_like(samples.unclipped)), mosaic.calibration.gamma, SITES)
     assert np.abs(found.applied(part, (0, 90)).chromaticity - part.chromaticity).max() < 1e-6

@@ -9,7 +9,7 @@ from offline.settings import BEST, PoolingPass, PoolingSettings
 from offline.whole.pooling import pool_blocks
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import every_case, gamma_of, materials
+from tests.offline.scenes import cleaned, every_case, gamma_of, materials
 from tests.reference import chromaticity, pooling
 from tests.reference.compare import assert_close
 from tests.reference.sensor import luminance_of, observe
@@ -52,7 +52,7 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], setti
         )
         expected = chromaticity.extend(pooling.pool(coarse, sums, gamma, settings.passes, settings.light), pattern, shape)
         given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
-        found = pool_blocks(given, mosaic, light, noise, settings)
+        found = pool_blocks(given, cleaned(mosaic), light, settings)
         assert found.dtype == np.float32
         assert_close(found, expected, FLOAT32)
         assert_close(found @ np.array(gamma), np.ones(found.shape[:2]), 1e-5)  # Eq. 7
@@ -66,7 +66,7 @@ def test_noise_goes_and_edges_stay() -> None:
     mosaic, light, coarse = blocks_of(pattern, shape, noise, scene=scene)
     true = blocks_of(pattern, shape, NoiseModel.gaussian(0.0, 4), scene=scene)[2]
     given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
-    found = pool_blocks(given, mosaic, light, noise, SETTINGS)
+    found = pool_blocks(given, cleaned(mosaic), light, SETTINGS)
     found = found[pattern.grid(shape).inside].reshape(true.shape)
     assert np.square(found - true).mean() < np.square(coarse - true).mean() / 25
     assert np.abs(found - true).max() < 0.2 * np.abs(true[0, 0] - true[0, -1]).max()
@@ -76,12 +76,13 @@ def test_noise_goes_and_edges_stay() -> None:
 def test_without_noise_blocks_are_left_alone(noise: NoiseModel | None) -> None:
     mosaic, light, coarse = blocks_of(CfaPattern.bayer(6), (40, 40), NoiseModel.gaussian(0.01, 4))
     given = coarse.astype(np.float32)
-    assert pool_blocks(given, mosaic, light, noise, SETTINGS) is given
+    mosaic = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise))
+    assert pool_blocks(given, cleaned(mosaic), light, SETTINGS) is given
 
 
 def test_darkness_is_defined() -> None:
     """A block without light, by a sensor whose noise is all of light."""
     noise = NoiseModel((1e-3,) * 4, (0.0,) * 4)
     mosaic, light, coarse = blocks_of(CfaPattern.bayer(6), (40, 40), noise, scene=np.zeros((40, 40, 3)))
-    found = pool_blocks(chromaticity.extend(coarse, mosaic.pattern, (40, 40)).astype(np.float32), mosaic, light, noise, SETTINGS)
+    found = pool_blocks(chromaticity.extend(coarse, mosaic.pattern, (40, 40)).astype(np.float32), cleaned(mosaic), light, SETTINGS)
     assert_close(found, np.full_like(found, mosaic.calibration.grey), 1e-6)

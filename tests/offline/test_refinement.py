@@ -31,7 +31,7 @@ def case(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02
 def refined(
     initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings, band: Band | None = None
 ) -> FloatArray:
-    period, sigma = mosaic.pattern.period, noise_level(light, mosaic)
+    period, sigma = mosaic.pattern.period, noise_level(light, mosaic.calibration.noise)
     return refine(initial, light, period, sigma, settings, band or whole(mosaic.pattern, mosaic.shape))
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from offline.settings import BEST, ChromaticitySettings, SiteSettings
-from offline.sites import correct_sites, settle_luminance, site_samples, unclipped_blocks
+from offline.sites import correct_sites, settle_luminance
 from offline.tiling import Part
 from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import every_case, gamma_of, materials, shot
+from tests.offline.scenes import cleaned, every_case, gamma_of, materials, sampled, shot
 from tests.reference import chromaticity, sites
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_colour
@@ -50,7 +50,7 @@ def test_joint_chromaticities_equal_the_reference(pattern: CfaPattern, shape: tu
     known = max(sigma_of_colour(mosaic), 1e-6)
     plain = coarse_of(mosaic, light)
     solved = sites.solve_jointly(plain, mosaic.signal.astype(np.float64), light.astype(np.float64), pattern, gamma, known, MISMATCH)
-    found = estimate_chromaticities(mosaic, light, ChromaticitySettings(taps=1, mismatch=MISMATCH))
+    found = estimate_chromaticities(cleaned(mosaic), light, ChromaticitySettings(taps=1, mismatch=MISMATCH))
     assert_close(found, chromaticity.extend(solved, pattern, shape), FLOAT32)
     assert_close(found @ np.array(gamma), np.ones(found.shape[:2]), 1e-5)  # Eq. 7
     assert np.abs(solved - plain).max() > 1e-3
@@ -62,7 +62,9 @@ def test_an_error_of_luminance_that_all_sites_share_is_not_taken_for_colour() ->
     mosaic = observe(np.broadcast_to(colour, (36, 36, 3)), pattern)
     filled = np.full(mosaic.shape, 0.8, np.float32)
     filled[pattern.panchromatic_mask(mosaic.shape)] = 1.0
-    plain, joint = (estimate_chromaticities(mosaic, filled, ChromaticitySettings(taps=1, mismatch=each)) for each in (0, MISMATCH))
+    plain, joint = (
+        estimate_chromaticities(cleaned(mosaic), filled, ChromaticitySettings(taps=1, mismatch=each)) for each in (0, MISMATCH)
+    )
     assert np.abs(joint - colour).max() < 0.6 * np.abs(plain - colour).max()
 
 
@@ -77,7 +79,7 @@ def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tupl
     variance = sites.noise_of(signal, pattern, noise)
     gamma = mosaic.calibration.gamma
     expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, gamma, CORRECTED.deviations)
-    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, noise)
+    measured = sampled(mosaic, light)
     found = settle_luminance(light, blocks, measured, gamma, CORRECTED)
     assert_close(found, expected, FLOAT32)
     assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
@@ -93,7 +95,7 @@ def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
     grid = pattern.grid(shape)
     places = np.ix_(grid.rows.clip(0, shape[0] - 1), grid.columns.clip(0, shape[1] - 1))
     blocks = (scene / true[..., None])[places].astype(np.float32)
-    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, None)
+    measured = sampled(mosaic, light)
     found = settle_luminance(light, blocks, measured, mosaic.calibration.gamma, CORRECTED)
     before, after = (float(np.square(each - true).mean()) for each in (light, found))
     assert after < 0.5 * before
@@ -117,7 +119,7 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
     light, colour, signal = (each.astype(np.float64) for each in (part.luminance, part.chromaticity, mosaic.signal))
     variance, doubt = sites.noise_of(signal, pattern, noise), sites.doubt_of(light, pattern)
     expected = sites.correct(light, colour, signal, doubt, variance, pattern, gamma, CORRECTED.deviations)
-    found = correct_sites(part, site_samples(mosaic, unclipped_blocks(mosaic, np.inf), part.luminance, noise), gamma, CORRECTED)
+    found = correct_sites(part, sampled(mosaic, part.luminance), gamma, CORRECTED)
     assert_close(found.chromaticity * found.luminance[..., None], expected, FLOAT32)
     assert_close(found.chromaticity @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
     assert np.abs(expected - colour * light[..., None]).max() > 1e-3
@@ -127,18 +129,18 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
 def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape, None)
     part = render_of(mosaic)
-    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), part.luminance, None)
+    measured = sampled(mosaic, part.luminance)
     found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
-    for channel, rows, columns in measured.places:
-        seen = found.chromaticity[rows, columns, channel] * found.luminance[rows, columns]
-        assert_close(seen, mosaic.signal[rows, columns], 1e-5)
+    for channel, place in zip(measured.sites.channels, measured.sites.places, strict=True):
+        seen = found.chromaticity[*place, channel] * found.luminance[place]
+        assert_close(seen, mosaic.signal[place], 1e-5)
 
 
 def test_a_part_is_corrected_as_the_whole_is() -> None:
     pattern, shape = CfaPattern.bayer(6, origin=(3, 1)), (120, 40)
     mosaic = shot(pattern, shape, 0.01)
     whole, gamma = render_of(mosaic), mosaic.calibration.gamma
-    measured = site_samples(mosaic, unclipped_blocks(mosaic, np.inf), whole.luminance, mosaic.calibration.noise)
+    measured = sampled(mosaic, whole.luminance)
     expected = correct_sites(whole, measured, gamma, CORRECTED)
     for first, end in ((0, 70), (31, 99), (50, 120)):
         found = correct_sites(whole.rows(first, end), measured, gamma, CORRECTED)
@@ -158,9 +160,7 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     mosaic = Mosaic(samples, pattern, replace(clean.calibration, noise=noise))
     light = np.full(shape, 0.9, np.float32)
     part = Part(0, light, np.full((*shape, 3), 1 / 3, np.float32))
-    found = correct_sites(
-        part, site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, noise), mosaic.calibration.gamma, CORRECTED
-    )
+    found = correct_sites(part, sampled(mosaic, light), mosaic.calibration.gamma, CORRECTED)
     change = found.chromaticity * found.luminance[..., None] - scene
     colour_sites = ~pattern.panchromatic_mask(shape)
     assert np.sqrt(np.square(change[colour_sites]).mean()) < 0.15 * sigma
@@ -171,11 +171,11 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     mosaic = shot(pattern, shape, None)
     limit = float(np.quantile(mosaic.signal, 0.8))
     part = render_of(mosaic)
-    measured = site_samples(mosaic, unclipped_blocks(mosaic, limit), part.luminance, None)
-    assert 0 < measured.trusted.mean() < 1
+    measured = sampled(mosaic, part.luminance, limit)
+    assert 0 < measured.unclipped.mean() < 1
     found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
-    for _, rows, columns in measured.places:
-        same = (found.luminance[rows, columns] == part.luminance[rows, columns]) == ~measured.trusted
+    for place in measured.sites.places:
+        same = (found.luminance[place] == part.luminance[place]) == ~measured.unclipped
         assert same.mean() > 0.99
 
 
@@ -188,9 +188,7 @@ def test_gamma_only_scales_the_channels() -> None:
     part = render_of(mosaic)
     same = replace(part, chromaticity=(part.chromaticity / scaled).astype(np.float32))
     one, two = (
-        correct_sites(
-            each, site_samples(frame, unclipped_blocks(frame, np.inf), each.luminance, None), frame.calibration.gamma, CORRECTED
-        )
+        correct_sites(each, sampled(frame, each.luminance), frame.calibration.gamma, CORRECTED)
         for each, frame in ((part, mosaic), (same, other))
     )
     assert_close(two.chromaticity * scaled, one.chromaticity, 1e-5)
@@ -206,8 +204,6 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
     light = np.full(shape, 0.9, np.float32)
     blurred = np.broadcast_to(np.array([1, 1, 1]) / 3, scene.shape)
     part = Part(0, light, blurred.astype(np.float32))
-    found = correct_sites(
-        part, site_samples(mosaic, unclipped_blocks(mosaic, np.inf), light, None), mosaic.calibration.gamma, CORRECTED
-    )
+    found = correct_sites(part, sampled(mosaic, light), mosaic.calibration.gamma, CORRECTED)
     assert np.array_equal(found.luminance, light)
     assert np.abs(found.chromaticity - blurred).max() > 0.1

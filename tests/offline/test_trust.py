@@ -1,14 +1,17 @@
 """Which blocks vouch for their colour: equal to the reference, and right about edges, clipped light and noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from offline import BEST, PAPER
-from offline.blocks import gather, sum_noise
+from offline.blocks import sum_noise
+from offline.cleaned import Cleaned
 from offline.whole.highlights import clipping_level
 from offline.whole.trust import trust_in_blocks, with_trusted_colour
-from shared import CfaPattern, NoiseModel
-from tests.offline.scenes import every_case, shot
+from shared import CfaPattern, Mosaic, NoiseModel
+from tests.offline.scenes import cleaned, every_case, shot
 from tests.offline.test_highlights import NEUTRAL, exposed
 from tests.reference import chromaticity, trust
 from tests.reference.compare import assert_close
@@ -17,35 +20,41 @@ from tests.reference.sensor import observe
 SITES = BEST.sites
 
 
+def silent(mosaic: Mosaic) -> Cleaned:
+    """A frame of sensor codes, as if it had no noise."""
+    return cleaned(replace(mosaic, calibration=replace(mosaic.calibration, noise=None)), clipping_level(mosaic))
+
+
 @every_case
 @pytest.mark.parametrize("sigma", [None, 0.02])
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
     mosaic = shot(pattern, shape, sigma)
     gamma, noise, signal = mosaic.calibration.gamma, mosaic.calibration.noise, mosaic.signal.astype(np.float64)
     expected = trust.trust_in_blocks(signal, pattern, gamma, noise, SITES.agreement)
-    found = trust_in_blocks(mosaic, np.inf, noise, SITES)
+    frame = cleaned(mosaic)
+    found = trust_in_blocks(frame, SITES)
     assert found is not None
     assert_close(found, expected, 1e-6)
     coarse = np.random.default_rng(0).uniform(0.1, 0.5, (*expected.shape, len(gamma)))
     coarse /= (coarse @ np.array(gamma))[..., None]
     blocks = chromaticity.extend(coarse, pattern, shape).astype(np.float32)
     mixed = chromaticity.extend(trust.with_trusted_colour(coarse, expected, gamma), pattern, shape)
-    assert_close(with_trusted_colour(blocks, found, mosaic), mixed, 3e-6)
+    assert_close(with_trusted_colour(blocks, replace(frame, trust=found)), mixed, 3e-6)
 
 
 def test_the_paper_trusts_every_block() -> None:
     mosaic = shot(CfaPattern.bayer(6), (40, 40), None)
-    assert trust_in_blocks(mosaic, np.inf, None, PAPER.sites) is None
+    assert trust_in_blocks(cleaned(mosaic), PAPER.sites) is None
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, 3), 1 / 3, np.float32)
-    assert with_trusted_colour(blocks, None, mosaic) is blocks
+    assert with_trusted_colour(blocks, cleaned(mosaic)) is blocks
 
 
 def test_noise_on_a_flat_surface_breaks_no_trust() -> None:
     noise = NoiseModel.gaussian(0.03, 4)
     clean = observe(np.full((120, 120, 3), 0.05), CfaPattern.bayer(6))
     samples = clean.signal + np.random.default_rng(0).normal(0, 0.03, clean.shape).astype(np.float32)
-    mosaic = type(clean)(samples, clean.pattern, clean.calibration)
-    found = trust_in_blocks(mosaic, np.inf, noise, SITES)
+    mosaic = type(clean)(samples, clean.pattern, replace(clean.calibration, noise=noise))
+    found = trust_in_blocks(cleaned(mosaic), SITES)
     assert found is not None
     assert found.mean() > 0.95
 
@@ -55,7 +64,7 @@ def test_a_block_across_an_edge_beside_clipped_samples_is_not_trusted() -> None:
     scene = np.broadcast_to(np.array(NEUTRAL) * 2.2, (60, 60, 3)).astype(np.float32)
     scene[28:31, 30::6] = 0.02  # blocks begin at multiples of six
     mosaic = exposed(scene)
-    found = trust_in_blocks(mosaic, clipping_level(mosaic), None, SITES)
+    found = trust_in_blocks(silent(mosaic), SITES)
     assert found is not None
     assert found[5, 5:].max() < 0.3
     assert np.delete(found, 5, axis=0).min() > 0.9
@@ -63,14 +72,17 @@ def test_a_block_across_an_edge_beside_clipped_samples_is_not_trusted() -> None:
     row = int(np.flatnonzero(mosaic.pattern.grid(mosaic.shape).rows == 30)[0])
     tinted = blocks.copy()
     tinted[row, 6:] = (0.05, 0.55, 0.4)
-    assert np.abs(with_trusted_colour(tinted, found, mosaic) - blocks).max() < 0.3 * np.abs(tinted - blocks).max()
+    assert (
+        np.abs(with_trusted_colour(tinted, replace(silent(mosaic), trust=found)) - blocks).max()
+        < 0.3 * np.abs(tinted - blocks).max()
+    )
 
 
 def test_a_saturated_light_vouches_for_its_colour() -> None:
     colour = np.array([0.9, 0.7, 0.4])
     mosaic = exposed(np.broadcast_to(colour * 2.4, (48, 48, 3)).astype(np.float32))
     assert mosaic.signal.max() >= clipping_level(mosaic)
-    found = trust_in_blocks(mosaic, clipping_level(mosaic), None, SITES)
+    found = trust_in_blocks(silent(mosaic), SITES)
     assert found is not None
     assert found.min() > 0.99
 
@@ -85,8 +97,8 @@ def test_the_noise_of_a_blocks_sum_is_known(pattern: CfaPattern, model: NoiseMod
     clean = observe(np.full((240, 240, 3), 0.4), pattern, gamma)
     spread = [model.sigma(0.4, plane) for plane in range(3)] + [model.sigma(0.4 * sum(gamma))]
     noise = np.random.default_rng(0).normal(size=clean.shape) * np.array(spread)[pattern.filter_map(clean.shape)]
-    found = gather(clean, (clean.signal + noise).astype(np.float32))
-    weights = (np.array(gamma) / np.bincount(found.channels))[found.channels]
-    surplus = found.samples @ weights - found.light.mean(axis=2)
-    told = sum_noise(found, np.array(gamma), model)
+    found = cleaned(replace(clean, samples=(clean.signal + noise).astype(np.float32)))
+    weights = (np.array(gamma) / np.bincount(found.sites.channels))[found.sites.channels]
+    surplus = found.samples @ weights - found.around.light.mean(axis=2)
+    told = sum_noise(found.sites, found.around.light, np.array(gamma), model)
     assert surplus.std() == pytest.approx(float(told.mean()), rel=0.06)

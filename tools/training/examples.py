@@ -61,10 +61,10 @@ def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
     for part in spread(mosaic, measured, settings, log):
         before = part if before is None else before.joined(part)
     assert before is not None  # a frame has rows
-    assert measured.sites is not None  # BEST uses them
-    corrected = correct_sites(before, measured.sites, mosaic.calibration.gamma, settings.sites)
+    assert measured.samples is not None  # BEST uses them
+    corrected = correct_sites(before, measured.samples, mosaic.calibration.gamma, settings.sites)
     cells = Cells.of(pattern, mosaic.shape)
-    inputs = Inputs(cells, before, corrected, measured.sites, gamma)
+    inputs = Inputs(cells, before, corrected, measured.samples, gamma)
     rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
     cut = inputs.cut(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)

@@ -6,7 +6,7 @@ import numpy as np
 
 from offline.blocks import tile
 from offline.kernels.highlights import interpolate, raise_clipped
-from shared import CfaPattern, Mosaic, SensorCalibration
+from shared import CfaPattern
 from tests.offline.scenes import every_case
 from tests.reference import highlights as reference
 from tests.reference.compare import assert_close
@@ -35,7 +35,7 @@ def test_raised_samples_are_those_of_the_definition(
 ) -> None:
     signal, plane = np.random.default_rng(2).uniform(size=(2, *shape)).astype(np.float32)
     plane += np.float32(0.3)
-    panchromatic = tile(Mosaic(signal, pattern, SensorCalibration(pattern.channels)))
+    panchromatic = tile(pattern)
     results = []
     for _ in each_thread_count:
         result = signal.copy()

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from offline.blocks import gather, tile
+from offline.blocks import tile
 from offline.kernels.outliers import find_outliers, mend_panchromatic
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
-from tests.offline.scenes import every_case, gamma_of
+from tests.offline.scenes import cleaned, every_case, gamma_of
 from tests.reference import geometry
 from tests.reference import outliers as reference
 from tests.reference.compare import assert_close
@@ -53,7 +53,7 @@ def test_replacements_are_those_of_the_definition(pattern: CfaPattern, shape: tu
     bad[: shape[0] // 2, : shape[1] // 2] = True  # more than eight pixels to the nearest good one, in the larger frames
     rows, columns = np.nonzero(bad)
     found = np.empty(rows.size, np.float32)
-    mend_panchromatic(signal, _tile(pattern, shape), bad, rows, columns, found)
+    mend_panchromatic(signal, tile(pattern), bad, rows, columns, found)
     expected = np.array([reference.replacement(signal, pattern, bad, *place) for place in np.argwhere(bad).tolist()])
     assert_close(found, expected, ROUNDING)
 
@@ -62,23 +62,24 @@ def test_replacements_are_those_of_the_definition(pattern: CfaPattern, shape: tu
 def test_surroundings_are_weighted_by_distance(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     signal, _ = speckled(shape)
     mosaic = Mosaic(signal, pattern, SensorCalibration(pattern.channels))
-    blocks = gather(mosaic, signal)
+    frame = cleaned(mosaic)
+    (light, lowest, highest), (rows, columns) = frame.around, frame.sites.pixels
     block = geometry.block(pattern)
-    for i, j in np.ndindex(blocks.samples.shape[:2]):
-        top, left = int(blocks.origins[0][i]), int(blocks.origins[1][j])
+    for i, j in np.ndindex(frame.sites.shape):
+        top, left = int(frame.sites.grid.whole_rows[i]), int(frame.sites.grid.whole_columns[j])
         area = np.ndindex(block.height + 2, block.width + 2)
         places = [(top + y - 1, left + x - 1) for y, x in area]
         inside = [place for place in places if 0 <= place[0] < shape[0] and 0 <= place[1] < shape[1]]
         ring = [place for place in inside if geometry.letter(pattern, *place) == "W"]
-        assert blocks.lowest[i, j] == min(signal[place] for place in ring)
-        assert blocks.highest[i, j] == max(signal[place] for place in ring)
-        for site, channel in enumerate(blocks.channels):
-            row, column = int(blocks.places[0][i, j, site]), int(blocks.places[1][i, j, site])
+        assert lowest[i, j] == min(signal[place] for place in ring)
+        assert highest[i, j] == max(signal[place] for place in ring)
+        for site, channel in enumerate(frame.sites.channels):
+            row, column = int(rows[i, j, site]), int(columns[i, j, site])
             assert geometry.letter(pattern, row, column) == pattern.channels[channel]
-            assert blocks.samples[i, j, site] == signal[row, column]
+            assert frame.samples[i, j, site] == signal[row, column]
             weights = [1 / ((y - row) ** 2 + (x - column) ** 2) for y, x in ring]
             expected = np.dot(weights, [signal[place] for place in ring]) / sum(weights)
-            assert blocks.light[i, j, site] == pytest.approx(expected, abs=ROUNDING)
+            assert light[i, j, site] == pytest.approx(expected, abs=ROUNDING)
 
 
 def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
@@ -89,13 +90,9 @@ def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     for _ in each_thread_count:
         found, values = bad.copy(), np.empty(len(rows), np.float32)
         find_outliers(signal, _gains(pattern), *LIMITS, NOISE, found)
-        mend_panchromatic(signal, _tile(pattern, signal.shape), bad, rows, columns, values)
+        mend_panchromatic(signal, tile(pattern), bad, rows, columns, values)
         results.append((found.tobytes(), values.tobytes()))
     assert len(set(results)) == 1
-
-
-def _tile(pattern: CfaPattern, shape: tuple[int, int]) -> BoolArray:
-    return tile(Mosaic(np.zeros(shape, np.float32), pattern, SensorCalibration(pattern.channels)))
 
 
 def _gains(pattern: CfaPattern) -> FloatArray:

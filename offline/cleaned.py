@@ -1,0 +1,87 @@
+"""A frame whose samples all measure light: the start of every render, of single frames and of bursts.
+
+Cleaning goes in two steps, because a burst compares its frames between them: first defects are mended, then highlights restored.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
+from shared.calibration import NoiseModel
+from shared.mosaic import Mosaic
+
+from .blocks import Sites, Surroundings
+
+
+@dataclass(frozen=True, eq=False)
+class Cleaned:
+    """The samples of a frame, and what is known of them.
+
+    mosaic: float32 samples in scene units; its calibration has no shading, and the noise model if one is known or estimated.
+    clipping: scene units from which on a sample was saturated.
+    trust: how far the samples of each whole block add up to the luminance around it, 0 to 1, float64 (rows, columns); None = nobody
+        asks.
+    unclipped: bool (rows, columns), whole blocks without a saturated sample in them or next to them; None = not measured
+        yet, see `unclipped_blocks`.
+    lost: where a clipped shot does not tell how bright it was, nor of which colour: a picture to look at is white there. uint8
+        (H, W), 255 = nothing is known; None = all is known.
+    """
+
+    mosaic: Mosaic
+    clipping: float
+    trust: DoubleArray | None = None
+    unclipped: BoolArray | None = None
+    lost: ByteArray | None = None
+
+    @cached_property
+    def sites(self) -> Sites:
+        """The colour sites of the whole blocks."""
+        return Sites.in_frame(self.mosaic)
+
+    @cached_property
+    def samples(self) -> DoubleArray:
+        """The samples at these sites, float64 (rows, columns, S)."""
+        return self.sites.of(self.signal).astype(np.float64)
+
+    @cached_property
+    def around(self) -> Surroundings:
+        """The panchromatic samples around these blocks."""
+        return self.sites.surroundings(self.signal)
+
+    @property
+    def signal(self) -> FloatArray:
+        """The samples, (H, W)."""
+        return self.mosaic.signal
+
+    @property
+    def noise(self) -> NoiseModel | None:
+        """Their noise; None = unknown, treated as none."""
+        return self.mosaic.calibration.noise
+
+    @property
+    def gamma(self) -> DoubleArray:
+        """The weights of Eq. 7, (C,)."""
+        return np.array(self.mosaic.calibration.gamma)
+
+    def with_samples(self, signal: FloatArray) -> "Cleaned":
+        """The frame with other samples, which become read-only."""
+        signal.flags.writeable = False
+        return replace(self, mosaic=replace(self.mosaic, samples=signal))
+
+
+def unclipped_blocks(frame: Cleaned) -> BoolArray:
+    """The whole blocks that have no sample of `frame.clipping` or more in or next to them, bool (rows, columns)."""
+    if frame.unclipped is not None:
+        return frame.unclipped
+    signal, grid = frame.signal, frame.sites.grid
+    unclipped = np.ones(frame.sites.shape, np.bool_)
+    if not signal.max() >= frame.clipping:
+        return unclipped
+    limits = [size - 1 for size in signal.shape]
+    for down in range(-1, grid.block_shape[0] + 1):
+        rows = (grid.whole_rows + down).clip(0, limits[0])
+        for right in range(-1, grid.block_shape[1] + 1):
+            unclipped &= signal[np.ix_(rows, (grid.whole_columns + right).clip(0, limits[1]))] < frame.clipping
+    return unclipped
