@@ -209,7 +209,7 @@ CASES: dict[str, Callable[[FloatArray, RenderSettings, np.random.Generator], Flo
 }
 """clean, 0.01, 0.03: noise of this standard deviation, and the model of it. unknown: 0.02, without a model. bright: exposed by a
 stop too much, as a sensor does. defects: 0.01, and one sample in a thousand reads anything. lens: 0.01, with chromatic aberration.
-scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four frames at 0.02, for numbers that no single frame needs."""
+scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four frames at 0.02, for what no single frame needs."""
 
 
 def measure(scenes: Path, name: str, factor: float, only: list[str]) -> None:
