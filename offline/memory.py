@@ -8,7 +8,7 @@ from .rows.refinement import reach
 from .settings import BEST, RenderSettings
 from .tiling import bands
 
-# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_picture_file.py` measures again).
+# Bytes, measured at 1 to 100 megapixels and rounded up (`tests/tools/rendering/test_checks.py` measures again).
 _PLANES = 9.0  # per pixel of the frame: samples in scene units, luminance, what replaces them, and where light is lost
 _BLOCK_SITE = 55.0  # per colour site, while the chromaticities of the blocks are estimated
 _BAND, _BAND_CHANNEL = 48.0, 28.0  # per pixel of a band (four fields), and per channel of it (the same rows at several stages)

@@ -150,7 +150,7 @@ def test_the_walk_sees_the_sources() -> None:
         ("device.preview", "__import__('scipy')"),
         ("tools.host.console", "from tools.scenes import load"),
         ("tools.scenes.load", "from tools.host.console import fault"),
-        ("tools.scenes.load", "from ..pictures.writer import PictureKind"),
+        ("tools.scenes.load", "from ..pictures.kind import PictureKind"),
         ("tools.rendering.run", "from tools.evaluation.study import Study"),
         ("tools.evaluation.team", "def later():\n    import tools.rendering.run"),
         ("tools.calibration.measure", "from ..live import source"),

@@ -21,16 +21,17 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import BEST, use_threads
+from offline import use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.sensor import simulate_additive
 from tests.dask_cluster import cluster
 from tests.tools.command import contents, start
+from tools.host.jobs import Job
 from tools.host.progress import StageProgress
-from tools.pictures.writer import PictureKind
+from tools.pictures.kind import PictureKind
+from tools.pictures.writing import write_picture
 from tools.rendering.journal import NAME
 from tools.rendering.order import Order
-from tools.rendering.picture_file import render_to
 from tools.scenes.drawn.builtin import builtin_scene
 
 SMALL, COUNT = (300, 200), 1000
@@ -76,13 +77,17 @@ def parts(top: Path) -> None:
     """Compare one command with a loop of reading, rendering and writing."""
     save_shots(top / "small", COUNT, SMALL)
     shots, out = sorted((top / "small").iterdir()), fresh(top, "parts")
-    kind, settings = PictureKind.of("tif"), BEST
-    read = Order(out, kind, "best", 0.0, None, "").read
+    order = Order(out, PictureKind.of("tif"), "best", 0.0, None, "")
     use_threads(1)
-    render_to(out / "first.tif", read(str(shots[0])), kind, settings, StageProgress(), exposure=0, overwrite=False)
+
+    def render(shot: Path, name: str) -> None:
+        subject = order.open(Job(str(shot)), 1 << 40, print)
+        write_picture(out / name, subject.bands(StageProgress()), order.development(subject.mosaic))
+
+    render(shots[0], "first.tif")
     start, used = time.perf_counter(), time.process_time()
     for shot in shots:
-        render_to(out / f"{shot.stem}.tif", read(str(shot)), kind, settings, StageProgress(), exposure=0, overwrite=False)
+        render(shot, f"{shot.stem}.tif")
     alone, used = time.perf_counter() - start, time.process_time() - used
     whole, whole_used = seconds(top / "small", "-o", fresh(top, "whole"), "--workers", "1", "-j", "1")
     print(

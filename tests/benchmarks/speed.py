@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from shared import Mosaic, read_dng, write_dng
+from shared.arrays import FloatArray
 from shared.dng import decode_dng, encode_dng
 from shared.progress import Progress
 from tests.benchmarks.frame import Frame
@@ -149,14 +150,15 @@ def render_file(shot: Path, preset: str, rows: int | None = None, columns: int |
     """Render a DNG, or its corner, to a TIFF of 16 bits beside it; returns the seconds in which bands were made."""
     from offline import render_bands, threads
     from tools.evaluation.ours import PRESETS
-    from tools.pictures.band_writer import write_picture_bands
-    from tools.pictures.writer import PictureKind
+    from tools.pictures.development import Development
+    from tools.pictures.kind import PictureKind
+    from tools.pictures.writing import write_picture
 
     mosaic, spent = read_dng(shot), 0.0
     mosaic = Mosaic(mosaic.samples[:rows, :columns], mosaic.pattern, mosaic.calibration, mosaic.metadata)
     bands = render_bands(mosaic, PRESETS[preset])
 
-    def timed() -> object:
+    def timed() -> Iterator[FloatArray]:
         nonlocal spent
         start = time.perf_counter()
         for band in bands:
@@ -164,8 +166,8 @@ def render_file(shot: Path, preset: str, rows: int | None = None, columns: int |
             yield band
             start = time.perf_counter()
 
-    known = {"calibration": mosaic.calibration, "metadata": mosaic.metadata, "overwrite": True, "threads": threads()}
-    write_picture_bands(shot.with_suffix(".tif"), timed(), mosaic.shape, PictureKind.of("tif"), **known)  # type: ignore[arg-type]
+    development = Development(PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata)
+    write_picture(shot.with_suffix(".tif"), timed(), development, overwrite=True, threads=threads())
     return spent
 
 

@@ -27,7 +27,9 @@ from tools.calibration.observations import Observations
 from tools.calibration.reference import read_reference, ti3
 from tools.calibration.shot import measure_chart
 from tools.commands.calibrate import color_checker_xyz
-from tools.pictures.writer import PictureKind, encode_picture
+from tools.pictures.development import Development
+from tools.pictures.kind import PictureKind
+from tools.pictures.writing import encode_picture
 from tools.scenes.load import load_scene
 
 Read = Callable[[Path], Any]
@@ -76,7 +78,7 @@ def _pictures() -> list[Sample]:
     known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
     kinds = [PictureKind(name, bits, space) for name, bits, space in _KINDS]
     samples = [
-        Sample(kind.format.upper(), kind.suffix, encode_picture(rgb, kind, calibration=known, metadata=METADATA), _read_scene)
+        Sample(kind.format.upper(), kind.suffix, encode_picture(rgb, Development(kind, (23, 31), known, METADATA)), _read_scene)
         for kind in kinds
     ]
     for tile, compression in product((None, (16, 16)), ("zlib", "lzw", None)):
@@ -116,7 +118,7 @@ def _linear() -> list[Sample]:
     """Linear DNGs: a render of ours, and those that other programs write, in tiles or strips, of integers or floating point."""
     rgb = np.random.default_rng(4).random((23, 31, 3)).astype(np.float32)
     known = SensorCalibration(camera_to_xyz=calibration().camera_to_xyz, neutral=(0.5, 1.0, 0.7))
-    files = [encode_picture(rgb, PictureKind("dng", 16, "camera"), calibration=known, metadata=METADATA)]
+    files = [encode_picture(rgb, Development(PictureKind("dng", 16, "camera"), (23, 31), known, METADATA))]
     levels = (
         (50712, 3, 3, (0, 30000, 65535), True),
         (50714, 3, 1, 7, True),

@@ -13,13 +13,12 @@ from shared import read_dng
 from shared.errors import InputError
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED, identity, output_folder
+from tools.host.jobs import FAILED, Job, do_jobs, identity, output_folder, possible_jobs
 from tools.host.memory import reuse_memory
 from tools.rendering.burst import BurstOrder
 from tools.rendering.compilation import limit_threads
-from tools.rendering.run import Resources, passes, possible_shots, render_shots
+from tools.rendering.run import Resources, passes
 from tools.rendering.series import series, series_stem
-from tools.rendering.shots import Shard, Shot
 
 from .options import add, numbers
 from .picture_options import add_picture, add_run, order_fields
@@ -75,9 +74,11 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             raise InputError(f"--reference {arguments.reference}: is none of the {len(names)} shots of the burst")
     order = BurstOrder(reference=reference, shifts=shifts, **fields)
     stem = series_stem(names)
-    page = output_folder(arguments.report, dry_run=arguments.dry_run) / f"{stem}.html" if arguments.report is not None else None
-    shot = Shot(names[0], folder / f"{stem}{suffix}", all(each.found for each in found.sources), tuple(names), page)
-    shots, possible = possible_shots([shot], Shard(1, 1), order, console)
-    resources = Resources.of(order, shots, 1, arguments.threads, arguments.max_memory)
-    made = render_shots(shots, passes(order, resources, console, 1), console)
+    outputs = [folder / f"{stem}{suffix}"]
+    if arguments.report is not None:
+        outputs.append(output_folder(arguments.report, dry_run=arguments.dry_run) / f"{stem}.html")
+    job = Job(names[0], tuple(outputs), all(each.found for each in found.sources), tuple(names))
+    jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
+    resources = Resources.of(order, jobs, 1, arguments.threads, arguments.max_memory)
+    made = do_jobs(jobs, passes(order, resources, console, 1), console)
     return 0 if made and possible else FAILED

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,10 +28,13 @@ from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.console import Console
-from tools.host.jobs import Job, output_folder, run_jobs
+from tools.host.jobs import Job, Outcome, output_folder, run_jobs
 from tools.host.processors import processors
+from tools.host.progress import StageProgress
+from tools.pictures.development import Development
+from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
-from tools.pictures.writer import PictureKind, write_picture
+from tools.pictures.writing import write_picture
 from tools.rendering.compilation import announced_compilation, compile_ahead
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
@@ -83,10 +86,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     unused = next(name for name in names if not Path(name).exists())
     folder = output_folder(unused if arguments.output is None else arguments.output)
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         (_demonstrate if frames is None else _demonstrate_burst)(job.outputs, sigma, console, overwrite=arguments.overwrite)
-        console.say(f"{folder}: {', '.join(results)}")
-        return {}
+        return Outcome(lines=(f"{folder}: {', '.join(results)}",))
 
     job = Job("demo", tuple(folder / name for name in results))
     return run_jobs([job], work, console, overwrite=arguments.overwrite)
@@ -104,8 +106,8 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
     from offline import BEST, PAPER, render
     from tools.pictures.illustrations import comparison, overview
 
-    with console.progress("demo") as progress, announced_compilation(console.note, progress):
-        compile_ahead([PAPER, BEST], processors(), console.note, progress)
+    with console.progress("demo") as progress, announced_compilation(progress):
+        compile_ahead([PAPER, BEST], processors(), progress)
         paper, best = render(mosaic, PAPER, progress), render(mosaic, BEST, progress)
     bayer = demosaic_bilinear(PaperProtocol(sigma).bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
     for path, rgb, kind in (
@@ -113,10 +115,12 @@ def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, ove
         (render_tif, best.rgb, _MEASURED),
         (truth_tif, scene.rgb, _MEASURED),
     ):
-        write_picture(path, rgb, kind, calibration=mosaic.calibration, metadata=mosaic.metadata, overwrite=overwrite)
+        development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
+        write_picture(path, [rgb], development, overwrite=overwrite)
     shown = ColourTransform.to_space(mosaic.calibration)
     displayed = {name: shown.apply(rgb) for name, rgb in ((_TRUTH, scene.rgb), (_BAYER, bayer), (_BEST, best.rgb))}
-    for path, figure in ((overview_png, overview(mosaic, best, _OVERVIEW)), (comparison_png, comparison(displayed, _CROPS))):
+    drawn = overview(mosaic, best.luminance, best.rgb, _OVERVIEW), comparison(displayed, _CROPS)
+    for path, figure in zip((overview_png, comparison_png), drawn, strict=True):
         _write_figure(path, figure, overwrite=overwrite)
     compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
     console.say(*_table({name: quality(rgb, scene.rgb).median for name, rgb in compared.items()}, sigma))
@@ -138,8 +142,8 @@ def _demonstrate_burst(results: Sequence[Path], sigma: float, console: Console, 
     from offline.burst import merge_burst, render_burst_bands
     from tools.pictures.illustrations import comparison
 
-    with console.progress("demo") as progress, announced_compilation(console.note, progress):
-        compile_ahead([BEST], processors(), console.note, progress)
+    with console.progress("demo") as progress, announced_compilation(progress):
+        compile_ahead([BEST], processors(), progress)
         one = render(mosaics[0], BEST, progress).rgb
         merged = merge_burst(mosaics, BEST, progress, reference=0)
         rgb = np.concatenate(list(render_burst_bands(merged, BEST, progress)))
@@ -149,7 +153,8 @@ def _demonstrate_burst(results: Sequence[Path], sigma: float, console: Console, 
         (burst_tif, rgb, _MEASURED),
         (truth_tif, truth, _MEASURED),
     ):
-        write_picture(path, picture, kind, calibration=mosaics[0].calibration, metadata=mosaics[0].metadata, overwrite=overwrite)
+        development = Development(kind, mosaics[0].shape, mosaics[0].calibration, mosaics[0].metadata)
+        write_picture(path, [picture], development, overwrite=overwrite)
     shown = ColourTransform.to_space(mosaics[0].calibration)
     name = f"Burst of {len(shots)} frames"
     displayed = {title: shown.apply(picture) for title, picture in ((_TRUTH, truth), (_ONE, one), (name, rgb))}

@@ -16,7 +16,7 @@ from shared.tiles import TILES
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
 from tools.evaluation.verdict import plain_text
-from tools.host.cluster import SchedulerGoneError, connected, everywhere
+from tools.host.cluster import SchedulerGoneError, absolute_path, connected
 from tools.host.console import Console
 from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
@@ -132,7 +132,7 @@ def _study(arguments: argparse.Namespace, console: Console, team: "Team") -> tup
     reading = Reading(arguments.linear, arguments.crop, tuple(sorted(channels, key=len, reverse=True)))
     sources, left_out = expand(arguments.scenes, Path(arguments.output))
     if uses_scheduler(arguments):
-        sources = [everywhere(source) for source in sources]
+        sources = [absolute_path(source) for source in sources]
     scenes, failures = team.read(sources, reading)
     scenes, remarks = distinct(scenes)
     left_out += remarks

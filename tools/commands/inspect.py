@@ -4,6 +4,9 @@ Reading compares a shot's samples with their digest, and checks every field of a
 """
 
 import argparse
+import os
+import stat
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +14,18 @@ from typing import Any
 import numpy as np
 
 from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
-from shared.dng import read_digest_kind, read_preview
+from shared.dng import read_digest_kind, read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
-from tools.host.archive import verify
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED, Job, run_jobs
+from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
 from tools.host.processors import processors
+from tools.host.progress import StageProgress
+from tools.host.work import Threads
 
 from .options import add, add_shots
 
+_EARLIER = "were saved by an earlier version: their digests do not cover the size, nor that samples and calibration belong together"
 _COLUMN = 14  # characters for the name of a row
 
 
@@ -36,25 +41,61 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Show or verify the files; returns the exit code."""
     found = search(arguments.shots, DNGS)
     searched = found.report(console)
-    files = [source.name for source in found.sources]
     if arguments.verify:
-        damaged = verify(files, console, jobs=arguments.workers or processors(), max_pixels=arguments.max_pixels)
-        return 0 if searched and not damaged else FAILED
+        code = _verify([source.name for source in found.sources], arguments, console)
+        return code if searched else FAILED
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         if Path(job.source).suffix.lower() == ".json":
-            return _camera(job.source, console)
+            return _camera(job.source)
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": read_digest_kind(job.source)}
-        console.say(job.source, *_table(facts))
-        return facts
+        return Outcome(facts, (job.source, *_table(facts)))
 
     code = run_jobs([Job(source.name, found=source.found) for source in found.sources], work, console)
     return code if searched else FAILED
 
 
-def _camera(source: str, console: Console) -> dict[str, Any]:
-    """Show a camera file; returns facts about it for machines."""
+def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Console) -> int:
+    """Check each file against its own digest, and name those that are damaged or cannot be read; returns the exit code."""
+    found: dict[str, str] = {}
+
+    def work(job: Job, listener: StageProgress) -> Outcome:
+        try:
+            facts = _verified(job.source, arguments.max_pixels)
+        except Exception:
+            found[job.source] = "damaged" if _is_readable(job.source) else "unread"
+            raise
+        found[job.source] = "earlier" if facts.get("digest") == "samples" else "whole"
+        return Outcome(facts)
+
+    files = list(dict.fromkeys(sources))  # one that is named twice is checked once
+    threads = Threads(arguments.workers or processors(), console.note)
+    code = run_jobs([Job(file) for file in files], work, console, title="verify", workers=threads)
+    damaged, unread = ([file for file in files if found[file] == wrong] for wrong in ("damaged", "unread"))
+    count = f"{len(files) - len(damaged) - len(unread)} whole, {len(damaged)} damaged"
+    console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))
+    if earlier := list(found.values()).count("earlier"):
+        console.say(f"{earlier} of the whole files {_EARLIER}")
+    return code
+
+
+def _verified(file: str, max_pixels: int) -> dict[str, Any]:
+    """Facts about an undamaged file. Raises InputError for any other."""
+    if file.lower().endswith(".json"):
+        return {"calibration_id": read_camera(file).calibration.id}
+    found = verify_dng(file, max_pixels=max_pixels)
+    return {"width": found.shape[1], "height": found.shape[0], "digest": found.digest}
+
+
+def _is_readable(file: str) -> bool:
+    """Whether there is such a file, and it can be opened: otherwise nothing is known about damage."""
+    status = file_status(file)
+    return status is not None and stat.S_ISREG(status.st_mode) and os.access(file, os.R_OK)
+
+
+def _camera(source: str) -> Outcome:
+    """What is in a camera file."""
     camera = read_camera(source)
     calibration, pattern = camera.calibration, camera.pattern
     document = calibration.to_json()
@@ -67,8 +108,8 @@ def _camera(source: str, console: Console) -> dict[str, Any]:
     rows["levels"] += f" ({calibration.bits} bits)"
     for part, how in camera.measured.items():
         rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items() if name != "kept")
-    console.say(source, *(f"  {name:<13}{value}" for name, value in rows.items()))
-    return {"camera": camera.to_json(), "calibration_id": calibration.id}
+    lines = (f"  {name:<13}{value}" for name, value in rows.items())
+    return Outcome({"camera": camera.to_json(), "calibration_id": calibration.id}, (source, *lines))
 
 
 def _pattern(pattern: CfaPattern) -> str:

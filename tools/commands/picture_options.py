@@ -6,7 +6,8 @@ from typing import Any
 
 from shared import read_camera
 from tools.host.jobs import output_folder
-from tools.pictures.writer import OTHER_NAMES, POSSIBLE, PictureKind, check_gain
+from tools.pictures.formats import FORMATS, OTHER_NAMES
+from tools.pictures.kind import PictureKind
 from tools.rendering.defect_list import read_defects
 from tools.rendering.white_balance import WhiteBalance
 
@@ -19,14 +20,18 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
         "-f",
         "--format",
         type=_format,
-        choices=tuple(POSSIBLE),
+        choices=tuple(FORMATS),
         default="tif",
-        help="tiff and jpeg are other names of tif and jpg; jxl: JPEG XL; uhdr: Ultra HDR, a JPEG with a map of gains for HDR "
-        "displays; dng: linear, to finish in a raw developer",
+        help="; ".join(
+            f"{each.name}: {each.about}" if each.about else f"{each.aliases[0]} is {each.name}"
+            for each in FORMATS.values()
+            if each.about or each.aliases
+        ),
     )
     parser.add_argument("--bits", type=int, choices=(8, 16, 32), help="bits per sample (default: the usual ones of the format)")
-    add(parser, "quality", more=", also of uhdr, and of jxl, which is lossless by default")
-    spaces = tuple(dict.fromkeys(space for possible in POSSIBLE.values() for space in possible))
+    lossy = [each.name for each in FORMATS.values() if each.has_quality]
+    add(parser, "quality", more=f"; for {', '.join(lossy)}")
+    spaces = tuple(dict.fromkeys(space for each in FORMATS.values() for space in each.spaces))
     parser.add_argument("--space", choices=spaces, help="colour space; camera: scene units (default: the usual one of the format)")
     parser.add_argument(
         "--exposure",
@@ -71,7 +76,7 @@ def add_run(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
 def order_fields(arguments: argparse.Namespace) -> dict[str, Any]:
     """The fields of an `Order` that these options set; creates the output folder. Raises InputError and OutputError."""
     kind = PictureKind.of(arguments.format, arguments.bits, arguments.space, arguments.quality)
-    check_gain(kind, arguments.exposure)
+    kind.check_exposure(arguments.exposure)
     arguments.wb.check(kind)
     return {
         "kind": kind,

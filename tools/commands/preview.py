@@ -6,16 +6,14 @@ The picture is not rotated; its Exif orientation says which way is up.
 import argparse
 import time
 from pathlib import Path
-from typing import Any
 
 from shared import read_camera, read_dng
-from shared.tiff import encode_tiff
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
-from tools.host.jobs import FAILED, Job, output_folder, run_jobs
-from tools.pictures.encoders import check_quality, encode_jpeg
-from tools.pictures.exif_writing import jpeg_directory
+from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from tools.host.progress import StageProgress
+from tools.pictures.formats.jpg import check_quality, encode_jpeg
 from tools.pictures.previews import Previews
 
 from .options import add, add_shots
@@ -37,23 +35,22 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     camera = read_camera(arguments.camera) if arguments.camera else None
     folder = output_folder(arguments.output)
 
-    def work(job: Job) -> dict[str, Any]:
-        (output,) = job.outputs
+    def work(job: Job, listener: StageProgress) -> Outcome:
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
         if camera is not None:
             mosaic = camera.calibrated(mosaic)
         shading = mosaic.calibration.shading
         if shading and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
-            console.note(f"{job.source}: {zoomed}")
+            listener.note(f"{job.source}: {zoomed}")
         start = time.monotonic()
         picture = previews(mosaic)
         milliseconds = (time.monotonic() - start) * 1e3
-        exif = encode_tiff(jpeg_directory(mosaic.metadata, picture.shape, srgb=True))
         job.make_folders()
-        write_durably(output, encode_jpeg(picture, icc=b"", exif=exif, quality=arguments.quality), overwrite=arguments.overwrite)
+        jpeg = encode_jpeg(picture, mosaic.metadata, quality=arguments.quality)
+        write_durably(job.output, jpeg, overwrite=arguments.overwrite)
         rows, columns = picture.shape[:2]
-        console.say(f"{output}: {columns} x {rows}, {milliseconds:.0f} ms")
-        return {"output": str(output), "width": columns, "height": rows, "preview_ms": round(milliseconds, 1)}
+        facts = {"output": str(job.output), "width": columns, "height": rows, "preview_ms": round(milliseconds, 1)}
+        return Outcome(facts, (f"{job.output}: {columns} x {rows}, {milliseconds:.0f} ms",))
 
     found = search(arguments.shots, DNGS, output=folder)
     searched = found.report(console)

@@ -6,17 +6,19 @@ what each picture was made from; with --resume an interrupted run continues, and
 """
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
 from shared.errors import InputError
 from shared.writing import sweep
 from tools.host.console import Console
-from tools.host.folders import DNGS, search
-from tools.host.jobs import FAILED
+from tools.host.folders import DNGS, plan, search
+from tools.host.jobs import FAILED, Job, do_jobs, possible_jobs
 from tools.host.memory import reuse_memory
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
-from tools.rendering.run import Resources, passes, possible_shots, render_shots
-from tools.rendering.shots import Shard, shots_of
+from tools.rendering.run import Resources, passes
+from tools.rendering.shard import Shard
 
 from .options import add, add_shots, uses_scheduler
 from .picture_options import add_picture, add_run, order_fields
@@ -45,28 +47,36 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     order = _order(arguments)
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
-    shots, all_possible = possible_shots(shots_of(found.sources, order.folder, order.kind.suffix), shard, order, console)
-    for below in {shot.output.parent for shot in shots} - {order.folder}:
-        sweep(below)
+    jobs, all_possible = possible_jobs(
+        plan(found.sources, lambda source: [f"{Path(source).stem}{order.kind.suffix}"], order.folder),
+        console,
+        overwrite=order.overwrite or order.resume,
+        wanted=lambda job: shard.has(order.name(job.output)),
+    )
     if elsewhere and not order.dry_run:
-        from tools.host.cluster import SchedulerGoneError, connected
-        from tools.rendering import remote
-
-        try:
-            with connected(arguments.scheduler, arguments.scheduler_file) as client:
-                through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
-                all_made = render_shots(shots, through, console)
-        except SchedulerGoneError as error:
-            console.error(str(error))
-            all_made = False
-        finally:
-            for below in {shot.output.parent for shot in shots}:  # of workers that were killed
-                sweep(below)
+        all_made = _made_elsewhere(order, jobs, arguments, console)
     else:
         workers = 1 if order.dry_run else arguments.workers
-        resources = Resources.of(order, shots, workers, arguments.threads, arguments.max_memory)
-        all_made = render_shots(shots, passes(order, resources, console, len(shots)), console)
+        resources = Resources.of(order, jobs, workers, arguments.threads, arguments.max_memory)
+        all_made = do_jobs(jobs, passes(order, resources, console, len(jobs)), console, "render")
     return 0 if all_made and all_possible and searched else FAILED
+
+
+def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Namespace, console: Console) -> bool:
+    """Whether the workers of a scheduler have made all pictures."""
+    from tools.host.cluster import SchedulerGoneError, connected
+    from tools.rendering import remote
+
+    try:
+        with connected(arguments.scheduler, arguments.scheduler_file) as client:
+            through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
+            return do_jobs(jobs, through, console, "render")
+    except SchedulerGoneError as error:
+        console.error(str(error))
+        return False
+    finally:
+        for below in {job.output.parent for job in jobs}:  # of workers that were killed
+            sweep(below)
 
 
 def _order(arguments: argparse.Namespace) -> Order:

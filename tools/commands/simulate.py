@@ -16,7 +16,6 @@ import os
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -30,9 +29,13 @@ from tools.camera.simulated_camera import BITS as DEFAULT_BITS
 from tools.camera.simulated_camera import TRUTH, SimulatedCamera
 from tools.host.console import Console
 from tools.host.folders import plan, search
-from tools.host.jobs import FAILED, Job, output_folder, run_jobs
+from tools.host.jobs import FAILED, Job, Outcome, output_folder, run_jobs
+from tools.host.progress import StageProgress
+from tools.host.work import Here
+from tools.pictures.development import Development
+from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
-from tools.pictures.writer import PictureKind, write_picture
+from tools.pictures.writing import write_picture
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 
 from .options import add, add_protocol, camera_of, count, numbers, protocol_of
@@ -114,48 +117,41 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     def random(path: Path) -> np.random.Generator:
         return noise_of(arguments.seed, path.relative_to(folder))
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, progress: StageProgress) -> Outcome:
         shots, beside = job.outputs[: burst.frames], job.outputs[burst.frames :]
         taken: dict[str, SimulatedFrame] = {}
-        with console.progress(job.source) as progress:
-            progress.stage("reading", 1)
-            scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
-            frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
-            progress.stage("sampling and writing", burst.frames)
-            for shot in shots:
-                frame = next(frames)
-                exposed = camera.shoot(scene, random(shot), frame)
-                mosaic = exposed.mosaic
-                job.make_folders()
-                write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
-                if not taken and beside:
-                    write_picture(
-                        beside[0],
-                        exposed.truth,
-                        _MEASURED,
-                        calibration=mosaic.calibration,
-                        metadata=mosaic.metadata,
-                        overwrite=arguments.overwrite,
-                    )
-                taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
-                progress.advance()
-            for path in beside[1:]:
-                write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
+        progress.stage("reading", 1)
+        scene = load_scene(job.source, linear=arguments.linear, max_pixels=arguments.max_pixels, channels=pattern.channels)
+        frames = burst_frames(scene.rgb, burst, random(shots[0].with_suffix(".motion")), arguments.reduce)
+        progress.stage("sampling and writing", burst.frames)
+        for shot in shots:
+            frame = next(frames)
+            exposed = camera.shoot(scene, random(shot), frame)
+            mosaic = exposed.mosaic
+            job.make_folders()
+            write_dng(shot, mosaic, previews(mosaic), layout=arguments.layout, overwrite=arguments.overwrite)
+            if not taken and beside:
+                development = Development(_MEASURED, mosaic.shape, mosaic.calibration, mosaic.metadata)
+                write_picture(beside[0], [exposed.truth], development, overwrite=arguments.overwrite)
+            taken[shot.name] = replace(frame, rgb=frame.rgb[:0].copy())  # without its light
+            progress.advance()
+        for path in beside[1:]:
+            write_durably(path, motion_text(taken, mosaic.shape).encode(), overwrite=arguments.overwrite)
         noted.append((job.source, exposed.notes))
         rows, columns = mosaic.shape
-        for shot in shots:
-            console.say(f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits")
+        lines = [f"{shot}: {columns} x {rows}, period {pattern.period}, {mosaic.calibration.bits} bits" for shot in shots]
         facts = {"outputs": [str(path) for path in job.outputs], "width": columns, "height": rows}
-        if not is_series:
-            return facts
-        if beside:
-            console.say(f"{beside[0]}: what {shots[0]} sees, the reference; panchroma burst --reference {shots[0]} shows the same")
-        return facts | {"reference": str(shots[0])}
+        if is_series:
+            facts["reference"] = str(shots[0])
+        if is_series and beside:
+            lines.append(f"{beside[0]}: what {shots[0]} sees, the reference; panchroma burst --reference {shots[0]} shows the same")
+        return Outcome(facts, tuple(lines))
 
     found = search(arguments.scenes, ENDINGS, output=folder, is_file=is_drawn)
     searched = found.report(console)
     noted: list[tuple[str, tuple[str, ...]]] = []
-    code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite)
+    each_shown = Here(lambda job: console.progress(job.source))
+    code = run_jobs(plan(found.sources, names, folder), work, console, overwrite=arguments.overwrite, workers=each_shown)
     console.notes(noted)
     return code if searched else FAILED
 

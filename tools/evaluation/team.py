@@ -1,17 +1,16 @@
 """The processes that do an evaluation's work, and what the user sees of it: progress, failures, the memory limit."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from shared.errors import InputError, PanchromaError
-from tools.host import worker_pool
 from tools.host.console import Console
-from tools.host.countdown import Countdown
 from tools.host.jobs import reason
 from tools.host.memory import format_bytes
-from tools.host.worker_pool import Note
+from tools.host.processes import Processes
+from tools.host.progress import StageProgress
+from tools.host.work import Workers, follow
 
 from .scene_sets import Reading, SceneInfo
 from .study import Task, work
@@ -22,7 +21,6 @@ R = TypeVar("R")
 _PROCESS_BYTES = 250 * 2**20  # with the libraries
 _PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
 _USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
-_TENTHS = 10  # steps of a progress bar per unit of work
 _REMEDY = "run again with a smaller -j or --max-memory; what was finished is kept"
 
 
@@ -97,25 +95,20 @@ class Team:
         """(piece, result or error) of each piece, in their order; `length` is a piece's share of the work."""
         if not pieces:
             return []
-        ended = {}
-        total = sum(map(length, pieces))
-        countdown = Countdown(total, len(pieces))
+        ended: dict[T, R | PanchromaError | MemoryError] = {}
         with self.console.progress("evaluate") as progress:
-            progress.stage(title, round(_TENTHS * total))
-            for piece, result in self._run(each, pieces, pixels):
-                countdown.finished(length(piece))
-                progress.advance(round(_TENTHS * length(piece)))
-                progress.remark(str(countdown))
+            for piece, result in follow(self._workers(pixels), _Alone(each), pieces, progress, title, length):
+                if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
+                    raise result
                 ended[piece] = result
         return [(piece, ended[piece]) for piece in pieces]
 
-    def _run(self, each: Callable[[T], R], pieces: Sequence[T], pixels: int) -> "Iterable[tuple[T, Any]]":
+    def _workers(self, pixels: int) -> Workers[T, R]:
         if self.client is not None:
-            from tools.host import cluster
+            from tools.host.cluster import Cluster
 
-            return cluster.run(self.client, each, pieces, self.console.note)
-        silent, count = partial(_without_note, each), self.processes(pixels)
-        return worker_pool.run(silent, pieces, count, note=self.console.note, remedy=_REMEDY)
+            return Cluster(self.client, self.console.note)
+        return Processes(self.processes(pixels), self.console.note, _REMEDY)
 
     def _fail(self, source: str, error: PanchromaError | MemoryError) -> str:
         line = " ".join(f"{source}: {reason(error)}".split())
@@ -124,5 +117,11 @@ class Team:
         return line
 
 
-def _without_note(each: Callable[[T], R], piece: T, note: Note) -> R:
-    return each(piece)
+@dataclass(frozen=True)
+class _Alone(Generic[T, R]):
+    """A function of a piece, as work that has nothing to say."""
+
+    each: Callable[[T], R]
+
+    def __call__(self, piece: T, listener: StageProgress) -> R:
+        return self.each(piece)

@@ -26,10 +26,11 @@ from shared.errors import InputError, PanchromaError
 from shared.reading import read_text
 
 from .code_digest import digest
-from .console import one_line
+from .console import OUR_PACKAGES, one_line
+from .progress import Note, StageProgress
 from .signals import raise_lost_signal
 from .versions import package_version
-from .worker_pool import Note, result_or_error
+from .work import portable, result_or_error
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -41,7 +42,6 @@ _POLL = 1.0  # seconds without a result after which the scheduler is looked at
 _LOOK = 5.0  # seconds between two looks at the workers
 _SAY = 60.0  # seconds between two lines that say that workers are missing
 _ONE_AT_A_TIME = threading.Lock()  # in a worker: a piece uses several threads itself, and the memory is for one
-_SOURCES = ("shared", "device", "offline", *(f"tools/{room}" for room in ("host", "scenes", "pictures", "rendering", "evaluation")))
 _PACKAGES = ("numpy", "numba", "scipy", "onnxruntime")  # another version of them may change a picture's last bits
 _LOST = (OSError, RuntimeError, TimeoutError, CancelledError, FutureCancelledError)  # by which dask says that a scheduler is gone
 
@@ -62,7 +62,7 @@ class Program:
 def program() -> Program:
     """The program of this process."""
     versions = ((name, package_version(name)) for name in _PACKAGES)
-    return Program(digest(*_SOURCES), (("Python", platform.python_version()), *versions))
+    return Program(digest(*OUR_PACKAGES), (("Python", platform.python_version()), *versions))
 
 
 @contextmanager
@@ -71,7 +71,7 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
     try:
         from distributed import Client
     except ModuleNotFoundError:
-        raise InputError("--scheduler needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
+        raise InputError("`scheduler` needs the package distributed; install it: pip install -e '.[all,cluster]'") from None
     address = address or _written_address(file or "")
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what users should know is said here, in one line
@@ -129,70 +129,87 @@ def _written_address(file: str) -> str:
     return address
 
 
-def run(client: Any, work: Callable[[P], R], pieces: Sequence[P], note: Note) -> Iterator[tuple[P, R | BaseException]]:
-    """Call `work` for each piece on the workers and yield (piece, result or exception), in the order in which they end.
+class Cluster:
+    """A way to work (`tools.host.work.Workers`): by the workers of a dask scheduler.
 
-    The result is an InputError for a piece that killed too many workers (dask's `allowed-failures`).
+    Work, pieces and results are pickled. The result of a piece that killed too many workers (dask's `allowed-failures`) is an
+    InputError.
 
-    note: called with each remark for the user: which workers are refused or have other versions, and that there are none.
-    Raises SchedulerGoneError when the scheduler ends.
+    client: see `connected`.
+    note: called with each remark of the work, once, and with those on workers: which are refused or have other versions, and that
+        there are none.
     """
-    from distributed import KilledWorker
 
-    workers = _Workers(client, note)
-    waiting = iter(pieces)
-    at_work: dict[Any, tuple[P, list[str] | None]] = {}  # and the workers that may do it, None = all
-    ended: SimpleQueue[Any] = SimpleQueue()
-    unfinished = len(pieces)
+    def __init__(self, client: Any, note: Note) -> None:
+        self._client, self._note, self._once = client, note, cache(note)  # several workers have the same to say
 
-    def submit(again: Iterable[P] = ()) -> None:
-        only = workers.allowed()
-        for piece in islice(chain(again, waiting), _AHEAD - len(at_work)):
-            future = client.submit(_locked, program().source, work, piece, pure=False, workers=only)
-            at_work[future] = piece, only
-            future.add_done_callback(ended.put)
-
-    try:
-        if pieces:
+    def __call__(self, work: Callable[[P, StageProgress], R], pieces: Sequence[P], /) -> Iterator[tuple[P, R | Exception]]:
+        """See `Workers`. Raises SchedulerGoneError when the scheduler ends."""
+        if not pieces:
+            return
+        workers, unfinished = _Workers(self._client, self._note), len(pieces)
+        try:
             workers.wait()
-        submit()
-        while at_work:
-            raise_lost_signal()
-            try:
-                future = ended.get(timeout=_POLL)
-            except Empty:
-                workers.look()
-                stuck = [future for future, (_, only) in at_work.items() if only and workers.fit.isdisjoint(only)]
-                if workers.fit and stuck:  # the workers that they were meant for have left
-                    client.cancel(stuck)
-                    submit([at_work.pop(future)[0] for future in stuck])
-                continue
-            if future not in at_work:
-                continue
-            piece, _ = at_work.pop(future)
-            if future.status not in ("finished", "error"):
-                raise RuntimeError(future.status)
-            result = future.result() if future.status == "finished" else future.exception()
-            if isinstance(result, _Refused) or (isinstance(result, Exception) and workers.look(again=True)):
-                workers.look(again=isinstance(result, _Refused))
-                submit([piece])
-                continue
-            if isinstance(result, KilledWorker):
-                result = InputError(
-                    "its workers were killed, most likely for want of memory; give them more memory, or fewer threads"
-                )
+            for piece, result, notes in self._results(work, iter(pieces), workers):
+                for text in notes:
+                    self._once(text)
+                unfinished -= 1
+                yield piece, result
+        except _LOST:
+            raise SchedulerGoneError(
+                f"the scheduler {workers.address} is gone, and {unfinished} of {len(pieces)} pieces of work are not finished; what "
+                "is finished stays: start the scheduler, its workers and this command again (a render with `resume`)"
+            ) from None
+
+    def _results(
+        self, work: Callable[[P, StageProgress], R], waiting: Iterator[P], workers: "_Workers"
+    ) -> Iterator[tuple[P, R | Exception, Sequence[str]]]:
+        """Yield (piece, result, notes) as pieces end. Raises one of `_LOST` when the scheduler is gone."""
+        from distributed import KilledWorker
+
+        at_work: dict[Any, tuple[P, list[str] | None]] = {}  # and the workers that may do it, None = all
+        ended: SimpleQueue[Any] = SimpleQueue()
+
+        def submit(again: Iterable[P] = ()) -> None:
+            only = workers.allowed()
+            for piece in islice(chain(again, waiting), _AHEAD - len(at_work)):
+                future = self._client.submit(_locked, program().source, work, piece, pure=False, workers=only)
+                at_work[future] = piece, only
+                future.add_done_callback(ended.put)
+
+        try:
             submit()
-            unfinished -= 1
-            yield piece, result
-    except _LOST:
-        raise SchedulerGoneError(
-            f"the scheduler {workers.address} is gone, and {unfinished} of {len(pieces)} pieces of work are not finished; what is "
-            "finished stays: start the scheduler, its workers and this command again (a render with --resume)"
-        ) from None
-    finally:
-        if at_work:
-            with suppress(*_LOST):
-                client.cancel(list(at_work))
+            while at_work:
+                raise_lost_signal()
+                try:
+                    future = ended.get(timeout=_POLL)
+                except Empty:
+                    workers.look()
+                    stuck = [future for future, (_, only) in at_work.items() if only and workers.fit.isdisjoint(only)]
+                    if workers.fit and stuck:  # the workers that they were meant for have left
+                        self._client.cancel(stuck)
+                        submit([at_work.pop(future)[0] for future in stuck])
+                    continue
+                if future not in at_work:
+                    continue
+                piece, _ = at_work.pop(future)
+                if future.status not in ("finished", "error"):
+                    raise RuntimeError(future.status)
+                result, notes = future.result() if future.status == "finished" else (future.exception(), ())
+                if isinstance(result, _Refused) or (isinstance(result, Exception) and workers.look(again=True)):
+                    workers.look(again=isinstance(result, _Refused))
+                    submit([piece])
+                    continue
+                if isinstance(result, KilledWorker):
+                    result = InputError(
+                        "its workers were killed, most likely for want of memory; give them more memory, or fewer threads"
+                    )
+                submit()
+                yield piece, result, notes
+        finally:
+            if at_work:
+                with suppress(*_LOST):
+                    self._client.cancel(list(at_work))
 
 
 class _Workers:
@@ -273,13 +290,15 @@ class _Refused:
     """In place of the result of a piece that a worker with another source has got."""
 
 
-def _locked(source: str, work: Callable[[P], R], piece: P) -> R | PanchromaError | MemoryError | _Refused:
+def _locked(source: str, work: Callable[[P, StageProgress], R], piece: P) -> tuple[R | Exception | _Refused, Sequence[str]]:
+    """On a worker: the result, and notes."""
     if source != program().source:  # it came after the others had been asked
-        return _Refused()
+        return _Refused(), ()
+    notes: list[str] = []
     with _ONE_AT_A_TIME:
-        return result_or_error(work, piece)  # dask would log what is raised
+        return portable(result_or_error(work, piece, StageProgress(note=notes.append))), notes  # dask would log what is raised
 
 
-def everywhere(source: str) -> str:
+def absolute_path(source: str) -> str:
     """The absolute path of a file, for other machines; what is not a file, such as a built-in scene, unchanged."""
     return os.path.abspath(source) if os.path.exists(source) else source  # noqa: PTH100, PTH110 (Path takes no impossible names)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from .progress import StageProgress
 
-_PACKAGES = ("shared", "device", "offline", "tools")
+OUR_PACKAGES = ("shared", "device", "offline", "tools")
 
 
 class StandardOutputError(Exception):
@@ -94,13 +94,13 @@ class Console:
         from .progress import BarProgress, LineProgress, StageProgress, rich_display
 
         if self._quiet:
-            return StageProgress()
+            return StageProgress(note=self.note)
         title = one_line(title)
         if not sys.stderr.isatty():
-            return LineProgress(title)
+            return LineProgress(title, self.note)
         if self._display is None:
             self._display = rich_display()
-        return BarProgress(title, self._display)
+        return BarProgress(title, self.note, self._display)
 
     def close(self) -> None:
         """Restore the terminal and flush stdout. Raises StandardOutputError."""
@@ -112,13 +112,13 @@ class Console:
 
 def fault(error: BaseException) -> str:
     """The message for an exception that nobody foresaw, with the place where it was raised, or for a package that is missing."""
-    if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] not in _PACKAGES:
-        return f"the package {error.name} is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
     if isinstance(error, WorkerFault):
         return str(error)
+    if isinstance(error, ModuleNotFoundError) and error.name and error.name.partition(".")[0] not in OUR_PACKAGES:
+        return f"the package {error.name} is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
     frames = traceback.extract_tb(error.__traceback__)
     root = Path(__file__).parents[2]
-    ours = [frame for frame in frames if any(Path(frame.filename).is_relative_to(root / package) for package in _PACKAGES)]
+    ours = [frame for frame in frames if any(Path(frame.filename).is_relative_to(root / package) for package in OUR_PACKAGES)]
     place = (ours or frames)[-1]
     where = f"{Path(place.filename).name}:{place.lineno}"
     return f"a fault of Panchroma, please report it: {type(error).__name__} in {where}: {error}"

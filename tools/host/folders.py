@@ -54,7 +54,7 @@ class Search:
         for remark in self.left_out:
             console.note(remark)
         for folder, what in self.failures:
-            fail(folder, (), what, console)
+            fail(Job(folder), what, console)
         return not self.failures
 
 

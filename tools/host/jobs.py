@@ -1,19 +1,22 @@
-"""Jobs: one source each, done one after the other. Where the results go, what must not be replaced, what a failure means."""
+"""Jobs, of a source and its results each: where results go, what must not be replaced, and what the user is told of each."""
 
 import os
 import shlex
 import stat
-from collections.abc import Callable, Container, Iterable, MutableMapping
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, MutableMapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from shared.errors import ForeignFileError, InputError, OutputError, PanchromaError
 from shared.writing import dangling_link, sweep
 
-from .console import Console, StandardOutputError, fault
+from .console import Console, fault
+from .progress import StageProgress
 from .signals import raise_lost_signal
+from .work import Here, Workers, follow
 
 FAILED = 1
 
@@ -22,12 +25,26 @@ FAILED = 1
 class Job:
     """One source and the files to be made from it.
 
+    source: name of the file.
+    outputs: the files, the first of them what the job is about.
     found: it was found in a folder: if it turns out to be a file of another kind, it is left out, and nothing has failed.
+    frames: names of all files that the outputs are made from, of which `source` is the first; () = `source` alone.
     """
 
     source: str
     outputs: tuple[Path, ...] = ()
     found: bool = False
+    frames: tuple[str, ...] = ()
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that the outputs are made from."""
+        return self.frames or (self.source,)
+
+    @property
+    def output(self) -> Path:
+        """The first output."""
+        return self.outputs[0]
 
     def make_folders(self) -> None:
         """Create the subfolders for the outputs. Call it when all else has gone well. Raises OutputError."""
@@ -36,6 +53,38 @@ class Job:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise OutputError(f"{folder}: the folder cannot be created ({error.strerror or error}); choose another") from None
+
+
+State = Literal["made", "planned", "current", "foreign", "postponed", "failed"]
+_WORDS: dict[State, str] = {
+    "made": "made",
+    "planned": "to be made",
+    "current": "up to date",
+    "foreign": "left alone",
+    "failed": "failed",
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a job that did not fail.
+
+    facts: for machines.
+    lines: for people.
+    errors: a line for each file that failed, though the result could be made without it.
+    state: made; planned (nothing is written, but would be); current (up to date already); postponed (to the next pass: another
+        process is at it, or it needs more memory than its share).
+    """
+
+    facts: dict[str, Any] = field(default_factory=dict)
+    lines: tuple[str, ...] = ()
+    errors: tuple[str, ...] = ()
+    state: State = "made"
+
+
+Work = Callable[[Job, StageProgress], Outcome]
+JobWorkers = Workers[Job, Outcome]
+"""Does one job; its notes and stages go to the listener."""
 
 
 _created: list[Path] = []  # output folders of this command
@@ -82,41 +131,94 @@ def remove_unused_folders() -> None:
             _created.pop().rmdir()
 
 
-def run_jobs(jobs: Iterable[Job], work: Callable[[Job], dict[str, Any]], console: Console, *, overwrite: bool = False) -> int:
+def run_jobs(
+    jobs: Sequence[Job],
+    work: Work,
+    console: Console,
+    *,
+    overwrite: bool = False,
+    title: str = "",
+    workers: JobWorkers | None = None,
+) -> int:
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and the others go on.
 
-    work: does one job and returns facts about it for machines.
     overwrite: results that exist may be replaced.
+    title: names the work; "" = one without a bar over all jobs.
+    workers: how the work is done; None = one job after the other, here.
 
     Returns the exit code, 0 or 1.
     """
-    failed = False
+    possible, all_possible = possible_jobs(jobs, console, overwrite=overwrite)
+    all_done = do_jobs(possible, [(work, workers or Here(lambda _: StageProgress(note=console.note)))], console, title)
+    return 0 if all_possible and all_done else FAILED
+
+
+def possible_jobs(
+    jobs: Sequence[Job], console: Console, *, overwrite: bool, wanted: Callable[[Job], bool] = lambda _: True
+) -> tuple[list[Job], bool]:
+    """The wanted jobs that would replace nothing that must stay, and whether that is all of them.
+
+    Each other one is reported as failed. Of two jobs with the same output the first gets it, even if it is not wanted here.
+
+    overwrite: results that exist may be replaced.
+    """
+    inputs = {identity(name) for job in jobs for name in job.files} - {None}
     planned: dict[str, str] = {}
-    jobs = list(jobs)
-    inputs = {identity(job.source) for job in jobs} - {None}
+    possible, all_well = [], True
     for job in jobs:
-        raise_lost_signal()
         try:
             refuse_loss(job.source, job.outputs, inputs, planned)
+            if not wanted(job):
+                continue
             if not overwrite:
                 refuse_existing(job.outputs)
-            facts = work(job)
-        except StandardOutputError:
-            raise
-        except ForeignFileError as error:
-            if not job.found:
-                failed = True
-                fail(job.source, job.outputs, str(error), console)
-                continue
-            message = str(error)
-            console.note(message if message.startswith(f"{job.source}:") else f"{job.source}: {message}")
-            console.record(source=job.source, ok=True, foreign=True)
-        except Exception as error:  # one odd file must not end a night's batch
-            failed = True
-            fail(job.source, job.outputs, reason(error), console)
+        except PanchromaError as error:
+            all_well = False
+            fail(job, str(error), console)
         else:
-            console.record(source=job.source, ok=True, **facts)
-    return FAILED if failed else 0
+            possible.append(job)
+    return possible, all_well
+
+
+def do_jobs(jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], console: Console, title: str = "") -> bool:
+    """Do jobs, with a line and a record for each. Returns whether none has failed.
+
+    passes: each gets the jobs that the one before it has postponed.
+    title: names the work. With it, several jobs have a bar over all of them, and a line that counts them in the end.
+    """
+    states: Counter[State] = Counter()
+    told = bool(title) and len(jobs) > 1
+    well, waiting = True, list(jobs)
+    with console.progress(title) if told else StageProgress() as progress:
+        for work, workers in passes:
+            postponed = []
+            for job, result in follow(workers, work, waiting, progress, "files"):
+                if isinstance(result, Outcome) and result.state == "postponed":
+                    postponed.append(job)
+                    continue
+                state = _report(job, result, console)
+                states[state] += 1
+                well = well and state != "failed" and not (isinstance(result, Outcome) and result.errors)
+            waiting = postponed
+    if told:
+        console.note(", ".join(f"{states[state]} {words}" for state, words in _WORDS.items() if states[state]))
+    return well
+
+
+def _report(job: Job, result: Outcome | Exception, console: Console) -> State:
+    """Say and record what came of a job."""
+    if isinstance(result, ForeignFileError) and job.found:
+        console.note(_named(job, str(result)))
+        console.record(source=job.source, ok=True, foreign=True)
+        return "foreign"
+    if isinstance(result, Exception):
+        fail(job, reason(result), console)
+        return "failed"
+    for line in result.errors:
+        console.error(line)
+    console.say(*result.lines)
+    console.record(source=job.source, ok=True, **result.facts)
+    return result.state
 
 
 def reason(error: BaseException) -> str:
@@ -130,15 +232,17 @@ def reason(error: BaseException) -> str:
     return str(error) if isinstance(error, PanchromaError) else fault(error)
 
 
-def fail(source: str, others: Iterable[str | Path], message: str, console: Console) -> None:
-    """Report a failed source: a record, and a line that begins with the name of the source, or of another file if `message` does.
-
-    others: files that the message may begin with: results, and further sources.
-    """
-    if not any(message.startswith(f"{name}:") for name in (source, *others)):
-        message = f"{source}: {message}"
+def fail(job: Job, message: str, console: Console) -> None:
+    """Report a failed job: a record, and a line that begins with the name of its source, or of another of its files."""
+    message = _named(job, message)
     console.error(message)
-    console.record(source=source, ok=False, error=message)
+    console.record(source=job.source, ok=False, error=message)
+
+
+def _named(job: Job, message: str) -> str:
+    """A message that begins with the name of a file of this job."""
+    named = any(message.startswith(f"{name}:") for name in (job.source, *job.files, *job.outputs))
+    return message if named else f"{job.source}: {message}"
 
 
 def refuse_loss(

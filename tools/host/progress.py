@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -13,14 +14,24 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
+Note = Callable[[str], None]
+"""Called with a remark for the user."""
+
 _BETWEEN_REMARKS = 10.0  # seconds, where each is a line of its own
 
 
 class StageProgress(Progress):
-    """A listener that shows nothing, but knows the current stage. Leaving its `with` block ends the display."""
+    """A listener that shows nothing, but knows the current stage. Leaving its `with` block ends the display.
 
-    _title = _name = _part = ""  # of the work, of its current stage, and of the part that this is in
+    title: of the work.
+    note: what to do with notes, which stay when the display has ended.
+    """
+
     shows = False  # whether anybody sees its remarks
+
+    def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
+        self._title, self._name, self._part = title, "", ""  # of the work, of its current stage, and of the part that this is in
+        self.note = note
 
     @property
     def current(self) -> str:
@@ -38,9 +49,6 @@ class StageProgress(Progress):
         """Remember its name."""
         self._part = name
 
-    def begin(self, steps: int) -> None:
-        """Begin work of `steps` steps that has no stages."""
-
     def remark(self, text: str) -> None:
         """Say in words how far the work is."""
 
@@ -56,8 +64,8 @@ class LineProgress(StageProgress):
 
     shows = True
 
-    def __init__(self, title: str) -> None:
-        self._title = title
+    def __init__(self, title: str = "", note: Note = lambda _: None) -> None:
+        super().__init__(title, note)
         self._since = 0.0
         self._remarked = time.monotonic()
 
@@ -87,8 +95,8 @@ class BarProgress(StageProgress):
 
     shows = True
 
-    def __init__(self, title: str, display: "RichProgress") -> None:
-        self._title = title
+    def __init__(self, title: str, note: Note, display: "RichProgress") -> None:
+        super().__init__(title, note)
         self._display = display
         self._task: TaskID = display.add_task(title, total=None)
 
@@ -100,10 +108,6 @@ class BarProgress(StageProgress):
         """Restart the bar under this name."""
         super().stage(name, steps)
         self._display.reset(self._task, total=steps, description=f"{self._title}: {name}")
-
-    def begin(self, steps: int) -> None:
-        """Start the bar under the title alone."""
-        self._display.reset(self._task, total=steps, description=self._title)
 
     def remark(self, text: str) -> None:
         """Show the remark beside the bar."""

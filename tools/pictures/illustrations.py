@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from offline import Rendering
 from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
@@ -24,23 +23,23 @@ _SHOWN = 55  # scene pixels across a panel of the overview
 Crop = tuple[int, int]
 
 
-def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
+def overview(mosaic: Mosaic, luminance: FloatArray, rgb: FloatArray, corner: Crop) -> "Image":
     """How the camera works, in six panels: two filter patterns, and a small part of a frame on its way to a picture.
 
     mosaic: the shot.
-    rendering: its render, denoised.
+    luminance, rgb: its render, denoised: (H, W), (H, W, 3), scene units.
     corner: (row, column) of the first pixel of that part.
     """
     rows, columns = (slice(start, start + _SHOWN) for start in corner)
     shown = ColourTransform.to_space(mosaic.calibration)
-    gain = mosaic.calibration.full_scale / float(np.quantile(rendering.luminance[rows, columns], 0.98))  # as bright as paper
+    gain = mosaic.calibration.full_scale / float(np.quantile(luminance[rows, columns], 0.98))  # as bright as paper
     scale = gain / mosaic.calibration.full_scale
     grey = np.repeat(mosaic.signal[rows, columns, None] * scale, 3, axis=2)
     planes = mosaic.pattern.filter_map(mosaic.shape)[rows, columns]
     tints = np.array([_FILTERS[letter] for letter in mosaic.pattern.planes], np.float32) / 255
     tints[-1] = 1
     colours = np.where((planes < 3)[..., None], np.sqrt(np.clip(grey * 3, 0, 1)) * tints[planes], 0.1)
-    luminance = np.repeat(rendering.luminance[rows, columns, None] * scale, 3, axis=2)
+    light = np.repeat(luminance[rows, columns, None] * scale, 3, axis=2)
     panels = [
         ("A Bayer sensor", "filters keep out two thirds of the light", _pattern(("RG", "GB"))),
         (
@@ -50,11 +49,11 @@ def overview(mosaic: Mosaic, rendering: Rendering, corner: Crop) -> "Image":
         ),
         ("It measures luminance", "nearly everywhere ...", _enlarged(np.sqrt(np.clip(grey, 0, 1)))),
         ("... and colour", f"once in {mosaic.pattern.period} x {mosaic.pattern.period} pixels", _enlarged(colours)),
-        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", _enlarged(np.sqrt(np.clip(luminance, 0, 1)))),
+        ("Luminance, holes filled", "total variation (Eqs. 1-5), then denoised", _enlarged(np.sqrt(np.clip(light, 0, 1)))),
         (
             "Colour, propagated",
             "along the edges of luminance (Eqs. 6-14)",
-            _enlarged(shown.apply(rendering.rgb[rows, columns] * np.float32(gain))),
+            _enlarged(shown.apply(rgb[rows, columns] * np.float32(gain))),
         ),
     ]
     return _sheet(panels, across=3)

@@ -1,12 +1,19 @@
-"""Display RGB as samples of a picture file: integer codes, turned upright."""
+"""Display RGB as samples of a picture file: integer codes, turned upright; and bands of samples, divided otherwise."""
 
-from typing import TypeVar
+import tempfile
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import ByteArray, CodeArray, FloatArray, strips
+from shared.display import ColourTransform
 from shared.errors import InputError
+
+_READ = 64  # rows read back at a time
 
 Sample = TypeVar("Sample", bound=np.generic)
 
@@ -32,3 +39,51 @@ def upright(picture: NDArray[Sample], orientation: int) -> NDArray[Sample]:
     down = -1 if orientation in (3, 4, 7, 8) else 1
     across = -1 if orientation in (2, 3, 6, 7) else 1
     return picture[::down, ::across]
+
+
+def display_codes(rgb: FloatArray, shown: ColourTransform, bits: int, exposure: float = 0.0) -> NDArray[Any]:
+    """`quantise(shown.apply(rgb, exposure), bits)`, by a few rows at a time that stay in the processor's cache."""
+    codes = np.empty((*rgb.shape[:2], 3), np.uint8 if bits == 8 else np.uint16)
+    for rows, channel, plane in shown.planes(rgb, exposure):
+        codes[rows, :, channel] = quantise(plane, bits)
+    return codes
+
+
+def joined(bands: Iterable[NDArray[Sample]], rows: int) -> NDArray[Sample]:
+    """The bands (any, ...) of a picture with this number of rows as one array; of each only its copy is kept."""
+    arriving = iter(bands)
+    first = next(arriving)
+    whole, top = np.empty((rows, *first.shape[1:]), first.dtype), 0
+    for band in chain([first], arriving):
+        whole[top : top + len(band)] = band
+        top += len(band)
+    return whole
+
+
+def regrouped(bands: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]]:
+    """Yield the rows of `bands` in groups of `rows`; the last group may be smaller."""
+    kept: list[NDArray[Any]] = []
+    for band in bands:
+        kept.append(band)
+        while (count := sum(map(len, kept))) >= rows:
+            together = np.concatenate(kept) if len(kept) > 1 else kept[0]
+            whole = count // rows * rows
+            yield from (together[top : top + rows] for top in range(0, whole, rows))
+            kept = [together[whole:]]
+    if any(map(len, kept)):
+        yield np.concatenate(kept)
+
+
+def turned(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, folder: Path | None) -> Iterator[NDArray[Any]]:
+    """Turn a picture of `shape` (H, W) upright: yield bands of the turned picture. An anonymous file in `folder` holds it."""
+    if orientation in (1, 2):  # rows stay rows, in the same order
+        yield from (upright(band, orientation) for band in bands)
+        return
+    with tempfile.TemporaryFile(dir=folder) as spool:
+        for band in bands:
+            spool.write(np.ascontiguousarray(band).data)
+        spool.flush()
+        for top in range(0, shape[1] if orientation >= 5 else shape[0], _READ):
+            # Mapped again for each band: pages that have been read count as memory of the process as long as they are mapped.
+            whole = np.memmap(spool, band.dtype, "r", shape=(*shape, *band.shape[2:]))
+            yield np.array(upright(whole, orientation)[top : top + _READ])

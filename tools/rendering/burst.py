@@ -10,16 +10,16 @@ from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.errors import ForeignFileError, InputError, PanchromaError
 from shared.progress import Progress
+from tools.host.jobs import Job
+from tools.host.progress import Note
 
+from .checks import check_memory
 from .frames import Frame, leave_copies_out, leave_odd_ones_out
-from .order import Note, Order
-from .picture_file import check_memory
+from .order import Order
 from .report import Shown, page
-from .shots import Shot
 from .subject import Subject
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
     from offline.burst import MergedBurst, Motion
 
 _MOST = 1000.0  # pixels that a sensor moves
@@ -43,13 +43,13 @@ class BurstOrder(Order):
         if not all(abs(pixels) <= _MOST for shift in self.shifts for pixels in shift):
             raise InputError(f"`shifts` are {self.shifts}, expected {_MOST:g} pixels at most")
 
-    def open(self, shot: Shot, memory: int, note: Note) -> Subject:
+    def open(self, job: Job, memory: int, note: Note) -> Subject:
         """The frames that can be read. Raises InputError if there is none, or if the one that is to be the reference is not."""
         frames: list[Frame] = []
-        for name in shot.files:
-            frame = self._frame(name, found=shot.found)
+        for name in job.files:
+            frame = self._frame(name, found=job.found)
             if frame.mosaic and not any(each.mosaic for each in frames):  # before memory is full of frames
-                check_memory(frame.mosaic, self.kind, self.settings, memory, len(shot.files))
+                check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
             frames.append(frame)
         leave_odd_ones_out(frames, self.reference)
         leave_copies_out(frames, self.reference)
@@ -63,11 +63,11 @@ class BurstOrder(Order):
                 if frame.failed:
                     note(frame.line)
             raise InputError(f"none of the {len(frames)} frames can be used")
-        return Burst(self, frames, note, reported=shot.page is not None)
+        return Burst(self, frames, note, reported=len(job.outputs) > 1)
 
-    def failures(self, shot: Shot) -> tuple[str, ...]:
+    def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each frame that cannot be read. Frames are read one by one, and not kept."""
-        frames = (self._frame(name, found=shot.found) for name in shot.files)
+        frames = (self._frame(name, found=job.found) for name in job.files)
         return tuple(frame.line for frame in frames if frame.failed)
 
     def _frame(self, name: str, *, found: bool) -> Frame:
@@ -101,7 +101,7 @@ class Burst(Subject):
         self._reported = reported
         self.count = len(self._used)
         self.errors = tuple(frame.line for frame in frames if frame.failed)
-        super().__init__(self._mosaic(self._reference))
+        super().__init__(self._mosaic(self._reference), order.settings)
         if reported:
             try:
                 ColourTransform.to_space(self.mosaic.calibration)
@@ -112,15 +112,15 @@ class Burst(Subject):
                     "(panchroma calibrate), or leave `report` out"
                 ) from None
 
-    def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
+    def prepare(self, progress: Progress) -> None:
         """Align and merge the frames."""
         known = self._order.reference is not None or bool(self._order.shifts)
         if self.count > 1:
-            self._merge(settings, progress, known=known)
+            self._merge(progress, known=known)
         if not known and self.count > 2 and self._left == 1:  # the sharpest is the odd one, or all are
             self.frames[self._reference].reason = "none of the others shows what it shows"
             self._used.remove(self._reference)
-            self._merge(settings, progress, known=False)
+            self._merge(progress, known=False)
         for frame in self.frames:
             if frame.reason and frame.mosaic is not None:
                 self._note(f"{frame.name}: is left out: {frame.reason}")
@@ -129,13 +129,13 @@ class Burst(Subject):
             self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
         self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(self.frames[self._reference].name).name}, "
 
-    def _merge(self, settings: "RenderSettings", progress: Progress, *, known: bool) -> None:
+    def _merge(self, progress: Progress, *, known: bool) -> None:
         """Merge the frames that are in use, and note what became of them. known: the reference is."""
         from offline.burst import merge_burst
 
         merged = merge_burst(
             [self._mosaic(index) for index in self._used],
-            settings,
+            self.settings,
             progress,
             reference=self._used.index(self._reference) if known else None,
             motions=self._motions() if self._order.shifts else None,
@@ -144,25 +144,25 @@ class Burst(Subject):
         for index, judged in zip(self._used, merged.frames, strict=True):
             self.frames[index].judged, self.frames[index].reason = judged, judged.reason
 
-    def bands(self, settings: "RenderSettings", progress: Progress) -> Iterator[FloatArray]:
+    def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
         from offline.burst import render_burst_bands
 
         if self._merged is None or self._left == 1:
-            bands = super().bands(settings, progress)
+            bands = super().bands(progress)
         else:
-            bands = render_burst_bands(self._merged, settings, progress)
+            bands = render_burst_bands(self._merged, self.settings, progress)
         if self._reported:
             self._shown = Shown(self.mosaic, self._order.exposure)
             bands = self._shown.taken(bands)
         return bands
 
-    def beside(self, settings: "RenderSettings", progress: Progress) -> list[bytes]:
+    def beside(self, progress: Progress) -> list[bytes]:
         """Return the report on the burst, if there is to be one, once the last band of the picture has been taken."""
         if self._shown is None:
             return []
         alone = Shown(self.mosaic, self._order.exposure)
-        for _ in alone.taken(super().bands(settings, progress)):
+        for _ in alone.taken(super().bands(progress)):
             pass
         shares = None if self._merged is None else self._merged.shares
         return [page(self.frames, self._reference, shares, alone, self._shown)]

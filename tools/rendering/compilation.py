@@ -7,27 +7,25 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tools.host import worker_pool
 from tools.host.memory import available_memory
-from tools.host.progress import StageProgress
-from tools.host.worker_pool import Note
+from tools.host.processes import Processes
+from tools.host.progress import Note, StageProgress
 
 _BETWEEN_NOTES = 10.0  # seconds
 _PROCESS_BYTES = 400 * 2**20  # of a process that compiles, with the libraries
-_REMEDY = "close other programs, or let the first render compile"
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write to"
+_REMEDY = "close other programs, or let the first render compile"
 
 
 @contextmanager
-def announced_compilation(note: Note, progress: StageProgress) -> Iterator[None]:
+def announced_compilation(progress: StageProgress) -> Iterator[None]:
     """In the `with` block, say once that the renderer is being compiled, if it has to be, and then how far that is.
 
-    note: called with remarks.
-    progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, `note` is called for that.
+    progress: knows which stage of the render is waiting, and shows how far it is; if it shows nothing, it gets notes instead.
     """
     from offline import compilation
 
-    tell = _teller(note, progress)
+    tell = _teller(progress)
     with compilation(lambda number, most: tell(f"compiling kernel {number} of at most {most}")):
         yield
 
@@ -48,21 +46,21 @@ def load_compiled(settings: Any) -> None:
         warm_up(settings)
 
 
-def compile_ahead(settings: Sequence[Any], processes: int, note: Note, progress: StageProgress) -> None:
+def compile_ahead(settings: Sequence[Any], processes: int, progress: StageProgress) -> None:
     """Compile what renders with these settings need, unless it has been compiled before, in several processes at a time.
 
     With one process, for one kernel, or without a folder to keep the result in, it is left to the renders.
 
     settings: RenderSettings, one or more.
     processes: how many may be started. Call this in the command's own process, not in one that it has started.
-    note, progress: as `announced_compilation` takes them.
+    progress: see `announced_compilation`.
     """
     names = _missing(settings) or []
     if min(processes, len(names)) > 1:
-        tell = _teller(note, progress)
+        tell = _teller(progress)
         progress.stage("compiling", len(names))
         tell("compiling")
-        for number, _ in enumerate(compile_all(names, processes, note), 1):
+        for number, _ in enumerate(compile_all(names, processes, progress.note), 1):
             progress.advance()
             tell(f"compiled kernel {number} of {len(names)}")
 
@@ -97,18 +95,18 @@ def compile_all(names: Sequence[str], processes: int, note: Note) -> Iterator[tu
     names: those that take longest first.
     """
     possible = min(processes, available_memory() // _PROCESS_BYTES)
-    yield from worker_pool.run(_compile, names, max(1, possible), note=note, remedy=_REMEDY)
+    yield from Processes(max(1, possible), note, _REMEDY)(_compile, names)
 
 
-def _compile(name: str, note: Note) -> None:
+def _compile(name: str, listener: StageProgress) -> None:
     from offline import compile_kernel
 
     compile_kernel(name)
 
 
-def _teller(note: Note, progress: StageProgress) -> Callable[[str], None]:
+def _teller(progress: StageProgress) -> Callable[[str], None]:
     """A function that says once that the renderer is being compiled, and shows how far it is."""
-    note_once, said = cache(note), time.monotonic()
+    note_once, said = cache(progress.note), time.monotonic()
 
     def tell(how_far: str) -> None:
         nonlocal said
@@ -123,6 +121,6 @@ def _teller(note: Note, progress: StageProgress) -> Callable[[str], None]:
             progress.remark(how_far)
         elif time.monotonic() - said >= _BETWEEN_NOTES:
             said = time.monotonic()
-            note(f"{how_far}: {progress.current}")
+            progress.note(f"{how_far}: {progress.current}")
 
     return tell

@@ -1,24 +1,23 @@
-"""What a run is asked for, what one shot may use of the machine, and what came of it."""
+"""What a run is asked for, and what one shot may use of the machine."""
 
 import os
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from shared import Camera, Mosaic, read_dng
 from shared.reading import MAX_PIXELS
-from tools.pictures.writer import PictureKind, check_output
+from tools.host.jobs import Job
+from tools.host.progress import Note
+from tools.pictures.development import Development
+from tools.pictures.kind import PictureKind
 
+from .checks import check_light
 from .defect_list import Places, with_defects
 from .journal import key
-from .picture_file import check_light
-from .shots import Shot
 from .subject import Subject
 from .white_balance import AS_SHOT, WhiteBalance
-
-Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -62,17 +61,17 @@ class Order:
 
         return {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}[self.preset]
 
-    def open(self, shot: Shot, memory: int, note: Note) -> Subject:
+    def open(self, job: Job, memory: int, note: Note) -> Subject:
         """What a picture is rendered from, read from its files. Raises InputError if it cannot become such a picture.
 
         memory: bytes that may be used.
         note: called with each remark for the user.
         """
-        mosaic = self.read(shot.source)
+        mosaic = self.read(job.source)
         needs_codes = self.settings.asks_for_codes or mosaic.calibration.aberration is not None
-        return Subject(mosaic if needs_codes else mosaic.in_scene_units())
+        return Subject(mosaic if needs_codes else mosaic.in_scene_units(), self.settings)
 
-    def failures(self, shot: Shot) -> tuple[str, ...]:
+    def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each file that fails although the picture can be made without it, see `Outcome.errors`."""
         return ()
 
@@ -91,9 +90,14 @@ class Order:
         if self.defects:
             mosaic = with_defects(mosaic, self.defects)
         mosaic = self.white.of(mosaic)
-        check_output(self.kind, mosaic.calibration, mosaic.shape)
+        self.development(mosaic).check()
         check_light(mosaic, self.settings)
         return mosaic
+
+    def development(self, mosaic: Mosaic) -> Development:
+        """How a rendering of this mosaic becomes a picture."""
+        restored = self.settings.highlights.restored
+        return Development(self.kind, mosaic.shape, mosaic.calibration, mosaic.metadata, self.exposure, restored)
 
     def name(self, output: Path) -> str:
         """The picture's path below the folder, as it stands in the journal."""
@@ -113,26 +117,6 @@ class Order:
 
         asked = {name: value for name, value in asdict(self).items() if name not in self.no_matter}
         return key(algorithm=ALGORITHM, settings=asdict(self.settings), **asked)
-
-
-State = Literal["made", "planned", "current", "foreign", "postponed", "failed"]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of one shot.
-
-    state: made; planned (--dry-run would make it); current (up to date already); foreign (found in a folder, and not a shot);
-        postponed (another process makes it, or it needs more memory than its share); failed.
-    line: for people.
-    facts: for machines.
-    errors: a line for each file that failed, though the picture could be made without it.
-    """
-
-    state: State
-    line: str = ""
-    facts: dict[str, Any] = field(default_factory=dict)
-    errors: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -5,21 +5,22 @@ A lost worker costs no result: another one gets its shots, and finds in the jour
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
-from tools.host.cluster import everywhere, run
-from tools.host.jobs import reason
+from shared.errors import OutputError
+from tools.host.cluster import Cluster, absolute_path
+from tools.host.jobs import Job, Outcome
 from tools.host.memory import allowed_memory
+from tools.host.progress import Note, StageProgress
 
 from .attempt import attempt
-from .order import Note, Order, Outcome, Share
+from .order import Order, Share
 from .run import Pass
-from .shots import Shot
 
 
 def passes(order: Order, client: Any, threads: int | None, memory: int | None, note: Note) -> list[Pass]:
-    """The passes over a list of shots by dask workers; on this machine alone `tools.rendering.run.passes` takes their place.
+    """The passes over a list of jobs by dask workers; on this machine alone `tools.rendering.run.passes` takes their place.
 
     order: settings of the run.
     client: of the dask scheduler.
@@ -29,34 +30,40 @@ def passes(order: Order, client: Any, threads: int | None, memory: int | None, n
 
     Raises SchedulerGoneError when the scheduler ends.
     """
-    order = replace(order, folder=order.folder.absolute())
-    once = cache(note)  # several workers have the same to say: once is enough
-    return [partial(_pass, client, partial(_work, order, threads, memory, last), note, once) for last in (False, True)]
+    order, workers = replace(order, folder=order.folder.absolute()), _Elsewhere(Cluster(client, note))
+    return [(partial(_work, order, threads, memory, last), workers) for last in (False, True)]
 
 
-def _pass(
-    client: Any, work: Callable[[Shot], tuple[Outcome, list[str]]], note: Note, once: Note, shots: Sequence[Shot]
-) -> Iterator[tuple[Shot, Outcome]]:
-    here = {Shot(everywhere(shot.source), shot.output.absolute(), shot.found): shot for shot in shots}
-    for there, result in run(client, work, list(here), note):
-        shot = here[there]
-        if isinstance(result, BaseException):
-            yield shot, Outcome("failed", reason(result))
-            continue
-        outcome, notes = result
-        for text in notes:
-            once(text)
-        if outcome.state == "made" and not shot.output.exists():
-            outcome = Outcome("failed", f"{shot.output}: was made where this machine does not see it; -o must be a shared folder")
-        yield shot, outcome
+class _Elsewhere:
+    """A way to work (`tools.host.work.Workers`) on jobs, whose files have the same absolute names on every machine."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+
+    def __call__(
+        self, work: Callable[[Job, StageProgress], Outcome], jobs: Sequence[Job], /
+    ) -> Iterator[tuple[Job, Outcome | Exception]]:
+        there = {_with_absolute_names(job): job for job in jobs}
+        for named, result in self._cluster(work, list(there)):
+            job = there[named]
+            if isinstance(result, Outcome) and result.state == "made" and not job.output.exists():
+                yield (
+                    job,
+                    OutputError(f"{job.output}: was made where this machine does not see it; `output` must be a shared folder"),
+                )
+            else:
+                yield job, result
 
 
-def _work(order: Order, threads: int | None, memory: int | None, last: bool, shot: Shot) -> tuple[Outcome, list[str]]:
-    """On a worker: the outcome, and remarks for the user."""
+def _with_absolute_names(job: Job) -> Job:
+    return replace(job, source=absolute_path(job.source), outputs=tuple(path.absolute() for path in job.outputs))
+
+
+def _work(order: Order, threads: int | None, memory: int | None, last: bool, job: Job, listener: StageProgress) -> Outcome:
+    """On a worker: see `attempt`."""
     from distributed import get_worker
 
     from offline import available_threads, use_threads
 
-    notes: list[str] = []
     use_threads(min(threads or get_worker().state.nthreads, available_threads()))  # counts for this thread alone
-    return attempt(order, Share(allowed_memory(memory), last), shot, notes.append), notes
+    return attempt(order, Share(allowed_memory(memory), last), job, listener)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Subject:
-    """One shot.
+    """One shot, and the settings with which it is rendered.
 
     mosaic: whose size, colours and capture data the picture has; of a burst any frame, until `prepare` has chosen one.
     count: number of frames.
@@ -24,20 +24,20 @@ class Subject:
     errors: tuple[str, ...] = ()
     words = ""
 
-    def __init__(self, mosaic: Mosaic) -> None:
-        self.mosaic = mosaic
+    def __init__(self, mosaic: Mosaic, settings: "RenderSettings") -> None:
+        self.mosaic, self.settings = mosaic, settings
 
-    def prepare(self, settings: "RenderSettings", progress: Progress) -> None:
+    def prepare(self, progress: Progress) -> None:
         """Do all that comes before `bands`. Raises InputError if there can be no picture."""
 
-    def bands(self, settings: "RenderSettings", progress: Progress) -> Iterator[FloatArray]:
+    def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
         from offline import render_bands
 
-        return render_bands(self.mosaic, settings, progress)
+        return render_bands(self.mosaic, self.settings, progress)
 
-    def beside(self, settings: "RenderSettings", progress: Progress) -> list[bytes]:
-        """Return the contents of the files beside the picture (`Shot.outputs`), once its last band has been taken."""
+    def beside(self, progress: Progress) -> list[bytes]:
+        """Return the contents of the files beside the picture (`Job.outputs`), once its last band has been taken."""
         return []
 
     def facts(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from shared import Mosaic
 from shared.errors import InputError
 from shared.white_balance import balanced, estimate_neutral
-from tools.pictures.writer import PictureKind
+from tools.pictures.kind import PictureKind
 
 _CAMERA, _AUTO = "camera", "auto"
 _LARGEST = 1000.0  # multiplier; its inverse is the smallest

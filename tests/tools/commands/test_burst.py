@@ -21,7 +21,8 @@ from tests.tools.command import Outcome, assert_refused, contents, names, result
 from tests.tools.rendering.examples import save_shot
 from tools.evaluation.metrics import psnr
 from tools.host.progress import LineProgress
-from tools.pictures.writer import POSSIBLE, PictureKind
+from tools.pictures.formats import FORMATS
+from tools.pictures.kind import PictureKind
 from tools.scenes.drawn.builtin import builtin_scene
 
 MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
@@ -79,7 +80,7 @@ def test_the_first_frame_is_the_reference_where_all_are_as_sharp(taken: Path, ou
     assert f"3 of 3 frames, reference {STEM}-1.dng, " in outcome.err
 
 
-@pytest.mark.parametrize("name", POSSIBLE)
+@pytest.mark.parametrize("name", FORMATS)
 def test_every_format(taken: Path, out: Path, name: str) -> None:
     merged(taken, out, "-f", name)
     assert results(out) == {f"{STEM}{PictureKind.of(name).suffix}"}

@@ -23,7 +23,8 @@ from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, file_limit, names, results, run, spawn
 from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
-from tools.pictures.writer import POSSIBLE, PictureKind
+from tools.pictures.formats import FORMATS
+from tools.pictures.kind import PictureKind
 from tools.scenes.drawn.builtin import builtin_scene
 
 SCENE = (48, 36)
@@ -90,7 +91,7 @@ def ending(name: str) -> str:
     return PictureKind.of(name).suffix
 
 
-KINDS = [(name, space, bits) for name, spaces in POSSIBLE.items() for space, possible in spaces.items() for bits in possible]
+KINDS = [(each.name, space, bits) for each in FORMATS.values() for space, possible in each.spaces.items() for bits in possible]
 
 
 @pytest.mark.parametrize(("name", "space", "bits"), KINDS)
@@ -507,7 +508,7 @@ def test_a_shot_is_never_replaced_by_its_rendering(tmp_path: Path) -> None:
 # --- a disk that takes no more --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", POSSIBLE)
+@pytest.mark.parametrize("name", FORMATS)
 def test_a_full_disk_costs_one_line_and_keeps_what_was_there(
     out: Path, tmp_path: Path, full_disk: Callable[..., None], name: str
 ) -> None:

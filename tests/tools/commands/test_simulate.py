@@ -1,6 +1,7 @@
 """`panchroma simulate`: scenes become shots, every option counts, and what is no scene costs one line."""
 
 import errno
+import io
 import json
 import os
 import struct
@@ -365,21 +366,21 @@ def scene(value: float = 0.5) -> FloatArray:
 
 
 def exr(picture: FloatArray) -> bytes:
-    from tools.pictures.encoders import encode_exr
+    from tools.pictures.formats.exr import encode_exr
 
     return encode_exr(picture, "RGB", 32, {})
 
 
 def tiff(picture: FloatArray) -> bytes:
-    from tools.pictures.encoders import encode_tiff_picture
-
-    return encode_tiff_picture(picture, Directory())
+    file = io.BytesIO()
+    tifffile.imwrite(file, picture, photometric="rgb")
+    return file.getvalue()
 
 
 def npy(picture: Any) -> bytes:
-    from tools.pictures.encoders import encode_npy
-
-    return encode_npy(picture)
+    file = io.BytesIO()
+    np.save(file, picture)
+    return file.getvalue()
 
 
 def png_bomb() -> bytes:

@@ -3,7 +3,7 @@
 import errno
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -11,7 +11,8 @@ from shared.errors import InputError, OutputError
 from tests.tools.command import run
 from tools.host.console import Console, StandardOutputError
 from tools.host.folders import Source, plan
-from tools.host.jobs import Job, output_folder, run_jobs
+from tools.host.jobs import Job, Outcome, output_folder, run_jobs
+from tools.host.progress import StageProgress
 
 Said = pytest.CaptureFixture[str]
 
@@ -19,10 +20,10 @@ Said = pytest.CaptureFixture[str]
 def do(sources: Sequence[str | Path], folder: Path, *, overwrite: bool = False, json: bool = False, work: Any = None) -> int:
     """Jobs that write their source's name; the exit code."""
 
-    def write(job: Job) -> dict[str, Any]:
+    def write(job: Job, listener: StageProgress) -> Outcome:
         for output in job.outputs:
             output.write_text(job.source)
-        return {"size": len(job.source)}
+        return Outcome({"size": len(job.source)})
 
     jobs = plan([Source(str(source)) for source in sources], lambda source: [f"{Path(source).stem}.out"], folder)
     return run_jobs(jobs, work or write, Console(json=json), overwrite=overwrite)
@@ -55,11 +56,11 @@ def test_no_jobs_are_no_failure(tmp_path: Path) -> None:
 def test_one_failure_is_one_line_and_the_rest_goes_on(tmp_path: Path, capsys: Said, error: Exception, line: str) -> None:
     done: list[str] = []
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         if job.source == "bad.in":
             raise error
         done.append(job.source)
-        return {}
+        return Outcome()
 
     assert do(["one.in", "bad.in", "two.in"], tmp_path, work=work) == 1
     assert done == ["one.in", "two.in"]
@@ -69,22 +70,22 @@ def test_one_failure_is_one_line_and_the_rest_goes_on(tmp_path: Path, capsys: Sa
 def test_a_fault_of_ours_is_named_as_such_with_its_place_and_the_rest_goes_on(tmp_path: Path, capsys: Said) -> None:
     done: list[str] = []
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         if job.source == "odd.in":
-            return {"never": [][len(done)]}
+            return Outcome({"never": [][len(done)]})
         done.append(job.source)
-        return {}
+        return Outcome()
 
     assert do(["odd.in", "two.in"], tmp_path, work=work) == 1
     assert done == ["two.in"]
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("panchroma: odd.in: a fault of Panchroma, please report it: IndexError in jobs.py:")
+    assert line.startswith("panchroma: odd.in: a fault of Panchroma, please report it: IndexError in work.py:")
 
 
 def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path) -> None:
     for error in (KeyboardInterrupt(), StandardOutputError(BrokenPipeError(errno.EPIPE, "Broken pipe"))):
 
-        def work(job: Job, error: BaseException = error) -> dict[str, Any]:
+        def work(job: Job, listener: StageProgress, error: BaseException = error) -> NoReturn:
             raise error
 
         with pytest.raises(type(error)):
@@ -92,7 +93,7 @@ def test_an_interrupt_and_a_lost_output_are_no_failure_of_a_file(tmp_path: Path)
 
 
 def test_a_name_inside_a_word_of_the_message_is_not_taken_for_the_name(tmp_path: Path, capsys: Said) -> None:
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> NoReturn:
         raise InputError("not a picture")
 
     do(["n"], tmp_path, work=work)
@@ -100,7 +101,7 @@ def test_a_name_inside_a_word_of_the_message_is_not_taken_for_the_name(tmp_path:
 
 
 def test_failures_are_recorded_for_machines(tmp_path: Path, capsys: Said) -> None:
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> NoReturn:
         raise InputError("is odd")
 
     do(["one.in"], tmp_path, json=True, work=work)
@@ -167,12 +168,21 @@ def test_a_folder_in_the_place_of_a_result_is_refused(tmp_path: Path, capsys: Sa
 def test_impossible_names_reach_the_work_that_refuses_them(tmp_path: Path, source: str) -> None:
     seen: list[str] = []
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         seen.append(job.source)
-        return {}
+        return Outcome()
 
     assert do([source], tmp_path, work=work) == 0
     assert seen == [source]
+
+
+def test_results_go_to_the_top_and_subfolders_are_mirrored() -> None:
+    sources = [Source("lone/z.in"), Source("in/A.IN", Path("A.IN")), Source("in/sub/c.d.in", Path("sub/c.d.in"))]
+    assert plan(sources, lambda source: [f"{Path(source).stem}.out"], Path("out")) == [
+        Job("lone/z.in", (Path("out/z.out"),)),
+        Job("in/A.IN", (Path("out/A.out"),), found=True),
+        Job("in/sub/c.d.in", (Path("out/sub/c.d.out"),), found=True),
+    ]
 
 
 # --- the output folder ----------------------------------------------------------------------------------------------------------

@@ -8,13 +8,13 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from typing import Any
 
 import pytest
 
 from tests.data import ROOT
 from tools.host.console import Console
-from tools.host.jobs import Job, run_jobs
+from tools.host.jobs import Job, Outcome, run_jobs
+from tools.host.progress import StageProgress
 from tools.host.signals import Terminated, held_back, orderly_end
 
 
@@ -32,13 +32,13 @@ def test_a_signal_becomes_an_interruption_with_its_code(number: signal.Signals, 
 def test_a_signal_that_an_import_turns_into_an_error_still_ends_the_run(number: signal.Signals) -> None:
     begun = []
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         begun.append(job.source)
         try:
             os.kill(os.getpid(), number)
         except Terminated:
             raise ImportError("initialization failed") from None
-        return {}
+        return Outcome()
 
     with pytest.raises(Terminated), orderly_end():
         run_jobs([Job("one", ()), Job("two", ())], work, Console())
@@ -50,11 +50,11 @@ def test_a_signal_that_an_import_turns_into_an_error_still_ends_the_run(number: 
 def test_a_signal_that_is_swallowed_ends_the_run_before_the_next_file() -> None:
     begun = []
 
-    def work(job: Job) -> dict[str, Any]:
+    def work(job: Job, listener: StageProgress) -> Outcome:
         begun.append(job.source)
         with suppress(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
-        return {}
+        return Outcome()
 
     with pytest.raises(Terminated), orderly_end():
         run_jobs([Job("one", ()), Job("two", ())], work, Console())

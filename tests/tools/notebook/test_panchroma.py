@@ -21,7 +21,8 @@ from shared import Aberration, Camera, CaptureMetadata, CfaPattern, Mosaic, Sens
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
 from tools.camera.lens import lens_aberration, lens_shading
-from tools.pictures.writer import POSSIBLE, PictureKind
+from tools.pictures.formats import FORMATS
+from tools.pictures.kind import PictureKind
 
 SCENE = "builtin:96x72"
 RNG = np.random.default_rng(0)
@@ -66,7 +67,7 @@ def test_files_and_screens_show_what_the_command_writes(shot: panchroma.Shot, tm
     assert np.array_equal(read.mosaic.codes, shot.mosaic.codes)
 
 
-@pytest.mark.parametrize("format", POSSIBLE)
+@pytest.mark.parametrize("format", FORMATS)
 def test_every_format_of_the_command_can_be_saved(format: str, tmp_path: Path) -> None:  # noqa: A002
     path = tmp_path / f"picture{PictureKind.of(format).suffix}"
     panchroma.Picture(GREY).save(path, format=format)

@@ -28,7 +28,8 @@ def compiles(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[int, int], None]
 
 def run(progress: StageProgress, compiles: list[Callable[[int, int], None]]) -> list[str]:
     notes: list[str] = []
-    with product.announced_compilation(notes.append, progress):
+    progress.note = notes.append
+    with product.announced_compilation(progress):
         progress.stage("luminance", 1)
         compiles[0](1, 3)
         progress.stage("colour", 1)
@@ -67,12 +68,12 @@ def test_kernels_are_compiled_ahead_where_processes_can_share_the_work(monkeypat
     monkeypatch.setattr(product, "compile_all", compile_all)
     monkeypatch.setattr(product, "_BETWEEN_NOTES", 0.0)
     notes: list[str] = []
-    product.compile_ahead([offline.PAPER], 1, notes.append, StageProgress())
+    product.compile_ahead([offline.PAPER], 1, StageProgress(note=notes.append))
     assert (notes, compiled) == ([], [])
-    product.compile_ahead([offline.PAPER], 2, notes.append, StageProgress())
+    product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
     assert compiled == [("one", 2), ("two", 2), ("three", 2)]
     assert notes[0].startswith("compiling the renderer for this processor")
     assert notes[-1] == "compiled kernel 3 of 3: compiling"
     missing.clear()
-    product.compile_ahead([offline.PAPER], 2, notes.append, StageProgress())
+    product.compile_ahead([offline.PAPER], 2, StageProgress(note=notes.append))
     assert len(compiled) == 3

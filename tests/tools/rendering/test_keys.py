@@ -14,7 +14,7 @@ from shared.calibration import NoiseModel
 from tests.tools.command import contents, results, run
 from tests.tools.rendering.examples import save_shot
 from tests.walking import one_field_changed
-from tools.pictures.writer import PictureKind
+from tools.pictures.kind import PictureKind
 from tools.rendering.burst import BurstOrder
 from tools.rendering.journal import NAME
 from tools.rendering.order import Order

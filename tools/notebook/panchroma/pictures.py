@@ -60,17 +60,16 @@ class Image:
         quality: of a JPEG, 1 to 100; 95 by default.
         overwrite: replace an existing file.
         """
-        from tools.pictures.encoders import encode_jpeg, encode_png
-        from tools.pictures.exif_writing import jpeg_directory, picture_directory
+        from tools.pictures.exif_writing import picture_directory
+        from tools.pictures.formats.jpg import encode_jpeg
+        from tools.pictures.formats.png import encode_png
         from tools.pictures.icc_writing import icc_profile
 
         match Path(path).suffix.lower():
             case ".png" if quality is None:
-                exif = encode_tiff(picture_directory(CaptureMetadata(), srgb=True))
-                data = encode_png(self.pixels, title="sRGB", icc=icc_profile("srgb"), exif=exif)
+                data = encode_png(self.pixels, "srgb", encode_tiff(picture_directory(CaptureMetadata(), srgb=True)))
             case ".jpg" | ".jpeg":
-                exif = encode_tiff(jpeg_directory(CaptureMetadata(), self.pixels.shape, srgb=True))
-                data = encode_jpeg(self.pixels, icc=icc_profile("srgb"), exif=exif, quality=quality)
+                data = encode_jpeg(self.pixels, CaptureMetadata(), icc=icc_profile("srgb"), quality=quality)
             case suffix:
                 wrong = f"quality is {quality}, which only a JPEG has" if quality is not None else f"ends in {suffix!r}"
                 raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
@@ -168,7 +167,10 @@ class Picture:
         quality: 1 to 100, of a JPEG (95 by default), Ultra HDR, or JPEG XL (without loss by default).
         overwrite: replace an existing file. The file is whole or absent at any moment.
         """
-        from tools.pictures.writer import OTHER_NAMES, PictureKind, check_gain, write_picture
+        from tools.pictures.development import Development
+        from tools.pictures.formats import OTHER_NAMES
+        from tools.pictures.kind import PictureKind
+        from tools.pictures.writing import write_picture
 
         ending = Path(path).suffix.lower().removeprefix(".")
         if not ending:
@@ -177,17 +179,9 @@ class Picture:
         kind = PictureKind.of(wanted, bits, space, quality)
         if kind.suffix != f".{ending}":
             raise InputError(f"{path}: a picture in the format {kind.format!r} ends in {kind.suffix}")
-        check_gain(kind, exposure)
-        write_picture(
-            path,
-            kind.shown(self.rgb, self.lost, self.calibration),
-            kind,
-            calibration=self.calibration,
-            metadata=self.metadata,
-            exposure=exposure,
-            restored=self.restored,
-            overwrite=overwrite,
-        )
+        development = Development(kind, self.shape, self.calibration, self.metadata, exposure, self.restored)
+        development.check()
+        write_picture(path, [development.whitened(self.rgb, self.lost)], development, overwrite=overwrite)
 
     def __repr__(self) -> str:
         return f"<Picture {self.shape[1]} x {self.shape[0]}, linear {', '.join(self.channels)}>"
@@ -220,8 +214,7 @@ def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -
     >>> np.asarray(panchroma.to_srgb(ramp))[0, :, 0].tolist()
     [0, 137, 188, 225, 255]
     """
-    from tools.pictures.samples import upright
-    from tools.pictures.writer import display_codes
+    from tools.pictures.samples import display_codes, upright
 
     shown = picture if isinstance(picture, Picture) else Picture(light_of(picture))
     transform = ColourTransform.to_space(shown.calibration, restored=shown.restored)

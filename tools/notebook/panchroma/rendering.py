@@ -6,12 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from shared.errors import InputError
 from shared.spelling import meant
 from tools.host.console import to_stderr
-from tools.pictures.writer import PictureKind
+from tools.pictures.kind import PictureKind
 from tools.rendering.white_balance import WhiteBalance
 
 from .pictures import Picture
@@ -43,8 +41,9 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
     from offline import BEST, PAPER, SolverLog, render_bands
     from tools.host.memory import allowed_memory, format_bytes
     from tools.host.progress import StageProgress
+    from tools.pictures.samples import joined
+    from tools.rendering.checks import check_light, needed_memory
     from tools.rendering.compilation import announced_compilation
-    from tools.rendering.picture_file import check_light, needed_memory
 
     settings = {"best": BEST if learned else replace(BEST, learned=PAPER.learned), "paper": PAPER}.get(preset)
     if settings is None:
@@ -61,11 +60,8 @@ def render(shot: Shot | str | Path, *, preset: str = "best", learned: bool = Tru
             f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
             "close other notebooks, or use the command `panchroma render`, which needs less: it writes while it renders"
         )
-    rgb, top, progress = np.empty((*mosaic.shape, len(mosaic.pattern.channels)), np.float32), 0, StageProgress()
-    log = SolverLog(progress)
-    with announced_compilation(to_stderr, progress):
-        for band in render_bands(mosaic, settings, log):
-            rgb[top : top + len(band)] = band
-            top += len(band)
+    log = SolverLog(progress := StageProgress(note=to_stderr))
+    with announced_compilation(progress):
+        rgb = joined(render_bands(mosaic, settings, log), mosaic.shape[0])
     level, restored = shot.truth.white if shot.truth else 1.0, settings.highlights.restored
     return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, log.places)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from shared import Mosaic
 from shared.arrays import ByteArray, FloatArray
 from shared.display import ColourTransform
-from tools.pictures.samples import Sample, upright
-from tools.pictures.writer import display_codes
+from tools.pictures.samples import Sample, display_codes, upright
 
 CELL = 96
 """Pixels, each way, of a place to look at."""

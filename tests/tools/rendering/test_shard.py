@@ -1,21 +1,9 @@
-"""Where the pictures of a run go, and how a run is divided."""
-
-from pathlib import Path
+"""How a run is divided."""
 
 import pytest
 
 from shared.errors import InputError
-from tools.host.folders import Source
-from tools.rendering.shots import Shard, Shot, shots_of
-
-
-def test_files_go_to_the_top_and_subfolders_are_mirrored() -> None:
-    sources = [Source("lone/z.dng"), Source("in/A.DNG", Path("A.DNG")), Source("in/sub/c.d.dng", Path("sub/c.d.dng"))]
-    assert shots_of(sources, Path("out"), ".tif") == [
-        Shot("lone/z.dng", Path("out/z.tif")),
-        Shot("in/A.DNG", Path("out/A.tif"), found=True),
-        Shot("in/sub/c.d.dng", Path("out/sub/c.d.tif"), found=True),
-    ]
+from tools.rendering.shard import Shard
 
 
 def test_every_picture_is_in_one_shard_and_they_are_alike_in_size() -> None:
@@ -28,5 +16,5 @@ def test_every_picture_is_in_one_shard_and_they_are_alike_in_size() -> None:
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "1/0", "-1/3", "a/b", "1/3/5", "", "1.0/2"])
 def test_a_shard_that_is_none(text: str) -> None:
-    with pytest.raises(InputError, match="--shard is"):
+    with pytest.raises(InputError, match="`shard` is"):
         Shard.parse(text)

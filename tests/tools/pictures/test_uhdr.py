@@ -17,10 +17,10 @@ from shared.arrays import FloatArray
 from shared.display import SPACES, ColourTransform
 from tests.browser import Browser
 from tests.exiftool import exiftool
-from tests.tools.pictures.test_writer import CALIBRATION, METADATA, SIZES, encoded, scene
+from tests.tools.pictures.examples import CALIBRATION, SIZES, encoded, scene
 from tools.pictures.gain_map import GainMap
-from tools.pictures.samples import upright
-from tools.pictures.writer import PictureKind, display_codes, encode_picture
+from tools.pictures.kind import PictureKind
+from tools.pictures.samples import display_codes, upright
 
 STEP = 0.03
 """Of a picture's light where it is even: half a code of sRGB at middle grey, half a step of the map, and what JPEG adds to both."""
@@ -66,9 +66,7 @@ def test_the_picture_is_that_of_a_jpeg_with_segments_more(shape: tuple[int, int]
 @pytest.mark.parametrize("orientation", [1, 6])
 def test_a_display_with_room_shows_the_render(space: str, exposure: float, orientation: int) -> None:
     rgb, kind = highlights(), PictureKind.of("uhdr", space=space)
-    data = encode_picture(
-        rgb, kind, calibration=CALIBRATION, metadata=replace(METADATA, orientation=orientation), exposure=exposure
-    )
+    data = encoded(rgb, kind, orientation, exposure=exposure).getvalue()
     seen, expected = hdr(data), upright(light(rgb, space, exposure), orientation)
     assert seen.shape == expected.shape
     inside = np.s_[4::16, 4::16]  # of every patch
@@ -98,9 +96,7 @@ def test_a_clipped_lamp_is_white_and_bright() -> None:
 def test_a_lamp_past_all_limits_is_white_on_every_display(restored: bool) -> None:
     """So dark that even the brightest light the sensor measures would be grey."""
     lamp = np.full((32, 32, 3), 12.0, np.float32) * np.array(CALIBRATION.neutral, np.float32)
-    data = encode_picture(
-        lamp, PictureKind.of("uhdr"), calibration=CALIBRATION, metadata=METADATA, exposure=-5.0, restored=restored
-    )
+    data = encoded(lamp, PictureKind.of("uhdr"), exposure=-5.0, restored=restored).getvalue()
     assert np.asarray(Image.open(io.BytesIO(data))).min() >= 254
     np.testing.assert_allclose(hdr(data), 1, rtol=STEP)
 

@@ -17,8 +17,9 @@ from tests.tools.command import assert_refused, names, run
 from tools.host import memory
 from tools.host.memory import allowed_memory, available_memory, format_bytes, parse_bytes
 from tools.host.progress import LineProgress, StageProgress
-from tools.pictures.writer import POSSIBLE, PictureKind
-from tools.rendering import picture_file as rendering
+from tools.pictures.formats import FORMATS
+from tools.pictures.kind import PictureKind
+from tools.rendering import checks
 from tools.rendering.compilation import announced_compilation
 
 SMALL = (60, 90)
@@ -100,7 +101,7 @@ def test_no_more_memory_is_taken_than_was_foreseen(tmp_path: Path, out: Path, na
     )
     said = run_python(script, "render", shot, "-o", out, "-f", name, "--bits", bits)
     peak = int(said.splitlines()[-1]) * 1024
-    foreseen = rendering.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), BEST)
+    foreseen = checks.needed_memory(mosaic(LARGE), PictureKind.of(name, int(bits)), BEST)
     assert foreseen / 2 < peak < foreseen
 
 
@@ -108,7 +109,7 @@ def test_100_megapixels_are_foreseen_to_fit_2_gigabytes(monkeypatch: pytest.Monk
     """What a rendering of that size took when it was measured: 1.7 GB."""
     frame = mosaic(SMALL)
     monkeypatch.setattr(Mosaic, "shape", (8166, 12246))
-    assert 1.7e9 < rendering.needed_memory(frame, PictureKind.of("tif"), BEST) < 2 * 2**30
+    assert 1.7e9 < checks.needed_memory(frame, PictureKind.of("tif"), BEST) < 2 * 2**30
 
 
 # --- what does not fit ----------------------------------------------------------------------------------------------------------
@@ -121,10 +122,10 @@ def test_too_little_even_for_bands(tmp_path: Path, out: Path) -> None:
     assert names(out) == set()
 
 
-@pytest.mark.parametrize("name", [name for name in POSSIBLE if name != "tif"])
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "tif"])
 def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, name: str) -> None:
     shot, frame = save(tmp_path / "shot.dng", (600, 450)), mosaic((600, 450))
-    need = {each: rendering.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
+    need = {each: checks.needed_memory(frame, PictureKind.of(each), BEST) for each in ("tif", name)}
     limit = f"{(need['tif'] + need[name]) // 2**21}M"
     outcome = run("render", shot, "-o", out, "-f", name, "--max-memory", limit)
     words = f"use -f tif, which needs {format_bytes(need['tif'])}, or set --max-memory {-(-need[name] // 2**20)}M"
@@ -149,19 +150,17 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     option: str, used: int, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = []
-    genuine = rendering.render_to
 
-    def recorded(*given: Any, **named: Any) -> Any:
-        seen.append(threads())
-        return genuine(*given, **named)
+    def recorded(*given: Any, **named: Any) -> None:
+        seen.append((threads(), named["threads"]))
 
-    monkeypatch.setattr("tools.rendering.attempt.render_to", recorded)
+    monkeypatch.setattr("tools.rendering.attempt.write_picture", recorded)
     before = threads()
     try:
         assert run("render", save(tmp_path / "shot.dng", SMALL), "-o", out, "-j", option).code == 0
     finally:
         use_threads(before)
-    assert seen == [used]
+    assert seen == [(used, used)]
 
 
 def test_no_threads_are_refused(out: Path) -> None:
@@ -205,7 +204,7 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr("offline.kernel_cache", nowhere)
     said: list[str] = []
-    with announced_compilation(said.append, StageProgress()):
+    with announced_compilation(StageProgress(note=said.append)):
         fresh(1.0)
         fresh(1)
     (line,) = said

@@ -7,8 +7,8 @@ a reader converts them to what the header says.
 """
 
 import struct
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, BinaryIO, ClassVar
 
 import imagecodecs
 import numpy as np
@@ -18,6 +18,10 @@ from shared.arrays import FloatArray, strips
 from shared.colorimetry import decode_srgb
 from shared.display import SPACES
 from shared.errors import InputError
+from shared.tiff import encode_tiff
+
+from ..development import Development
+from .format import Format
 
 LOSSLESS = 100
 """The quality of a JPEG XL without loss."""
@@ -40,10 +44,26 @@ _PRIMARIES = {"srgb": 1, "linear-srgb": 1, "display-p3": 11}
 _EXPONENT_BITS = 8  # of a float32
 
 
-def check_jpegxl() -> None:
-    """Raise InputError where this installation cannot write JPEG XL."""
-    if not imagecodecs.JPEGXL.available:
-        raise InputError("the installed imagecodecs has no JPEG XL; install that of PyPI (pip install -U imagecodecs), or use tif")
+class JpegXl(Format):
+    """JPEG XL; without a quality nothing is lost."""
+
+    name = "jxl"
+    spaces: ClassVar = {"srgb": (16, 8), "display-p3": (16, 8), "linear-srgb": (32,)}
+    about = "JPEG XL, without loss unless it has a quality"
+    has_quality = True
+    memory_per_pixel = 60.0
+
+    @property
+    def missing(self) -> str:
+        """See `Format`."""
+        if imagecodecs.JPEGXL.available:
+            return ""
+        return "the installed imagecodecs has no JPEG XL; install that of PyPI (pip install -U imagecodecs), or use tif"
+
+    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+        """See `Format`."""
+        (samples,), kind = bands, development.kind
+        file.write(encode_jpegxl(samples, kind.space, exif=encode_tiff(development.directory), quality=kind.quality))
 
 
 def encode_jpegxl(samples: NDArray[Any], space: str, *, exif: bytes, quality: int | None = None) -> bytes:

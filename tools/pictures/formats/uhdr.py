@@ -1,4 +1,4 @@
-"""Ultra HDR JPEGs (Google's Ultra HDR Image Format 1.1): an ordinary JPEG, and behind its end a second one with a map of gains.
+"""Ultra HDR JPEGs (Google's Ultra HDR Image Format 1.1): an ordinary JPEG, which a second JPEG with a map of gains follows.
 
 Programs that know nothing of it show the first JPEG. Others find the second one by the directory of XMP, or that of a Multi-Picture
 file, and what its codes mean in XMP (Adobe's gain map 1.0) or in the metadata of ISO 21496-1; both are written.
@@ -6,15 +6,21 @@ file, and what its codes mean in XMP (Adobe's gain map 1.0) or in the metadata o
 
 import struct
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, BinaryIO, ClassVar
 
+import numpy as np
 from numpy.typing import NDArray
 
+from shared.arrays import FloatArray
+from shared.dng.tags import LONGEST_SIDE
 from shared.jpeg_writing import ROWS, JpegStrip, encode_strip, join_strips
 from tools.host.ahead import ahead
 
-from .encoders import jpeg_level, jpeg_segments, regrouped, segment
-from .gain_map import OFFSET, GainMap
+from ..development import Development
+from ..gain_map import OFFSET, GainMap
+from ..samples import regrouped
+from .format import Format
+from .jpg import Jpeg, development_segments, jpeg_level, segment
 
 _GAIN_QUALITY = 95  # of the map, which is even nearly everywhere, and so small
 _XMP, _ISO, _MPF = b"http://ns.adobe.com/xap/1.0/\0", b"urn:iso:std:iso:ts:21496:-1\0", b"MPF\0"
@@ -36,36 +42,48 @@ _DIRECTORY = (
 )
 
 
-def encode_ultra_hdr_bands(
-    bands: Iterable[NDArray[Any]],
-    shape: tuple[int, int],
-    *,
-    gains: GainMap,
-    icc: bytes,
-    exif: bytes,
-    quality: int | None = None,
-    threads: int = 1,
-) -> bytes:
-    """Return an Ultra HDR JPEG, whose first picture is the JPEG of `encode_jpeg_bands` with some more segments.
+class UltraHdr(Format):
+    """Ultra HDR, whose first picture is that of `Jpeg` with some more segments. Its samples are four: RGB, and the gain."""
 
-    bands: uint8 (rows, W, 4), any number of rows each: the picture's RGB, and the codes of its gains.
-    gains: what these codes mean.
-    shape, icc, exif, quality, threads, errors: see `encode_jpeg_bands`.
-    """
-    level, segments = jpeg_level(quality), jpeg_segments(shape, icc, exif)
+    name = "uhdr"
+    spaces: ClassVar = Jpeg.spaces
+    about = "Ultra HDR, a JPEG with a map of gains for HDR displays"
+    has_quality = True
+    in_bands = True
+    longest_side = LONGEST_SIDE
+    memory_per_pixel = 2 * Jpeg.memory_per_pixel
 
-    def encode(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip, int]:
-        picture, codes = rows[..., :3].copy(), rows[..., 3].copy()  # copies, even of one pixel: the codec looks at the strides
-        return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444"), int(codes.max())
+    @property
+    def suffix(self) -> str:
+        """See `Format`."""
+        return ".jpg"
 
-    pictures, maps, highest = zip(*ahead(encode, regrouped(bands, ROWS), threads), strict=True)
-    capacity = gains.capacity(max(highest))
-    described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
-    gain_map, base = join_strips(maps, described), join_strips(pictures, segments)
-    packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
-    inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), _JFIF_ENDS + len(segments)
-    sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
-    return b"".join((base[:place], inserted, sizes, base[place:], gain_map))
+    def samples(self, rgb: FloatArray, development: Development) -> NDArray[Any]:
+        """See `Format`."""
+        codes = super().samples(rgb, development)
+        return np.dstack([codes, _gains(development).codes(rgb, codes)])
+
+    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+        """See `Format`."""
+        level, segments, gains = jpeg_level(development.kind.quality), development_segments(development), _gains(development)
+
+        def encoded(rows: NDArray[Any]) -> tuple[JpegStrip, JpegStrip, int]:
+            picture, codes = rows[..., :3].copy(), rows[..., 3].copy()  # copies, even of one pixel: the codec looks at the strides
+            return encode_strip(picture, level, "444"), encode_strip(codes, _GAIN_QUALITY, "444"), int(codes.max())
+
+        pictures, maps, highest = zip(*ahead(encoded, regrouped(bands, ROWS), threads), strict=True)
+        capacity = gains.capacity(max(highest))
+        described = segment(_APP1, _XMP + _xmp(gains, capacity)) + segment(_APP2, _ISO + _iso(gains, capacity))
+        gain_map, base = join_strips(maps, described), join_strips(pictures, segments)
+        packet = _PACKET.format(_DIRECTORY.format(len(gain_map)))
+        inserted, place = segment(_APP1, _XMP + packet.encode()) + segment(_APP2, _ISO + bytes(4)), _JFIF_ENDS + len(segments)
+        sizes = _multi_picture((len(base) + len(inserted), len(gain_map)), place + len(inserted))
+        file.write(b"".join((base[:place], inserted, sizes, base[place:], gain_map)))
+
+
+def _gains(development: Development) -> GainMap:
+    """What the codes of the gains mean."""
+    return GainMap(development.shown, development.exposure)
 
 
 def _xmp(gains: GainMap, capacity: float) -> bytes:

@@ -14,11 +14,12 @@ from shared.arrays import FloatArray
 from shared.display import SPACES, ColourTransform
 from shared.errors import InputError
 from tests.exiftool import exiftool
-from tests.tools.pictures.test_writer import CALIBRATION, SIZES, encoded, scene, shown
+from tests.tools.pictures.examples import CALIBRATION, SIZES, encoded, scene, shown
+from tests.tools.pictures.examples import KINDS as ALL_KINDS
+from tools.pictures.kind import PictureKind
 from tools.pictures.samples import quantise
-from tools.pictures.writer import POSSIBLE, PictureKind
 
-KINDS = [PictureKind("jxl", bits, space) for space, depths in POSSIBLE["jxl"].items() for bits in depths]
+KINDS = [kind for kind in ALL_KINDS if kind.format == "jxl"]
 LITTLE = 0.012
 """Mean difference at quality 90, relative to white; in other colours than the file says it is 0.05 and more."""
 

@@ -19,16 +19,17 @@ from shared.errors import InputError, PanchromaError
 from tests.data import ROOT
 from tests.tools.command import contents, results, run, start
 from tests.tools.rendering.examples import save_shot
-from tools.host import signals, worker_pool
+from tools.host import signals
 from tools.host.console import WorkerFault, fault
-from tools.host.worker_pool import Note
-from tools.pictures.writer import PictureKind
+from tools.host.processes import Processes
+from tools.host.progress import Note, StageProgress
+from tools.pictures.kind import PictureKind
+from tools.rendering.checks import needed_memory
 from tools.rendering.journal import NAME
-from tools.rendering.picture_file import needed_memory
 
 
-def double(piece: int, note: Note) -> tuple[int, int]:
-    note(f"at {piece}")
+def double(piece: int, listener: StageProgress) -> tuple[int, int]:
+    listener.note(f"at {piece}")
     if piece < 0:
         raise InputError("is negative")
     if piece == 0:
@@ -36,11 +37,11 @@ def double(piece: int, note: Note) -> tuple[int, int]:
     return 2 * piece, os.getpid()
 
 
-def odd(piece: int, note: Note) -> int:
+def odd(piece: int, listener: StageProgress) -> int:
     return [0][piece]
 
 
-def die_once(folder: Path, piece: int, note: Note) -> int:
+def die_once(folder: Path, piece: int, listener: StageProgress) -> int:
     """Piece 3 ends its process the first time, piece 5 every time."""
     if piece == 5 or (piece == 3 and not (folder / "died").exists()):
         (folder / "died").touch()
@@ -48,7 +49,7 @@ def die_once(folder: Path, piece: int, note: Note) -> int:
     return piece
 
 
-def linger(folder: Path, piece: int, note: Note) -> None:
+def linger(folder: Path, piece: int, listener: StageProgress) -> None:
     try:
         (folder / f"{os.getpid()}.begun").touch()
         time.sleep(60)
@@ -56,8 +57,10 @@ def linger(folder: Path, piece: int, note: Note) -> None:
         (folder / f"{os.getpid()}.left").touch()
 
 
-def pool(work: Callable[[Any, Note], Any], pieces: Iterable[Any], count: int = 2, note: Note = print) -> Iterator[tuple[Any, Any]]:
-    return worker_pool.run(work, list(pieces), count, note=note, remedy="use a smaller -j")
+def pool(
+    work: Callable[[Any, StageProgress], Any], pieces: Iterable[Any], count: int = 2, note: Note = print
+) -> Iterator[tuple[Any, Any]]:
+    return Processes(count, note, "use fewer `workers`")(work, list(pieces))
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -77,14 +80,14 @@ def test_what_a_dead_process_was_at_is_done_again_once(tmp_path: Path) -> None:
     killed = found.pop(5)
     assert found == {piece: piece for piece in range(8) if piece != 5}
     assert isinstance(killed, PanchromaError)
-    assert str(killed) == "its process was killed, most likely for want of memory; use a smaller -j"
+    assert str(killed) == "its process was killed, most likely for want of memory; use fewer `workers`"
 
 
 def test_a_fault_in_a_worker_is_told_with_its_place() -> None:
-    with pytest.raises(WorkerFault) as caught:
-        list(pool(odd, [1, 2]))
-    assert fault(caught.value).startswith("a fault of Panchroma, please report it: IndexError in ")
-    assert "worker_pool.py" in str(caught.value)
+    for _, error in pool(odd, [1, 2]):
+        assert isinstance(error, WorkerFault)
+        assert fault(error).startswith("a fault of Panchroma, please report it: IndexError in ")
+        assert "work.py" in str(error)
 
 
 def test_leaving_early_stops_all_in_order(tmp_path: Path) -> None:
@@ -118,7 +121,7 @@ def test_an_interrupt_that_an_import_has_swallowed_stops_the_work(count: int, mo
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     script = (
-        "import sys, pathlib, functools; from tests.tools.host.test_worker_pool import linger, pool\n"
+        "import sys, pathlib, functools; from tests.tools.host.test_processes import linger, pool\n"
         "if __name__ == '__main__': list(pool(functools.partial(linger, pathlib.Path(sys.argv[1])), [1, 2]))"
     )
     parent = subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], cwd=ROOT)

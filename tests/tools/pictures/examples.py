@@ -1,0 +1,57 @@
+"""Small pictures, and how they are written."""
+
+from dataclasses import replace
+from datetime import datetime
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from shared import CaptureMetadata, SensorCalibration
+from shared.arrays import FloatArray
+from shared.display import ColourTransform
+from tools.pictures.development import Development
+from tools.pictures.formats import FORMATS
+from tools.pictures.kind import PictureKind
+from tools.pictures.samples import upright
+from tools.pictures.writing import encode_picture
+
+CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
+METADATA = CaptureMetadata(
+    make="Acme",
+    model="Käthe 3",
+    lens="Acme 50mm",
+    artist="Ada Lovelace",
+    description="Zwei Bäume",
+    taken=datetime(2024, 5, 6, 7, 8, 9),  # noqa: DTZ001  Exif's local time
+    exposure_time=1 / 250,
+    f_number=2.8,
+    iso=400,
+    focal_length=50.0,
+    orientation=6,
+)
+SIZES = [(1, 1), (1, 7), (7, 1), (65, 3), (64, 5), (130, 33)]  # strips of a TIFF are 64 rows
+KINDS = [
+    PictureKind(each.name, bits, space) for each in FORMATS.values() for space, depths in each.spaces.items() for bits in depths
+]
+
+
+def scene(shape: tuple[int, int], channels: int = 3, seed: int = 0) -> FloatArray:
+    """Random scene units, some below black and past white."""
+    return np.random.default_rng(seed).uniform(-0.1, 1.3, (*shape, channels)).astype(np.float32)
+
+
+def development(kind: PictureKind, shape: tuple[int, ...], orientation: int = 6, **changed: Any) -> Development:
+    """How a rendering of `shape` becomes a picture; changed: fields of it."""
+    whole = Development(kind, (shape[0], shape[1]), CALIBRATION, replace(METADATA, orientation=orientation))
+    return replace(whole, **changed)
+
+
+def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, **changed: Any) -> BytesIO:
+    """The file of a picture; changed: fields of its development."""
+    return BytesIO(encode_picture(rgb, development(kind, rgb.shape, orientation, **changed)))
+
+
+def shown(rgb: FloatArray, space: str, orientation: int, calibration: SensorCalibration = CALIBRATION) -> FloatArray:
+    """A picture as the file is to show it, before it is quantised."""
+    return upright(ColourTransform.to_space(calibration, space).apply(rgb), orientation)

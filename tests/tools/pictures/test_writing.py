@@ -1,0 +1,105 @@
+"""Writing pictures: the bytes do not depend on how a picture is divided into bands, and a file is whole or absent."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shared import SensorCalibration
+from shared.arrays import FloatArray
+from shared.errors import ConvergenceError, OutputError
+from tests.tools.pictures.examples import KINDS, development, encoded, scene
+from tools.pictures.formats import FORMATS
+from tools.pictures.kind import PictureKind
+from tools.pictures.samples import regrouped
+from tools.pictures.writing import write_picture
+
+
+def cut(rgb: FloatArray, rows: int) -> Iterator[FloatArray]:
+    return (rgb[top : top + rows].copy() for top in range(0, len(rgb), rows))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=str)
+@pytest.mark.parametrize(("shape", "rows"), [((1, 1), 1), ((130, 33), 7), ((65, 129), 100)])
+def test_bands_of_any_height_are_the_same_bytes(tmp_path: Path, kind: PictureKind, shape: tuple[int, int], rows: int) -> None:
+    for orientation in range(1, 9):
+        rgb, how = scene(shape), development(kind, shape, orientation)
+        path = tmp_path / str(orientation)
+        write_picture(path, cut(rgb, rows), how)
+        assert path.read_bytes() == encoded(rgb, kind, orientation).getvalue()
+    assert len(list(tmp_path.iterdir())) == 8
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_any_number_of_threads_writes_the_same_bytes(tmp_path: Path, name: str) -> None:
+    rgb, how = scene((700, 50)), development(PictureKind.of(name), (700, 50))
+    for threads in (1, 3):
+        write_picture(tmp_path / str(threads), cut(rgb, 90), how, threads=threads)
+    assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["tif", "jpg", "uhdr", "dng"])
+@pytest.mark.parametrize("restored", [True, False])
+def test_the_same_bytes_of_what_is_burnt_out(tmp_path: Path, name: str, restored: bool) -> None:
+    rgb, kind = 4 * scene((70, 30)), PictureKind.of(name)
+    how = development(kind, rgb.shape, exposure=0.0 if name == "dng" else -3.0, restored=restored)
+    write_picture(tmp_path / "whole", [rgb], how)
+    for rows, threads in ((9, 1), (33, 3)):
+        write_picture(tmp_path / f"{rows}", cut(rgb, rows), how, threads=threads)
+        assert (tmp_path / f"{rows}").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+def test_the_same_bytes_of_other_channels(tmp_path: Path) -> None:
+    cyan, rgb, kind = SensorCalibration(channels="CYMG"), scene((70, 30), 4), PictureKind("tif", 32, "camera")
+    write_picture(tmp_path / "bands.tif", cut(rgb, 9), development(kind, rgb.shape, calibration=cyan))
+    assert (tmp_path / "bands.tif").read_bytes() == encoded(rgb, kind, calibration=cyan).getvalue()
+
+
+def fails() -> Iterator[FloatArray]:
+    yield scene((10, 20))
+    raise ConvergenceError("no further")
+
+
+@pytest.mark.parametrize("name", ["tif", "png"])
+@pytest.mark.parametrize("orientation", [1, 6])
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_nothing_is_left_of_a_rendering_that_fails(tmp_path: Path, name: str, orientation: int, overwrite: bool) -> None:
+    path = tmp_path / "picture"
+    if overwrite:
+        path.write_bytes(b"old")
+    with pytest.raises(ConvergenceError):
+        write_picture(path, fails(), development(PictureKind.of(name), (30, 20), orientation), overwrite=overwrite)
+    assert list(tmp_path.iterdir()) == ([path] if overwrite else [])
+    assert not overwrite or path.read_bytes() == b"old"
+
+
+def test_a_full_disk_is_named(tmp_path: Path, full_disk: Callable[[], None]) -> None:
+    full_disk()
+    with pytest.raises(OutputError, match=r"picture\.tif: the disk is full"):
+        write_picture(tmp_path / "picture.tif", cut(scene((9, 9)), 4), development(PictureKind.of("tif"), (9, 9)))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", [PictureKind.of(name) for name in FORMATS], ids=str)
+def test_no_format_overwrites_unasked_or_leaves_parts(kind: PictureKind, tmp_path: Path) -> None:
+    path, rgb, how = tmp_path / f"picture{kind.suffix}", scene((4, 4)), development(kind, (4, 4))
+    path.write_bytes(b"mine")
+    with pytest.raises(OutputError, match="exists already"):
+        write_picture(path, [rgb], how)
+    assert path.read_bytes() == b"mine"
+    write_picture(path, [rgb], how, overwrite=True)
+    assert path.read_bytes() != b"mine"
+    with pytest.raises(OutputError, match="does not exist; create it first"):
+        write_picture(tmp_path / "no" / path.name, [rgb], how)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("heights", [[], [5], [64], [1, 63, 64, 65], [7] * 30, [200]])
+def test_regrouped_rows_are_the_same_rows(heights: list[int]) -> None:
+    rows = np.arange(sum(heights) * 3).reshape(-1, 1, 3)
+    bands = np.split(rows, np.cumsum(heights)[:-1]) if heights else []
+    found = list(regrouped(bands, 64))
+    assert [len(band) for band in found] == [64] * (len(rows) // 64) + [len(rows) % 64] * (len(rows) % 64 > 0)
+    if found:
+        assert np.array_equal(np.concatenate(found), rows)

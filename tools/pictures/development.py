@@ -1,0 +1,90 @@
+"""What a rendering becomes a picture file with."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from shared import CaptureMetadata, SensorCalibration
+from shared.arrays import ByteArray, FloatArray
+from shared.display import ColourTransform
+from shared.tiff import Directory
+
+from .exif_writing import picture_directory
+from .icc_writing import icc_profile
+
+if TYPE_CHECKING:
+    from .kind import PictureKind
+
+CAMERA = "camera"
+"""The space of measurements: the scene units of a rendering."""
+
+
+@dataclass(frozen=True)
+class Development:
+    """How a rendering becomes a picture file.
+
+    kind: format, bits and space of the file.
+    shape: (H, W) of the rendering.
+    calibration: of the sensor; it gives the colours.
+    metadata: capture data; its orientation turns pictures upright.
+    exposure: gain in stops; 0 for the space "camera".
+    restored: see `ColourTransform.to_space`.
+    """
+
+    kind: "PictureKind"
+    shape: tuple[int, int]
+    calibration: SensorCalibration
+    metadata: CaptureMetadata
+    exposure: float = 0.0
+    restored: bool = True
+
+    def check(self) -> None:
+        """Raise InputError if such a rendering cannot become such a file. Call it before rendering."""
+        self.kind.check_exposure(self.exposure)
+        if self.kind.space != CAMERA:
+            _ = self.shown
+        self.kind.kept_as.check(self)
+
+    @cached_property
+    def shown(self) -> ColourTransform:
+        """The colours of the picture, those of sRGB for a measurement. Raises InputError if those of the sensor are unknown."""
+        return ColourTransform.to_space(
+            self.calibration, "srgb" if self.kind.space == CAMERA else self.kind.space, restored=self.restored
+        )
+
+    def whitened(self, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
+        """A rendering or some rows of it as such a picture shows it: white where light is lost (`offline.Rendering.lost`).
+
+        rgb: (H, W, C), scene units; linear pictures and measurements keep it.
+        """
+        return rgb if lost is None or self.kind.space == CAMERA else self.shown.whitened(rgb, lost)
+
+    @property
+    def channels(self) -> str:
+        """The letters of the file's channels."""
+        return self.calibration.channels if self.kind.space == CAMERA else "RGB"
+
+    @property
+    def icc(self) -> bytes:
+        """The colour profile; b"" = none."""
+        return b"" if self.kind.space == CAMERA else icc_profile(self.kind.space)
+
+    @property
+    def turn(self) -> int:
+        """The orientation (TIFF 6.0, tag 274) by which the picture is turned upright; 1 = it is not turned."""
+        return 1 if self.kind.space == CAMERA else self.metadata.orientation
+
+    @property
+    def noted(self) -> CaptureMetadata:
+        """The capture data of the file."""
+        return self.metadata if self.kind.space == CAMERA else replace(self.metadata, orientation=1)
+
+    @property
+    def directory(self) -> Directory:
+        """The capture data as a TIFF directory, with its Exif directory."""
+        return picture_directory(self.noted, srgb=self.kind.space == "srgb")
+
+    @property
+    def written_shape(self) -> tuple[int, int]:
+        """(rows, columns) of the file."""
+        return self.shape[::-1] if self.turn >= 5 else self.shape

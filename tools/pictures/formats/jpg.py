@@ -1,0 +1,86 @@
+"""JPEG with full-resolution colour, capture data and colour profile."""
+
+import struct
+from collections.abc import Iterable
+from typing import Any, BinaryIO, ClassVar
+
+from numpy.typing import NDArray
+
+from shared import CaptureMetadata
+from shared.dng.tags import LONGEST_SIDE
+from shared.errors import InputError
+from shared.jpeg_writing import ROWS, encode_strip, join_strips
+from shared.tiff import encode_tiff
+from tools.host.ahead import ahead
+
+from ..development import Development
+from ..exif_writing import jpeg_directory
+from ..samples import regrouped
+from .format import Format
+
+_LONGEST_EXIF = 65533 - len(b"Exif\0\0")  # what fits a segment
+_QUALITIES, _QUALITY = range(1, 101), 95  # that can be asked for, and that of a JPEG if none is
+
+
+class Jpeg(Format):
+    """JPEG. Only what is compressed is held."""
+
+    name, aliases = "jpg", ("jpeg",)
+    spaces: ClassVar = {"srgb": (8,), "display-p3": (8,)}
+    has_quality = True
+    in_bands = True
+    longest_side = LONGEST_SIDE
+    memory_per_pixel = 3.0  # of noise; pictures take half of that
+
+    def encode(self, file: BinaryIO, bands: Iterable[NDArray[Any]], development: Development, threads: int) -> None:
+        """See `Format`."""
+        level = jpeg_level(development.kind.quality)
+        strips = list(ahead(lambda rows: encode_strip(rows, level, "444"), regrouped(bands, ROWS), threads))
+        file.write(join_strips(strips, development_segments(development)))
+
+
+def encode_jpeg(codes: NDArray[Any], metadata: CaptureMetadata, *, icc: bytes = b"", quality: int | None = None) -> bytes:
+    """Return a JPEG of uint8 RGB (H, W, 3), sRGB.
+
+    metadata: capture data; its orientation is noted, the picture is not turned.
+    icc: profile; b"" = none.
+    quality: 1 to 100; None = 95.
+
+    Raises InputError for another quality, and if a side exceeds 65500 pixels, or the capture data 64 KiB.
+    """
+    level, shape = jpeg_level(quality), (codes.shape[0], codes.shape[1])
+    segments = jpeg_segments(shape, icc, encode_tiff(jpeg_directory(metadata, shape, srgb=True)))
+    return join_strips([encode_strip(rows, level, "444") for rows in regrouped([codes], ROWS)], segments)
+
+
+def check_quality(quality: int | None) -> None:
+    """Raise InputError unless this is a quality, 1 to 100, or None for the usual one."""
+    if quality is not None and quality not in _QUALITIES:
+        raise InputError(f"the quality is {quality}, expected {_QUALITIES[0]} to {_QUALITIES[-1]}")
+
+
+def jpeg_level(quality: int | None) -> int:
+    """The quality of a JPEG, None for the usual one, as a number. Raises InputError unless it is 1 to 100."""
+    check_quality(quality)
+    return _QUALITY if quality is None else quality
+
+
+def development_segments(development: Development) -> bytes:
+    """The segments of a JPEG of a rendering."""
+    shape, srgb = development.written_shape, development.kind.space == "srgb"
+    return jpeg_segments(shape, development.icc, encode_tiff(jpeg_directory(development.noted, shape, srgb=srgb)))
+
+
+def jpeg_segments(shape: tuple[int, int], icc: bytes, exif: bytes) -> bytes:
+    """The segments of a JPEG of (rows, columns) with Exif and profile; for errors see `encode_jpeg`."""
+    height, width = shape
+    if max(height, width) > LONGEST_SIDE:
+        raise InputError(f"{width} x {height} pixels: a side of a JPEG holds at most {LONGEST_SIDE}; use png or tif")
+    if len(exif) > _LONGEST_EXIF:
+        raise InputError(f"the capture data fill {len(exif)} bytes, a JPEG holds at most {_LONGEST_EXIF}; use png or tif")
+    return segment(0xE1, b"Exif\0\0" + exif) + (segment(0xE2, b"ICC_PROFILE\0\1\1" + icc) if icc else b"")
+
+
+def segment(marker: int, data: bytes) -> bytes:
+    """A segment of a JPEG, of at most 65533 bytes."""
+    return struct.pack(">BBH", 0xFF, marker, len(data) + 2) + data

@@ -1,0 +1,99 @@
+"""The kinds of picture files: format, bits and colour space.
+
+A file is either a picture to look at or a measurement. Pictures (spaces "srgb", "display-p3", "linear-srgb") are turned upright and
+carry the space's ICC profile. Measurements ("camera") are the scene units of the rendering, unclipped if the format allows it, and
+keep the sensor's orientation, so that one can be subtracted from another; the orientation is noted if the format has a field for
+it. Capture data are written to every format that has fields for them.
+"""
+
+from dataclasses import dataclass
+
+from shared.display import check_exposure
+from shared.errors import InputError
+from shared.spelling import meant
+
+from .development import CAMERA
+from .formats import FORMATS, Format
+from .formats.jpg import check_quality
+
+
+@dataclass(frozen=True)
+class PictureKind:
+    """A kind of picture file.
+
+    format: a key of `FORMATS`.
+    bits: 8 or 16 = integers (in "exr" half floats), 32 = floating point.
+    space: a key of `SPACES`, or "camera".
+    quality: of a format that has one, 1 to 100; None = the usual one.
+
+    Raises InputError for a kind that its format does not hold, and names those that it holds.
+    """
+
+    format: str
+    bits: int
+    space: str
+    quality: int | None = None
+
+    def __post_init__(self) -> None:
+        kept_as = _known(self.format)
+        check_quality(self.quality)
+        if self.quality is not None and not kept_as.has_quality:
+            lossy = ", ".join(each.name for each in FORMATS.values() if each.has_quality)
+            raise InputError(f"the quality is {self.quality}, but {self.format} is not compressed with loss; use {lossy}")
+        if kept_as.missing:
+            raise InputError(kept_as.missing)
+        if self.space not in kept_as.spaces:
+            raise InputError(f"{self.format} does not hold the space {self.space!r}; it holds {_listed(kept_as)}")
+        if self.bits not in kept_as.spaces[self.space]:
+            raise InputError(f"{self.format} does not hold {self.space} with {self.bits} bits; it holds {_listed(kept_as)}")
+
+    @classmethod
+    def of(
+        cls,
+        format: str = "tif",  # noqa: A002
+        bits: int | None = None,
+        space: str | None = None,
+        quality: int | None = None,
+    ) -> "PictureKind":
+        """Return the kind with None filled in: the first space that has these bits, the first bits of this space."""
+        kept_as = _known(format)
+        for candidate, possible in kept_as.spaces.items():
+            if space in (None, candidate) and bits in (None, *possible):
+                return cls(format, bits or possible[0], candidate, quality)
+        if space is None:
+            raise InputError(f"{format} does not hold {bits} bits; it holds {_listed(kept_as)}")
+        return cls(format, bits or 0, space)  # raises InputError with the reason
+
+    @property
+    def kept_as(self) -> Format:
+        """The format."""
+        return FORMATS[self.format]
+
+    @property
+    def suffix(self) -> str:
+        """The end of the file's name, with the dot."""
+        return self.kept_as.suffix
+
+    @property
+    def has_white_balance(self) -> bool:
+        """Whether pictures are balanced, or (a linear DNG) state how to: all but measurements in scene units."""
+        return self.space != CAMERA or self.format == "dng"
+
+    def check_exposure(self, exposure: float) -> None:
+        """Raise InputError if a picture of this kind cannot have a gain of `exposure` stops."""
+        if self.space != CAMERA:
+            check_exposure(exposure)
+        elif exposure != 0:
+            raise InputError(
+                f'`exposure` is {exposure:g} stops, but `space="camera"` is the scene as measured; choose another space'
+            )
+
+
+def _known(name: str) -> Format:
+    if name not in FORMATS:
+        raise InputError(f"unknown picture format {name!r}; there are {', '.join(FORMATS)}{meant(name, FORMATS)}")
+    return FORMATS[name]
+
+
+def _listed(kept_as: Format) -> str:
+    return ", ".join(f"{space} with {' or '.join(map(str, sorted(bits)))} bits" for space, bits in kept_as.spaces.items())
