@@ -108,7 +108,7 @@ def photograph(path: Path, *, chart: bool = True) -> None:
         print(f"{path.name}: refused: {error}")
         return
     outcome = conclude(Observations(mosaic, shots=(measured,)), REFERENCE)
-    gamma, colours = gamma_of(outcome.evidence), outcome.part(ColourPart)
+    gamma, colours = gamma_of(outcome.evidence), outcome.evidence.part(ColourPart)
     assert gamma is not None
     off = ", ".join(f"{100 * (value - 1):+.2f}" for value in gamma.gamma)
     line = f"{path.name}{'' if chart else ' without chart'}: gamma off by {off} % (± {100 * gamma.worst:.1f})"

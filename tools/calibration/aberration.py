@@ -74,7 +74,7 @@ def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
     others = [each for each in range(len(channels)) if each != reference]
     terms, seen = fitted(shots, others, reference)
     likely = np.diag(np.tile(LIKELY**-2, len(others)))
-    weight = sum(each.weight[0].sum(axis=0) for each in seen) + likely
+    weight = sum(each.lines[0].whole.weight for each in seen) + likely
     spread = jackknife(seen, weight)
     half = half_diagonal(shape)
     _check(shots, seen, terms[others], spread, likely, half)
@@ -96,12 +96,12 @@ def _rings(seen: Sequence[ShotStep], curve: DoubleArray, others: Sequence[int]) 
     """Return what rings of the frame show, see `AberrationResult`."""
     rings = np.full((RINGS, len(curve), 3), np.nan)
     for ring in range(RINGS):
-        weight = sum(each.ring_weight[ring] for each in seen)
+        weight = sum(each.rings.weight[ring] for each in seen)
         radius = (ring + 0.5) / RINGS
         if np.linalg.matrix_rank(weight) < len(others):
             continue
         inverse = np.linalg.inv(weight)
-        step = inverse @ sum(each.ring_gradient[ring] for each in seen)
+        step = inverse @ sum(each.rings.gradient[ring] for each in seen)
         for place, each in enumerate(others):
             error = abs(inverse[place, place]) ** 0.5
             if error < _RING_ERROR:
@@ -119,7 +119,7 @@ def _check(
     """
     corner = np.kron(np.eye(len(terms)), [1.0, 1.0, 0.0, 0.0, 0.0])  # (others, Q)
     error = np.sqrt(np.diag(corner @ spread @ corner.T))
-    rings = sum(np.trace(each.ring_weight, axis1=1, axis2=2) for each in seen)
+    rings = sum(np.trace(each.rings.weight, axis1=1, axis2=2) for each in seen)
     far = float(rings[round(_FAR * RINGS) :].sum() / rings.sum())
     if far < _FAR_SHARE:
         raise InputError(
@@ -127,16 +127,17 @@ def _check(
             "take shots with edges in the corners"
         )
     astray = terms[:, 2:]
-    unsure = np.sqrt(np.diag(spread)).reshape(terms.shape)[:, 2:]
-    if (np.abs(astray) > _ASKEW + _ERRORS * unsure).any():
+    errors = np.sqrt(np.diag(spread)).reshape(terms.shape)[:, 2:]
+    if (np.abs(astray) > _ASKEW + _ERRORS * errors).any():
         shift, turn = np.hypot(astray[:, 0], astray[:, 1]).max(), np.abs(astray[:, 2]).max()
         raise InputError(
             f"shots with edges: a colour is displaced by {shift:.2g} pixels all over the frame, and turned by {turn:.2g} pixels in "
             f"the corners, {_ASKEW:g} are allowed; a lens displaces along the radius. Is it askew, or were the shots altered?"
         )
     for shot, each in zip(shots, seen, strict=True):
-        weight = each.weight[0].sum(axis=0) + likely
-        away = corner @ np.linalg.solve(weight, each.gradient[0].sum(axis=0) - likely @ terms.ravel())
+        whole = each.lines[0].whole
+        weight = whole.weight + likely
+        away = corner @ np.linalg.solve(weight, whole.gradient - likely @ terms.ravel())
         own = jackknife([each], weight)
         off = _APART + _ERRORS * np.sqrt(np.diag(corner @ own @ corner.T))
         if len(shots) > 1 and (np.abs(away) > off).any():

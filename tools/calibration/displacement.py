@@ -32,18 +32,40 @@ _ALIKE = 0.12  # pixels: by which all edges in a row or column of windows may be
 _MEDIAN = 0.455  # of the square of a standard normal variable
 
 
-class ShotStep(NamedTuple):
-    """One Gauss-Newton step in a shot; Q unknowns, L rows or columns of windows.
+class StepSums(NamedTuple):
+    """Sums of a Gauss-Newton step over each of G groups of windows; Q unknowns.
 
-    gradient: (L, Q); weight: (L, Q, Q); both of rows, then of columns.
-    ring_gradient, ring_weight: likewise of a displacement along the radius in each ring, (R, C - 1), (R, C - 1, C - 1).
+    gradient: (G, Q).
+    weight: (G, Q, Q).
+    """
+
+    gradient: DoubleArray
+    weight: DoubleArray
+
+    def grouped(self, group: IndexArray, number: int = 0) -> "StepSums":
+        """Return the sums over larger groups; group: (G,), that each belongs to, number: of larger groups, at least."""
+        number = max(number, int(group.max()) + 1)
+        sums = StepSums(*(np.zeros((number, *each.shape[1:])) for each in self))
+        for total, each in zip(sums, self, strict=True):
+            np.add.at(total, group, each)
+        return sums
+
+    @property
+    def whole(self) -> "StepSums":
+        """The sum over all groups, gradient (Q,) and weight (Q, Q)."""
+        return StepSums(*(each.sum(axis=0) for each in self))
+
+
+class ShotStep(NamedTuple):
+    """One Gauss-Newton step in a shot.
+
+    lines: of each row of windows, and of each column.
+    rings: of a displacement of the C - 1 other channels along the radius, in each ring.
     shares: (N, C), of the channels in luminance, by their slopes over it.
     """
 
-    gradient: tuple[DoubleArray, DoubleArray]
-    weight: tuple[DoubleArray, DoubleArray]
-    ring_gradient: DoubleArray
-    ring_weight: DoubleArray
+    lines: tuple[StepSums, StepSums]
+    rings: StepSums
     shares: DoubleArray
 
 
@@ -57,8 +79,8 @@ def fitted(shots: Sequence[Edges], others: Sequence[int], reference: int) -> tup
         seen = [_step(shot, terms, each, others) for shot, each in zip(shots, shares, strict=True)]
         shares = [each.shares for each in seen]
         likely = np.tile(LIKELY**-2, len(others))
-        weight = sum(each.weight[0].sum(axis=0) for each in seen) + np.diag(likely)
-        gradient = sum(each.gradient[0].sum(axis=0) for each in seen) - likely * terms[others].ravel()
+        weight = sum(each.lines[0].whole.weight for each in seen) + np.diag(likely)
+        gradient = sum(each.lines[0].whole.gradient for each in seen) - likely * terms[others].ravel()
         step = np.linalg.solve(weight, gradient)
         if np.abs(step).max() < _STILL:
             break
@@ -166,24 +188,20 @@ def _step(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequence
     along = slope[:, shot.channel]
     near, wide = along * np.stack([light.down, light.right]), along * np.stack([light.wide_down, light.wide_right])
 
-    def sums(down: DoubleArray, right: DoubleArray) -> tuple[DoubleArray, DoubleArray]:
-        """Return gradient and weight of displacements of the channels in these directions, see `_sums`."""
+    def sums(down: DoubleArray, right: DoubleArray) -> StepSums:
+        """Return the sums of each window, for displacements of the channels in these directions."""
         changes, instruments = (
             [local.left(relative[..., each] * move)[0] for each in others for move in slopes[0] * down + slopes[1] * right]
             for slopes in (near, wide)
         )
         return _sums(changes, instruments, local.weight, residual)
 
-    gradient, weight = sums(down, right)
+    windows = sums(down, right)
     radius = np.maximum(np.sqrt(square), 1e-9)
     in_rings = sums((shot.down / radius)[None], (shot.right / radius)[None])
     ring = np.minimum((radius.mean(axis=1) * RINGS).astype(int), RINGS - 1)
     return ShotStep(
-        (_grouped(gradient, shot.line[0]), _grouped(gradient, shot.line[1])),
-        (_grouped(weight, shot.line[0]), _grouped(weight, shot.line[1])),
-        _grouped(in_rings[0], ring, RINGS),
-        _grouped(in_rings[1], ring, RINGS),
-        _shares(slope, shot),
+        (windows.grouped(shot.line[0]), windows.grouped(shot.line[1])), in_rings.grouped(ring, RINGS), _shares(slope, shot)
     )
 
 
@@ -210,20 +228,13 @@ def _robust(shot: Edges, light: DisplacedLuminance) -> tuple[_Local, DoubleArray
 
 def _sums(
     changes: Sequence[DoubleArray], instruments: Sequence[DoubleArray], weight: DoubleArray, residual: DoubleArray
-) -> tuple[DoubleArray, DoubleArray]:
-    """Return, of each window, the gradient (N, Q) and the weight (N, Q, Q) of Q unknowns.
+) -> StepSums:
+    """Return the sums of each window.
 
     changes: Q times (N, S), of samples with the unknowns; instruments: likewise, hardly correlated with errors of luminance.
     """
     weighted = np.stack(instruments, axis=2) * weight[..., None]
-    return np.einsum("nsq,ns->nq", weighted, residual), weighted.transpose(0, 2, 1) @ np.stack(changes, axis=2)
-
-
-def _grouped(values: DoubleArray, group: IndexArray, number: int = 0) -> DoubleArray:
-    """Return the sums of values, (N, ...), over each group; number: of groups, at least."""
-    sums = np.zeros((max(number, int(group.max()) + 1), *values.shape[1:]))
-    np.add.at(sums, group, values)
-    return sums
+    return StepSums(np.einsum("nsq,ns->nq", weighted, residual), weighted.transpose(0, 2, 1) @ np.stack(changes, axis=2))
 
 
 def jackknife(seen: Sequence[ShotStep], weight: DoubleArray) -> DoubleArray:
@@ -233,13 +244,14 @@ def jackknife(seen: Sequence[ShotStep], weight: DoubleArray) -> DoubleArray:
     """
     spread = np.zeros_like(weight)
     for axis in (0, 1):
-        number = max(len(each.gradient[axis]) for each in seen)
+        lines = [each.lines[axis] for each in seen]
+        number = max(len(each.gradient) for each in lines)
         gradient, known = np.zeros((number, len(weight))), np.zeros((number, *weight.shape))
-        for each in seen:
-            gradient[: len(each.gradient[axis])] += each.gradient[axis]
-            known[: len(each.weight[axis])] += each.weight[axis]
+        for each in lines:
+            gradient[: len(each.gradient)] += each.gradient
+            known[: len(each.weight)] += each.weight
         whole = gradient.sum(axis=0)
         changes = np.linalg.solve(weight - known, (whole - gradient)[..., None])[..., 0] - np.linalg.solve(weight, whole)
-        shifted = np.concatenate([np.linalg.solve(weight, each.weight[axis][:, :, 2 + axis :: TERMS]) for each in seen])
+        shifted = np.concatenate([np.linalg.solve(weight, each.weight[:, :, 2 + axis :: TERMS]) for each in lines])
         spread += (number - 1) / number * changes.T @ changes + _ALIKE**2 * np.einsum("lqc,lrc->qr", shifted, shifted)
     return spread

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -25,50 +25,28 @@ PARTS: tuple[type[Part], ...] = (BlackLevelPart, GammaPart, DefectsPart, NoisePa
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
 _MOVED = 2.0  # standard errors of the black level
 
-P = TypeVar("P", bound=Part)
-
 
 @dataclass(frozen=True, eq=False)
 class Conclusion:
     """The result of a calibration.
 
-    camera: the camera; None if the frames cannot determine it.
     evidence: what it was concluded from, and the parts.
-    more_warnings: sentences for the user that belong to no part.
+    camera: the camera; None if the frames cannot determine it.
+    refusal: the reason why there is no camera; "" if there is one.
+    contradictions: sentences on what does not fit together, beyond doubt: the camera must not be used.
+    warnings: sentences for the user.
     """
 
-    camera: Camera | None
     evidence: Evidence
-    more_warnings: tuple[str, ...] = ()
-
-    def part(self, kind: type[P]) -> P | None:
-        """Return the part of this kind, None if there is none."""
-        return self.evidence.part(kind)
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """The parts that the frames concern."""
-        return self.evidence.parts
-
-    @property
-    def refusal(self) -> str:
-        """The reason why there is no camera; "" if there is one."""
-        return "; ".join(part.refusal for part in self.parts if part.refusal)
-
-    @property
-    def contradictions(self) -> list[str]:
-        """Sentences on what does not fit together, beyond doubt: the camera must not be used."""
-        return [line for part in self.parts for line in part.contradictions]
-
-    @property
-    def warnings(self) -> list[str]:
-        """Sentences for the user."""
-        return [*self.evidence.seen.remarks, *(line for part in self.parts for line in part.warnings), *self.more_warnings]
+    camera: Camera | None
+    refusal: str
+    contradictions: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def verdict(self) -> str:
         """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None or self.contradictions or any(part.useless for part in self.parts):
+        if self.camera is None or self.contradictions or any(part.useless for part in self.evidence.parts):
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 
@@ -96,18 +74,21 @@ def conclude(
     for kind in PARTS:
         if part := kind.concluded(evidence):
             evidence = replace(evidence, parts=(*evidence.parts, part))
-    measured = {part.name: {**(provenance or {}), **part.facts} for part in evidence.parts if part.facts is not None}
-    changes: dict[str, Any] = {name: value for part in evidence.parts for name, value in part.changes.items()}
+    parts = evidence.parts
+    measured = {part.name: {**(provenance or {}), **part.facts} for part in parts if part.facts is not None}
+    changes: dict[str, Any] = {name: value for part in parts for name, value in part.changes.items()}
     if old and calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
         ratio = replace(calibration, gamma=changes["gamma"]).full_scale / calibration.full_scale
         levels = calibration.noise.shot, calibration.noise.read
         changes["noise"] = NoiseModel(*(tuple(ratio * figure for figure in figures) for figures in levels))
-    conclusion = Conclusion(None, evidence, _outdated(evidence, measured))
-    if conclusion.refusal:
-        return conclusion
-    camera = Camera(replace(calibration, **changes), seen.base.pattern, {**evidence.known, **measured})
-    return replace(conclusion, camera=camera)
+    refusal = "; ".join(part.refusal for part in parts if part.refusal)
+    camera = None
+    if not refusal:
+        camera = Camera(replace(calibration, **changes), seen.base.pattern, {**evidence.known, **measured})
+    contradictions = tuple(line for part in parts for line in part.contradictions)
+    warnings = (*seen.remarks, *(line for part in parts for line in part.warnings), *_outdated(evidence, measured))
+    return Conclusion(evidence, camera, refusal, contradictions, warnings)
 
 
 def _outdated(evidence: Evidence, measured: Mapping[str, Any]) -> tuple[str, ...]:

@@ -155,7 +155,7 @@ def _write_report(folder: Path, conclusion: "Conclusion", provenance: dict[str, 
     from tools.calibration.report import report
 
     write_durably(folder / "report.html", report(conclusion, provenance, console.worded), overwrite=True)
-    colour = conclusion.part(ColourPart)
+    colour = conclusion.evidence.part(ColourPart)
     if colour is not None and colour.camera_levels.shape[1] == 3:
         write_durably(folder / "chart.ti3", ti3(conclusion.evidence.chart_colours, colour.camera_levels).encode(), overwrite=True)
     console.say(f"{folder / 'report.html'}: {conclusion.verdict}")
@@ -178,7 +178,7 @@ def _write(output: Path, conclusion: "Conclusion", old: Camera | None, console: 
         return FAILED
     kept = write_camera(output, camera, overwrite=replace_existing)
     if old is not None:
-        new = [part.name for part in conclusion.parts if part.facts is not None]
+        new = [part.name for part in conclusion.evidence.parts if part.facts is not None]
         console.say(*(f"  {line}" for line in difference(old, camera)))
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")

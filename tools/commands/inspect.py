@@ -107,7 +107,7 @@ def _camera(source: str) -> Outcome:
     }
     rows["levels"] += f" ({calibration.bits} bits)"
     for part, how in camera.measured.items():
-        rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items() if name != "kept")
+        rows[f"{part}:"] = ", ".join(f"{name} {_text(value)}" for name, value in how.items())
     lines = (f"  {name:<13}{value}" for name, value in rows.items())
     return Outcome({"camera": camera.to_json(), "calibration_id": calibration.id}, (source, *lines))
 
