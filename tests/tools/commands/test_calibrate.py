@@ -1,6 +1,5 @@
 """The verb: files in, camera.json and report out."""
 
-import json
 import re
 from dataclasses import replace
 from itertools import product
@@ -17,17 +16,13 @@ from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, tru
 from tests.tools.command import run
 from tools.calibration.camera_file import difference, write_camera
 from tools.calibration.reference import read_reference, ti3
-from tools.cli import main
+from tools.calibration.shot import measure_chart
 from tools.commands.calibrate import color_checker_xyz
 
 pytest.importorskip("cv2")
 CORNERS = [f"{x:.1f},{y:.1f}" for x, y in true_place().corners]
-
-
-def panchroma(*words: str | Path) -> int:
-    with pytest.raises(SystemExit) as left:
-        main([str(word) for word in words])
-    return int(left.value.code or 0)
+CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
+BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green and blue
 
 
 def save(path: Path, mosaic: Mosaic) -> Path:
@@ -63,9 +58,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     output = tmp_path / "camera.json"
-    assert panchroma("calibrate", folder, "-o", output, "--report", tmp_path, "--json") == 0
+    outcome = run("calibrate", folder, "-o", output, "--report", tmp_path, "--json")
+    assert outcome.code == 0, outcome.err
     camera = read_camera(output)
     assert TRUTH.noise is not None
     assert camera.calibration.noise is not None
@@ -75,9 +71,8 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path, capsys: pytest.
     assert set(camera.measured) == {"gamma", "noise", "black_level", "defects", "colour", "shading"}
     assert camera.calibration.shading is None  # the flat frames are even
     assert camera.pattern == read_dng(folder / "chart.dng").pattern
-    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [record["ok"] for record in records] == [True] * 10
-    assert records[-1]["id"] == camera.calibration.id
+    assert [record["ok"] for record in outcome.records] == [True] * 10
+    assert outcome.records[-1]["id"] == camera.calibration.id
 
     page = (tmp_path / "report.html").read_text("utf-8")
     assert "Use it" in page
@@ -88,14 +83,13 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path, capsys: pytest.
     np.testing.assert_allclose(read_reference(tmp_path / "chart.ti3"), color_checker_xyz(), atol=1e-6)
 
     # Refuses to overwrite, and simulates and renders with what was measured.
-    assert panchroma("calibrate", folder, "-o", output) == 2
-    assert panchroma("simulate", "chart:120x80", "-o", tmp_path, "--camera", output, "--protocol", "sensor") == 0
+    assert run("calibrate", folder, "-o", output).code == 2
+    assert run("simulate", "chart:120x80", "-o", tmp_path, "--camera", output, "--protocol", "sensor").code == 0
     assert read_dng(tmp_path / "chart-120x80.dng").calibration.camera == camera.calibration.id
-    assert panchroma("render", tmp_path / "chart-120x80.dng", "-o", tmp_path, "--camera", output) == 0
-    assert panchroma("simulate", "chart:120x80", "-o", tmp_path, "--camera", output, "--period", "8", "--overwrite") == 2
-    assert "period 8" in capsys.readouterr().err
-    assert panchroma("inspect", output) == 0
-    shown = capsys.readouterr().out
+    assert run("render", tmp_path / "chart-120x80.dng", "-o", tmp_path, "--camera", output).code == 0
+    other = run("simulate", "chart:120x80", "-o", tmp_path, "--camera", output, "--period", "8", "--overwrite")
+    assert (other.code, "period 8" in other.err) == (2, True)
+    shown = run("inspect", output).out
     assert camera.calibration.id in shown
     assert "half_width_95" in shown
 
@@ -121,35 +115,31 @@ def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Pat
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.json", "camera.json.bak"]
 
 
-def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    grey = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2)))
-    output = tmp_path / "camera.json"
-    assert panchroma("calibrate", grey, tmp_path / "absent.dng", "-o", output) == 1
-    errors = capsys.readouterr().err
-    assert "no ColorChecker was found" in errors
-    assert "absent.dng" in errors
-    assert not output.exists()
+def test_bad_shots_are_skipped_with_a_line_and_nothing_is_written_without_a_good_one(folder: Path, tmp_path: Path) -> None:
+    grey, output = save(tmp_path / "grey.dng", frame(np.full((60, 90, 3), 0.2))), tmp_path / "camera.json"
+    outcome = run("calibrate", grey, tmp_path / "absent.dng", "-o", output)
+    assert (outcome.code, output.exists()) == (1, False)
+    assert re.search(r"no ColorChecker was found.*give its corners: --corners x,y x,y x,y x,y", outcome.err)
+    assert "absent.dng" in outcome.err
     other = save(tmp_path / "other.dng", frame(chart().rgb, 8))
-    assert panchroma("calibrate", folder / "chart.dng", other, "-o", output) == 1
-    assert "period 8" in capsys.readouterr().err
+    outcome = run("calibrate", folder / "chart.dng", other, "-o", output)
+    assert (outcome.code, "period 8" in outcome.err) == (1, True)
     assert read_camera(output).calibration.gamma == pytest.approx(TRUTH.gamma, rel=0.02)
 
 
-def test_what_cannot_work_is_refused_before_the_work(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    shot = folder / "chart.dng"
+def test_what_cannot_work_is_refused_before_the_work(folder: Path, tmp_path: Path) -> None:
+    shot, output = folder / "chart.dng", tmp_path / "camera.json"
     commands: tuple[tuple[list[str | Path], str], ...] = (
-        (["-o", tmp_path / "camera.json"], "nothing to calibrate from"),
+        (["-o", output], "nothing to calibrate from"),
         ([shot, "-o", tmp_path], "is a folder"),
         ([shot, "-o", tmp_path / "no" / "camera.json"], "does not exist"),
-        ([shot, shot, "--corners", *CORNERS, "-o", tmp_path / "camera.json"], "one shot"),
-        ([shot, "--corners", "1", "2", "3", "4", "-o", tmp_path / "camera.json"], "is not 2 numbers with commas between them"),
+        ([shot, shot, "--corners", *CORNERS, "-o", output], "one shot"),
+        ([shot, "--corners", "1", "2", "3", "4", "-o", output], "is not 2 numbers with commas between them"),
         ([shot, "-o", shot, "--overwrite"], "is an input"),
     )
     for words, why in commands:
-        assert panchroma("calibrate", *words) == 2
-        assert why in capsys.readouterr().err
+        outcome = run("calibrate", *words)
+        assert (outcome.code, why in outcome.err) == (2, True), why
 
 
 def camera(measured: tuple[str, ...], **changes: Any) -> Camera:
@@ -166,18 +156,18 @@ def test_the_difference_is_in_figures_that_look_different() -> None:
     assert not difference(old, alike)
 
 
-def test_another_sensor_is_not_updated(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_sensor_is_not_updated(tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     write_camera(path, camera(("gamma",)))
     text = path.read_text()
-    dark = np.zeros((60, 90, 3))
     for says, words in (
         (replace(BLIND, sensor="other"), r"camera.json: .*'other'.*'bench'"),
         (replace(BLIND, white_level=4000), "white level 4000, the camera file 4095"),
     ):
-        other = save(tmp_path / "other.dng", frame(dark, says=says))
-        assert panchroma("calibrate", "--dark", other, "-o", path, "--update") == 2
-        assert re.search(words, capsys.readouterr().err)
+        other = save(tmp_path / "other.dng", frame(np.zeros((60, 90, 3)), says=says))
+        outcome = run("calibrate", "--dark", other, "-o", path, "--update")
+        assert outcome.code == 2
+        assert re.search(words, outcome.err)
         assert path.read_text() == text
         other.unlink()
 
@@ -235,7 +225,7 @@ def test_hot_pixels_stay_when_only_flat_frames_are_new(folder: Path, tmp_path: P
 
 @pytest.mark.parametrize("camera", [[], ["--period", "4", "--sensor-bits", "16"]])
 def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: Path) -> None:
-    """As the README tells a newcomer who has no camera; two flat frames of the same seed are refused."""
+    """As the README tells a newcomer who has no camera."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
     for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
         to = tmp_path / f"{kind}{light}-{seed}"
@@ -255,12 +245,6 @@ def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: P
     assert known.noise is not None
     np.testing.assert_allclose(known.noise.shot, typical.shot, rtol=0.05)
     np.testing.assert_allclose(known.noise.read, typical.read, rtol=0.05)
-    again = tmp_path / "again"
-    assert run("simulate", "flat:720x480", "-o", again, "--protocol", "sensor", "--light", "0.3", "--seed", "1", *camera).code == 0
-    copies = [tmp_path / "flat0.3-1" / "flat-720x480.dng", again / "flat-720x480.dng"]
-    outcome = run("calibrate", "--flat", *copies, "--dark", *frames["dark"], "-o", tmp_path / "none.json")
-    assert outcome.code == 1
-    assert "have the same noise" in outcome.err
 
 
 def test_the_read_noise_of_dark_frames_reaches_the_noise_of_a_chart(folder: Path, tmp_path: Path) -> None:
@@ -294,53 +278,44 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("kind", ["dark", "flat"])
-def test_a_frame_and_its_copy_measure_nothing(kind: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    name = "dark0.dng" if kind == "dark" else "flat50.dng"
+def test_a_frame_and_its_copy_measure_nothing(kind: str, folder: Path, tmp_path: Path) -> None:
+    name, output = "dark0.dng" if kind == "dark" else "flat50.dng", tmp_path / "camera.json"
     copy = save(tmp_path / "copy.dng", read_dng(folder / name))
-    output = tmp_path / "camera.json"
-    assert panchroma("calibrate", f"--{kind}", folder / name, copy, "-o", output) == 1
-    assert "copy.dng and " in (said := capsys.readouterr().err)
-    assert "have the same noise" in said
-    assert not output.exists()
+    outcome = run("calibrate", f"--{kind}", folder / name, copy, "-o", output)
+    assert (outcome.code, output.exists()) == (1, False)
+    assert re.search("copy.dng and .* have the same noise", outcome.err)
 
 
-@pytest.mark.parametrize(("order", "says"), [("BGGR", "RGGB"), ("GRBG", "GBRG"), ("RGGB", "BGGR")])
-def test_red_and_blue_exchanged_show_on_the_chart(
-    order: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    right, wrong = (CfaPattern.bayer(6, letters) for letters in (order, says))
-    taken = simulate_sensor(chart().rgb, right, TRUTH, 1.0, np.random.default_rng(0))
-    shot = save(tmp_path / "chart.dng", Mosaic(taken.codes, wrong, BLIND))
-    assert panchroma("calibrate", shot, "-o", tmp_path / "camera.json") == 1
-    said = capsys.readouterr().err
-    assert "the chart shows that red and blue are exchanged" in said
-    assert "/".join(right.letters_from()) in said
-    assert not (tmp_path / "camera.json").exists()
+@pytest.mark.parametrize(
+    ("right", "wrong", "names"),
+    [
+        *(
+            (CfaPattern.bayer(6, right), CfaPattern.bayer(6, wrong), "red and blue")
+            for right, wrong in (("BGGR", "RGGB"), ("GRBG", "GBRG"), ("RGGB", "BGGR"))
+        ),
+        (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
+    ],
+)
+def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
+    light = chart().rgb if right.channels == "RGB" else chart().rgb @ BROAD
+    true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
+    codes = simulate_sensor(light.astype(np.float32), right, true, 1.0, np.random.default_rng(0)).codes
+    with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
+        measure_chart("chart.dng", Mosaic(codes, wrong, says), color_checker_xyz(), true_place().corners)
 
 
-def test_a_scattered_tile_of_cyan_magenta_and_yellow_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    right, wrong = (CfaPattern.of_letters(tile, (0, 1), "CMY") for tile in ("WYWC/YWCW/WCWM/CWMW", "WMWC/MWCW/WCWY/CWYW"))
-    camera, light = replace(TRUTH, channels="CMY"), (chart().rgb @ (1 - np.eye(3)) / 2).astype(np.float32)
-    says = replace(BLIND, channels="CMY")
-    for name, pattern in (("chart", right), ("exchanged", wrong)):
-        codes = simulate_sensor(light, right, camera, 1.0, np.random.default_rng(0)).codes
-        save(tmp_path / f"{name}.dng", Mosaic(codes, pattern, says))
-    for number, level in enumerate((0.0, 0.0, 0.1, 0.1, 0.8, 0.8)):
-        even = np.full((*chart().shape, 3), level, np.float32)
-        codes = simulate_sensor(even, right, camera, 1.0, np.random.default_rng(number)).codes
-        save(tmp_path / f"{'flat' if level else 'dark'}{number}.dng", Mosaic(codes, right, says))
-    output = tmp_path / "camera.json"
-    (tmp_path / "exchanged.dng").rename(tmp_path / "exchanged")
-    assert panchroma("calibrate", tmp_path, "-o", output, "--report", tmp_path) == 0
-    measured = read_camera(output)
+def test_a_scattered_tile_of_cyan_magenta_and_yellow_from_end_to_end(tmp_path: Path) -> None:
+    for number, (name, level) in enumerate((("chart", 0.0), *(("dark", 0.0),) * 2, *(("flat", 0.1),) * 2, *(("flat", 0.8),) * 2)):
+        light = chart().rgb @ BROAD if name == "chart" else np.full((*chart().shape, 3), level)
+        true, says = (replace(each, channels="CMY") for each in (TRUTH, BLIND))
+        codes = simulate_sensor(light.astype(np.float32), CMY, true, 1.0, np.random.default_rng(number)).codes
+        save(tmp_path / f"{name}{number}.dng", Mosaic(codes, CMY, says))
+    outcome = run("calibrate", tmp_path, "-o", tmp_path / "camera.json", "--report", tmp_path)
+    assert outcome.code == 0, outcome.err
+    measured = read_camera(tmp_path / "camera.json")
     np.testing.assert_allclose(measured.calibration.gamma, TRUTH.gamma, rtol=0.01)
     np.testing.assert_allclose(measured.calibration.noise.shot, TRUTH.noise.shot, rtol=0.1)  # type: ignore[union-attr]
-    assert measured.pattern == right
-    capsys.readouterr()
-    assert panchroma("calibrate", (tmp_path / "exchanged").rename(tmp_path / "exchanged.dng"), "-o", tmp_path / "no.json") == 1
-    said = capsys.readouterr().err
-    assert "magenta and yellow are exchanged" in said
-    assert "/".join(right.letters_from()) in said
+    assert measured.pattern == CMY
 
 
 @pytest.mark.parametrize("errors", [7, ["x"] * 4, [True] * 4, [1.0] * 3])
