@@ -132,7 +132,7 @@ class ColourTransform:
         """A picture in which what is lost is burnt out, for display; a linear one stays as it is.
 
         rgb: (H, W, C), scene units.
-        lost: (H, W), how far the shot does not tell what the light was, 255 = not at all; None = nowhere.
+        lost: (H, W), how far the shot does not show what the light was, 255 = not at all; None = nowhere.
         """
         if lost is None or self.space.linear or not lost.any():
             return rgb

@@ -71,7 +71,7 @@ class OfLens:
         return f" at {self.focal_length:g} mm" if self.focal_length else ""
 
     def zoomed(self, focal_length: float | None) -> str:
-        """What to tell of a shot at this focal length, millimetres: "" unless this was measured at another one.
+        """A note on a shot at this focal length, millimetres: "" unless this was measured at another one.
 
         >>> from shared import Shading
         >>> Shading([[[1.0] * 4] * 4] * 4, (800, 1200), focal_length=35).zoomed(50)

@@ -1,4 +1,4 @@
-"""Progress reports of long-running work, which does not know who listens."""
+"""Progress reports of long-running work, independent of who listens."""
 
 from .arrays import ByteArray
 
@@ -27,7 +27,7 @@ class Progress:
         """
 
     def lost(self, places: ByteArray) -> None:
-        """Where a clipped shot does not tell how bright it was, nor of which colour: a picture to look at is white there.
+        """Where a clipped shot does not show how bright it was, nor of which colour: a picture to look at is white there.
 
         places: uint8 (H, W), 255 = nothing is known; of the whole frame, before its first band. No frame, no report: all is known.
         """

@@ -1,4 +1,4 @@
-"""What a user may have meant by a word that nobody knows."""
+"""The known word that a user probably meant by a misspelt one."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

@@ -85,7 +85,7 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     variance = g.variance(blocks.luminance)
     light = g("Max", blocks.luminance, g.floor)
     power = g("Mul", light, light)
-    colours = g("Mul", parts, light)  # of two blocks that are alike the lighter one knows more
+    colours = g("Mul", parts, light)  # of two similar blocks the brighter one has less noise
     alike = g("Add", g("Mul", power, _ALIKE), g("Mul", variance, _ALIKE_NOISE))
     mean = with_neighbours(g, colours, similarity(g, colours, alike, 1), 1)
     similar = g("Slice", similarity(g, colours, alike, 2), [1], [-1], [1])

@@ -178,7 +178,7 @@ def _kept_data(field: StoredField, kept: Kept) -> bytes:
 
 
 def _makes_sense(directory: DirectoryName, tag: int, data: bytes, stored: StoredDirectories) -> bool:
-    """Whether a field of the GPS directory says what it says together with its reference: half a place is a wrong one."""
+    """Whether a field of the GPS directory needs its reference field: half a position is a wrong one."""
     if directory != "gps":
         return True
     if tag == GPS_VERSION:

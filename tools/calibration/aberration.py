@@ -1,7 +1,7 @@
 """Lateral chromatic aberration from edges: how far each channel is displaced along the radius of the frame.
 
-One channel is where the others relate to. All shots are fitted together. A lens displaces along the radius, symmetrically; what is
-fitted beside that, a shift and a turn, shows whether it was one.
+Displacements are relative to one channel. All shots are fitted together. A centred lens displaces along the radius, symmetrically;
+a shift and a turn are fitted too, to see whether it was one.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from .edges import Edges
 from .flat_frames import common_focal_length
 
 _RADII = (0.5, 0.75, 1.0)  # shares of half the diagonal, where a displacement may be seen
-_LEAST, _CLEAR = 0.05, 5.0  # pixels, standard errors: less is none
+_LEAST, _CLEAR = 0.05, 5.0  # pixels, standard errors: less counts as none
 _WORST, _LARGEST = 0.2, 0.3  # pixels: standard error in the corners, in general, and if it is a quarter of the displacement
 _ERRORS = 4.0
-_FAR, _FAR_SHARE = 0.6, 0.05  # radius beyond which edges have to be, and the share of what is known that has to come from there
+_FAR, _FAR_SHARE = 0.6, 0.05  # radius beyond which edges have to be, and the least share of the information from there
 _ASKEW = 0.3  # pixels: shift, or turn in the corners, beyond its error
 _APART = 0.3  # pixels: of a shot in the corners, beyond its error
 _MOST_SHARE = 0.05  # displacement in the corners, share of half the diagonal
@@ -35,7 +35,7 @@ _DIGITS = 6
 class AberrationResult:
     """What edges show of lateral chromatic aberration.
 
-    aberration: None = there is none to speak of.
+    aberration: None = none was found.
     channels: letters of the channels.
     shots: number of shots.
     corner: (C,), displacement in the corners, pixels.
@@ -63,7 +63,7 @@ class AberrationResult:
 
 
 def measure_aberration(shots: Sequence[Edges]) -> AberrationResult:
-    """Measure the lateral chromatic aberration that edges show. Raises InputError with the reason if they do not tell it."""
+    """Measure the lateral chromatic aberration that edges show. Raises InputError with the reason if they do not determine it."""
     focal = common_focal_length(((shot.name, shot.focal_length) for shot in shots), "shots with edges")
     shape, channels, gamma = shots[0].shape, shots[0].channels, shots[0].gamma
     for shot in shots:
@@ -112,7 +112,7 @@ def _rings(seen: Sequence[ShotStep], curve: DoubleArray, others: Sequence[int]) 
 def _check(
     shots: Sequence[Edges], seen: Sequence[ShotStep], terms: DoubleArray, spread: DoubleArray, likely: DoubleArray, half: float
 ) -> None:
-    """Raise InputError if the edges do not tell the displacement, or tell one that no lens makes.
+    """Raise InputError if the edges do not determine the displacement, or show one that no centred lens makes.
 
     terms: (others, terms); spread: their covariance; likely: their weight before.
     half: half the diagonal, pixels.

@@ -23,7 +23,7 @@ from .dark_frames import DarkResult
 _UNKNOWN_BLACK = (
     0.5  # of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64 are assumed
 )
-_STEADY = 0.3  # codes of 12 bits: by so much black moves between dark frames and other shots
+_STEADY = 0.3  # codes of 12 bits: drift of black between dark frames and other shots
 # Of the light, in the corners: behind its usual lens an IMX219 loses 34 % more red there, 5 % less blue (libcamera's tuning file).
 _UNKNOWN_COLOUR, _UNKNOWN_TILT = 0.15, 0.02
 _KNOWN_COLOUR = (

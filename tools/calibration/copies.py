@@ -18,7 +18,7 @@ _OUTLIER = 5.0  # standard deviations
 
 
 def refuse_copies(frames: Sequence[tuple[str, Mosaic]], alike: float) -> None:
-    """Raise InputError if two frames have the same noise: copies, perhaps edited, scaled or coded anew.
+    """Raise InputError if two frames have the same noise: copies, perhaps edited, scaled or re-encoded.
 
     frames: path and frame, of one camera, of equal size.
     alike: correlation above which the noise of two frames cannot be independent.

@@ -1,6 +1,6 @@
 """The places of a shot with the most edges: colour samples, and the luminance around them.
 
-What is known of luminance at a colour site is filled in, and wrong there by about as much as luminance is curved.
+Luminance at a colour site is filled in; its error is about as large as the curvature of luminance.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ _STRAIGHT = 0.5, 0.9  # coherence of slopes: from which on edges are straight, a
 _STEP = 2.0  # pixels to both sides along an edge, where holes end
 _ROUNDS = 3  # number of fill-and-refit iterations
 _BORDER = 4  # pixels of a window in which nothing is filled anew
-_CURVED = 20  # times the variance of noise that it adds to the squared Laplacian
+_CURVED = 20  # times its variance is what noise adds to the squared Laplacian
 
 
 class DisplacedLuminance(NamedTuple):
@@ -93,7 +93,7 @@ class Edges:
     _curvature: FloatArray  # likewise, squared
 
     def luminance(self, down: DoubleArray, right: DoubleArray) -> DoubleArray:
-        """Return luminance where samples are displaced by so much, pixels; all (N, S)."""
+        """Return luminance at the samples, displaced by these numbers of pixels; all (N, S)."""
         return self._at(self._spline, down, right, 3)
 
     def displaced(self, down: DoubleArray, right: DoubleArray) -> DisplacedLuminance:

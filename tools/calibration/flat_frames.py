@@ -59,7 +59,7 @@ def mean_of_unclipped(frames: Sequence[tuple[str, Mosaic]]) -> tuple[DoubleArray
 
 
 def check_alike(parts: dict[str, DoubleArray]) -> None:
-    """Raise InputError if the light of a frame falls off in another way than that of all; parts: as of `mean_of_unclipped`."""
+    """Raise InputError if the light of a frame falls off in another way than that of all; parts: see `mean_of_unclipped`."""
     together = np.sum(list(parts.values()), axis=0)
     brightest = max(part.mean() for part in parts.values())
     for name, part in parts.items():

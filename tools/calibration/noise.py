@@ -102,7 +102,7 @@ def noise_of_flats(
     dark: measurements of dark frames; None = the read noise is the intercept of the fit.
     black_error: (C + 1,), standard error of the black level, codes; None = it is exact.
 
-    Raises InputError if the pairs do not tell how the noise grows with light.
+    Raises InputError if the pairs do not show how the noise grows with light.
     """
     noise = _fitted(flats.points, calibration, dark, black_error, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
     if fault := _undetermined(noise, calibration):

@@ -20,7 +20,7 @@ class PhotonTransfer:
 
     shot: variance per level.
     read: standard deviation without light.
-    shot_error, read_error: their standard errors; infinite = the places do not tell; 0 = given, not fitted.
+    shot_error, read_error: their standard errors; infinite = the places do not determine them; 0 = given, not fitted.
     """
 
     shot: float
@@ -65,7 +65,7 @@ def fit_photon_transfer(mean: DoubleArray, variance: DoubleArray, count: DoubleA
     weight = np.sqrt((count - 1) / 2) / predicted
     scaled = columns[kept] * weight[kept, None]
     information = scaled.T @ scaled
-    # A pseudo-inverse would report an error of nearly 0 for what the places do not tell.
+    # A pseudo-inverse would report an error of nearly 0 for what the places do not determine.
     determined = kept.any() and np.linalg.matrix_rank(information, hermitian=True) == len(information)
     errors = np.sqrt(np.diag(np.linalg.inv(information))) if determined else np.full(len(information), np.inf)
     # Places that differ by more than noise explains, as with texture, tell it less well.

@@ -89,7 +89,7 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
 
 
 def _with_texture(equations: NormalEquations, gamma: DoubleArray) -> NormalEquations:
-    """Return what a scene tells if texture adds errors of _FLOOR to gamma and _FLOOR_OFFSET to the offset: Woodbury's identity."""
+    """Return the information if texture adds errors of _FLOOR to gamma and _FLOOR_OFFSET to the offset: Woodbury's identity."""
     information, right_hand_side = equations.information, equations.right_hand_side
     count = len(gamma) + 1
     errors = np.append(_FLOOR * np.abs(gamma), _FLOOR_OFFSET)

@@ -1,6 +1,6 @@
-"""Shading from flat frames: a smooth gain for each plane, and the reasons for which flat frames cannot tell it.
+"""Shading from flat frames: a smooth gain for each plane, and the reasons why flat frames may not determine it.
 
-An evenly lit surface shows the shading itself. Nothing tells uneven light from shading but what lenses do: they darken the picture
+An evenly lit surface shows the shading itself. Uneven light differs from shading only by what lenses do: they darken the picture
 around a centre near its middle. So light that is brighter on one side, in all or in one colour, and a centre far off, are refused,
 and so are frames that differ among each other, and what no smooth map describes.
 
@@ -45,7 +45,7 @@ _DIGITS = 6
 class ShadingResult:
     """What flat frames show of the shading.
 
-    shading: None = there is none to speak of.
+    shading: None = none was found.
     frames: number of frames that it comes from; those that are clipped are left out.
     error: standard error of the gain where it is known worst, as a share, if the black level is right.
     light: (C + 1,), in the middle of the frame, codes above black.
@@ -96,7 +96,7 @@ def measure_shading(frames: Sequence[tuple[str, Mosaic]]) -> ShadingResult:
     """Measure the shading that evenly lit frames show.
 
     frames: name and frame, all of one camera and of equal size; their calibration has no shading.
-    Raises InputError with the reason if they do not tell it.
+    Raises InputError with the reason if they do not determine it.
     """
     pattern, shape = frames[0][1].pattern, frames[0][1].shape
     least = _FEWEST_TILES * _TILE * pattern.period
@@ -276,7 +276,7 @@ def _check_light(tiles: _Tiles, shading: Shading, letters: str) -> None:
             f"{100 * _CENTRE:.0f} % are allowed; is the lens or the light askew?"
         )
     tilts = {"": (0.0 if clearly else tilt, side)}
-    centres = [np.zeros(2), *([displaced.x] if away <= _CENTRE else [])]  # which of them it is, little fall-off does not tell
+    centres = [np.zeros(2), *([displaced.x] if away <= _CENTRE else [])]  # with little fall-off both are possible
     for letter, gain, weight in zip(letters, gains[:-1], weights[:-1], strict=True):
         tilts[f" in {letter}, compared with W"] = min(tilted(centre, np.log(gains[-1] / gain), weight)[:2] for centre in centres)
     for which, (tilt, side) in tilts.items():

@@ -1,4 +1,4 @@
-"""Where a picture shows a wrong hue: what a person sees first, and what a median over patches does not tell."""
+"""Where a picture shows a wrong hue: what a person sees first, and a median over patches hides."""
 
 import numpy as np
 

@@ -228,7 +228,7 @@ class _Workers:
         self.fit: set[str] = set()
 
     def wait(self) -> None:
-        """Wait until there is a fit worker; the user is told so."""
+        """Wait until there is a fit worker, with a note to the user."""
         while not self.fit:
             self._looked = -math.inf
             self.look()

@@ -71,7 +71,7 @@ def passes(order: Order, resources: Resources, console: Console, count: int) -> 
 
     If there is only one job, the console shows its stages.
     """
-    note = cache(console.note)  # several processes have the same to say: once is enough
+    note = cache(console.note)  # several processes send the same note: it is shown once
     alone = Here(lambda job: console.progress(job.source) if count == 1 else StageProgress(note=console.note))
     last: Pass = partial(attempt, order, Share(resources.memory, True, resources.threads)), alone
     if count == 1:

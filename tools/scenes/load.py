@@ -128,7 +128,7 @@ def is_drawn(source: str) -> bool:
 
 
 def _misspelt(source: str) -> str:
-    """The drawn scene that a user may have meant by what is none, and no file: "bultin:600x400", "600x400"; "" if none."""
+    """The drawn scene that a user probably meant by a name of no scene and no file: "bultin:600x400", "600x400"; "" if none."""
     kind, _, size = source.rpartition(":")
     if os.path.lexists(source) or not re.fullmatch(r"\d+x\d+", size):
         return ""

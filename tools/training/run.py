@@ -26,7 +26,7 @@ from .examples import DRAWN, Example, load_example, make_example, save_example
 from .graph import save_graph
 from .network import HALO, Network, losses
 
-_KEPT_BACK = 20  # one source in so many is not learned from, but tells how well others are done
+_KEPT_BACK = 20  # one source in this many is kept back, to measure the loss
 _RATE, _WARM_UP, _DECAY, _NORM = 2e-3, 100, 1e-4, 1.0  # of gradient descent: largest step, steps up to it, weight decay, clipping
 _WEIGHTS = (1.0, 0.75, 1.0)  # of the three measures in the loss: robust, energy, wrong hue
 _REPORT = 200  # steps between two checkpoints

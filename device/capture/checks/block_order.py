@@ -6,7 +6,7 @@ from shared.arrays import CodeArray, DoubleArray, FloatArray
 from shared.pattern import CfaPattern
 
 _SIDES = (5, 3, 2)  # blocks of a group, each way: the largest of which there are enough; colours differ from group to group
-_GROUPS = 16  # fewer do not tell how uncertain their mean is
+_GROUPS = 16  # with fewer the uncertainty of their mean is unknown
 _LARGER = 3.0  # times the energy of all other differences; in photographs 7 times and more where there is light
 _COLOURED = 1 / 4  # of the energy of a panchromatic difference at most: a filter passes half the light, or less
 _IMBALANCE = 0.03  # of their level by which the two greens of a sensor may differ
@@ -18,7 +18,7 @@ Pair = tuple[tuple[int, int], tuple[int, int]]
 
 
 def greens_are_on_their_diagonal(codes: CodeArray, pattern: CfaPattern, black_level: float, white_level: int) -> bool | None:
-    """Whether the two greens of `pattern` are on the declared diagonal of its blocks; None where the frame does not tell.
+    """Whether the two greens of `pattern` are on the declared diagonal of its blocks; None where the frame does not show it.
 
     True for patterns without a block of 2 x 2 that has one channel on a diagonal: there is nothing to tell.
 

@@ -16,11 +16,11 @@ from .block_order import exceeds
 from .pattern_search import Tiles
 
 _IMBALANCE = 0.03  # of the difference from panchromatic samples, by which sites of one channel may differ
-_FEWEST = 8  # tiles: fewer do not tell how uncertain their mean is
+_FEWEST = 8  # tiles: with fewer the uncertainty of their mean is unknown
 
 
 def likely_place(codes: CodeArray, pattern: CfaPattern, places: Iterable[tuple[int, int]]) -> tuple[int, int] | None:
-    """The place at which the tile begins: one at which the sites of a channel read the same; None where the frame does not tell.
+    """The place at which the tile begins: one at which the sites of a channel read the same; None where the frame does not show it.
 
     It is the declared one where nothing can tell: a place at which only channels are exchanged counts as the declared one (which is
     red, a chart tells), and so does every place if no channel has two sites.

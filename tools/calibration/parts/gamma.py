@@ -20,7 +20,7 @@ from ..part import Evidence, Part, rounded
 from ..shot import ShotMeasurement
 
 CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
-_LEVER = 0.2  # of the black level: so much of what planes are off by in common has to show
+_LEVER = 0.2  # of an error of black common to all planes: the least share that shows in Eq. 7, so that it can be stated in codes
 _UNEVEN_BLACK = 1 / 128  # of the black level, by which planes may differ: 2 codes of 256
 _SPREAD = 2.5  # residuals over noise: larger ones have another cause than noise
 _GOOD = 0.02  # half width over gamma

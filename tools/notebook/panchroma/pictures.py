@@ -98,7 +98,7 @@ class Picture:
     white: what the white of the scene reads, > 0: 1.0, or the amount of light of a simulated shot; the peak of `evaluate`.
     restored: nothing is clipped, or highlights are restored, as by `render` but for preset "paper". Otherwise all that is as bright
         as saturated pixels is shown white.
-    lost: uint8 (H, W), how far the shot does not tell what the light was, 255 = not at all, as in a highlight that is smaller than
+    lost: uint8 (H, W), how far the shot does not show what the light was, 255 = not at all, as in a highlight that is smaller than
         the distance of two colour blocks; shown white. None = nowhere.
 
     `np.asarray(picture)` is `rgb`, so two pictures of a scene are subtracted by `picture.rgb - truth.rgb`.
@@ -194,7 +194,7 @@ class Picture:
         small = replace(self, rgb=_reduced(self.rgb), lost=lost)
         try:
             return to_srgb(small)._repr_png_()
-        except InputError:  # nobody knows the colours of these channels: all light, in grey
+        except InputError:  # the colours of these channels are unknown: all light, in grey
             known = self.calibration
             light = encode_srgb(small.rgb @ np.array(known.gamma, np.float32) / np.float32(known.full_scale))
             return Image(np.rint(255 * light[..., None].repeat(3, axis=2)).astype(np.uint8))._repr_png_()
