@@ -1,7 +1,6 @@
 """Patterns of one's own from end to end: a scene, a shot, what is in it, its preview, its render, compared with the truth."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -13,6 +12,7 @@ from shared import CfaPattern, SensorCalibration, read_dng
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from tests.tools.command import assert_refused, run
+from tests.tools.scenes.files import save
 from tools.scenes.drawn.builtin import builtin_scene
 
 WIDTH, HEIGHT = 181, 121
@@ -27,20 +27,6 @@ def bands() -> FloatArray:
     """The leaves in five bands that change from place to place as their colours do."""
     red, green, blue = np.moveaxis(LEAVES.rgb, -1, 0)
     return np.stack([0.8 * blue + 0.1 * red, red, green, 0.6 * red + 0.3 * green, 0.5 * blue + 0.4 * green], axis=-1)
-
-
-def save(path: Path, light: Any, channels: str) -> Path:
-    match path.suffix:
-        case ".npy":
-            np.save(path, light)
-        case ".exr":
-            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-            planes = {letter: np.ascontiguousarray(light[..., index]) for index, letter in enumerate(channels)}
-            with OpenEXR.File(header, planes) as file:
-                file.write(str(path))
-        case _:
-            tifffile.imwrite(path, np.moveaxis(light, -1, 0).copy(), photometric="minisblack")
-    return path
 
 
 def quality(out: Path, stem: str) -> float:

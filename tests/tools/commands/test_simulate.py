@@ -1,17 +1,12 @@
 """`panchroma simulate`: scenes become shots, every option counts, and what is no scene costs one line."""
 
-import errno
-import io
 import json
 import os
-import struct
-import zlib
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import imagecodecs
 import numpy as np
 import pytest
 import tifffile
@@ -21,8 +16,7 @@ import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
 from shared.arrays import FloatArray
 from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
-from shared.tiff import Directory, FieldType, encode_tiff
-from tests.tools.command import assert_refused, file_limit, names, run, spawn
+from tests.tools.command import assert_refused, names, run
 from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.commands.simulate import noise_of
 from tools.scenes.drawn.builtin import builtin_scene
@@ -312,25 +306,18 @@ def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
     ("options", "words"),
     [
         (["--period", "2"], "the period is 2, expected 3 to 16"),
-        (["--period", "0"], "the period is 0"),
-        (["--period", "-6"], "the period is -6"),
         (["--sensor-bits", "9"], "9 bits: expected 10 to 16"),
-        (["--sensor-bits", "0"], "0 bits: expected 10 to 16"),
         (["--sigma", "-1"], "--sigma is -1.0, expected 0 or more"),
-        (["--sigma", "nan"], "--sigma is nan, expected"),
-        (["--seed", "-1"], "argument --seed: '-1' is not a whole number from 0 on"),
         (["--sigma", "0.1", "--protocol", "sensor"], "--sigma is not a level of --protocol sensor, whose noise is set by --light"),
         (["--light", "2"], "--light is not a level of --protocol paper"),
         (["--motion", "2"], "--motion needs --burst"),
         (["--moving"], "--moving needs --burst"),
-        (["--burst", "0"], "argument --burst: '0' is not"),
         (["--burst", "2", "--motion", "-1"], "--motion is -1.0 pixels, expected 0 to"),
         (
             ["--burst", "2", "--bracket", "0,x"],
             "argument --bracket: '0,x' is not a list of numbers with commas between them, such as 0,-2,2",
         ),
         (["--burst", "2", "--bracket", "0"], "--bracket has 1 figures for 2 frames"),
-        (["--reduce", "0"], "argument --reduce: '0' is not"),
         (["--camera", "missing.json"], "missing.json: there is no such file"),
     ],
 )
@@ -345,10 +332,6 @@ def test_impossible_options_are_usage(out: Path, options: list[str], words: str)
     ("text", "words"),
     [
         ("not json", "is not JSON"),
-        ("[1, 2]", "expected a JSON object"),
-        ('{"schema": 1, "gamma": null}', "gamma is None"),
-        ('{"schema": 1, "gamma": [1, 1]}', "gamma has 2 figures, expected 3"),
-        ('{"schema": 1, "gama": [1, 1, 1]}', "unknown field 'gama'"),
         ('{"schema": 1, "channels": "RGBE"}', "channels RGB, the calibration RGBE: they belong to different sensors"),
     ],
 )
@@ -359,83 +342,18 @@ def test_a_camera_file_that_does_not_fit_is_usage(out: Path, tmp_path: Path, tex
     assert names(out) == set()
 
 
-def scene(value: float = 0.5) -> FloatArray:
-    picture = np.full((12, 12, 3), 0.5, np.float32)
-    picture[3, 4, 1] = value
-    return picture
-
-
-def exr(picture: FloatArray) -> bytes:
-    from tools.pictures.formats.exr import encode_exr
-
-    return encode_exr(picture, "RGB", 32, {})
-
-
-def tiff(picture: FloatArray) -> bytes:
-    file = io.BytesIO()
-    tifffile.imwrite(file, picture, photometric="rgb")
-    return file.getvalue()
-
-
-def npy(picture: Any) -> bytes:
-    file = io.BytesIO()
-    np.save(file, picture)
-    return file.getvalue()
-
-
-def png_bomb() -> bytes:
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-    header = struct.pack(">IIBBBBB", 60000, 60000, 16, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(10**6)))
-
-
-def png() -> bytes:
-    return bytes(imagecodecs.png_encode((scene() * 65535).astype(np.uint16)))
-
-
-def tiff_bomb(side: int) -> bytes:
-    fields = {256: side, 257: side, 258: 8, 259: 8, 262: 2, 277: 3, 278: side}
-    directory: Any = {tag: (FieldType.LONG, [value]) for tag, value in fields.items()}
-    return encode_tiff(Directory(directory, strips=[bytes(imagecodecs.deflate_encode(bytes(10**6)))]))
-
-
-JPEG = bytes(imagecodecs.jpeg8_encode(np.full((16, 16, 3), 99, np.uint8)))
-# Name, content and what is said of it.
-BAD_SCENES: dict[str, tuple[bytes, str]] = {
-    "nan.npy": (npy(scene(np.nan)), "1 of 432 values are not finite"),
-    "infinite.npy": (npy(scene(np.inf)), "not finite"),
-    "huge.npy": (npy(scene().astype(np.float64) * 1e300), "not finite"),
-    "nan.exr": (exr(scene(np.nan)), "not finite"),
-    "infinite.exr": (exr(scene(-np.inf)), "not finite"),
-    "nan.tif": (tiff(scene(np.nan)), "not finite"),
-    "infinite.tif": (tiff(scene(np.inf)), "not finite"),
-    "negative.npy": (npy(scene(-0.5)), "light is not negative. Subtract the black level correctly"),
-    "negative.tif": (tiff(scene(-0.5)), "light is not negative"),
-    "pixel.npy": (npy(scene()[:1, :1]), "holds no whole colour block of this pattern (period 6)"),
-    "none.npy": (npy(scene()[:0]), "it is empty"),
-    "words.npy": (npy(np.array(["a"])), "expected unsigned integers or floating point"),
-    "cut.npy": (npy(scene())[:900], "cut short or damaged"),
-    "cut.tif": (tiff(scene())[:900], "the file ends after 900 bytes"),
-    "cut.exr": (exr(scene())[:900], "cut short or damaged"),
-    "cut.png": (png()[:60], "cut short or damaged"),
-    "cut.jpg": (JPEG[:300], "cut short or damaged"),
-    "bomb.png": (png_bomb(), "60000 x 60000 pixels are more than"),
-    "bomb.tif": (tiff_bomb(60000), "60000 x 60000 pixels are more than"),
-    "small_bomb.tif": (tiff_bomb(11000), "claim to hold 11000 x 11000 pixels (346 MB)"),
-    "picture.dng": (JPEG, "is a JPEG picture by its content"),
-    "text.cr2": (b"Hello, this is not a photograph.\n" * 50, ";"),
-    "empty.tif": (b"", "the file is empty; copy it again"),
-}
-
-
-@pytest.mark.parametrize("name", BAD_SCENES)
-def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_path: Path, name: str) -> None:
-    content, words = BAD_SCENES[name]
-    (tmp_path / name).write_bytes(content)
-    outcome = run("simulate", tmp_path / name, SOURCE, "-o", out, "--json", "--truth")
-    assert_refused(outcome, words, name=str(tmp_path / name))
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (np.full((12, 12, 3), np.nan), "432 of 432 values are not finite"),
+        (np.full((1, 1, 3), 0.5), "holds no whole colour block of this pattern (period 6)"),
+        (np.array(["a"]), "expected unsigned integers or floating point"),
+    ],
+)
+def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_path: Path, array: Any, words: str) -> None:
+    np.save(tmp_path / "bad.npy", array)
+    outcome = run("simulate", tmp_path / "bad.npy", SOURCE, "-o", out, "--json", "--truth")
+    assert_refused(outcome, words, name=str(tmp_path / "bad.npy"))
     assert [record["ok"] for record in outcome.records] == [False, True]
     assert outcome.records[0]["error"] == outcome.errors[0].removeprefix("panchroma: ")
     assert names(out) == {SHOT, TRUTH}
@@ -480,7 +398,7 @@ def test_a_scene_is_never_replaced_by_its_own_truth(out: Path) -> None:
     """The name of a truth is that of a possible scene; only the input is refused."""
     run("simulate", SOURCE, "-o", out, "--truth")
     before = (out / TRUTH).read_bytes()
-    (out / "builtin-24x18.npy").write_bytes(npy(scene()))
+    np.save(out / "builtin-24x18.npy", np.full((12, 12, 3), 0.5))
     outcome = run("simulate", out / "builtin-24x18.npy", out / TRUTH, "-o", out, "--truth", "--overwrite")
     assert outcome.code == 1
     assert "is an input; use another output folder" in outcome.err
@@ -490,15 +408,8 @@ def test_a_scene_is_never_replaced_by_its_own_truth(out: Path) -> None:
 # --- a disk that takes no more --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EIO])
-def test_a_full_disk_costs_one_line_and_leaves_nothing(out: Path, full_disk: Callable[..., None], number: int) -> None:
-    full_disk(number, times=1)
+def test_a_full_disk_costs_one_line_and_leaves_nothing(out: Path, full_disk: Callable[..., None]) -> None:
+    full_disk(times=1)
     outcome = run("simulate", SOURCE, "builtin:12x12", "-o", out)
-    assert_refused(outcome, ";" if number != errno.EIO else "cannot be written", name=str(out / SHOT))
-    assert names(out) == {"builtin-12x12.dng"}
-
-
-def test_a_limit_of_the_system_on_file_sizes(out: Path) -> None:
-    outcome = spawn("simulate", "builtin:200x150", "builtin:12x12", "-o", out, preexec_fn=file_limit(20_000))
-    assert_refused(outcome, "larger than", "choose another folder", name=str(out / "builtin-200x150.dng"))
+    assert_refused(outcome, ";", name=str(out / SHOT))
     assert names(out) == {"builtin-12x12.dng"}

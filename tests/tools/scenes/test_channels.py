@@ -4,28 +4,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenEXR
 import pytest
 import tifffile
 
 from shared.errors import InputError
+from tests.tools.scenes.files import save
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
 BANDS = "VRNGU"
 LIGHT = np.random.default_rng(3).random((21, 34, 5), np.float32)
-
-
-def exr(path: Path, channels: str, light: Any) -> Path:
-    planes = {letter: np.ascontiguousarray(light[..., index]) for index, letter in enumerate(channels)}
-    with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, planes) as file:
-        file.write(str(path))
-    return path
-
-
-def npy(path: Path, light: Any) -> Path:
-    np.save(path, light)
-    return path
 
 
 def pages(path: Path, light: Any, **options: Any) -> Path:
@@ -44,9 +32,9 @@ def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
     path, planes = tmp_path / "a.tif", np.moveaxis(LIGHT, -1, 0).copy()
     match kind:
         case "npy":
-            path = npy(tmp_path / "a.npy", LIGHT)
+            path = save(tmp_path / "a.npy", LIGHT)
         case "exr":
-            path = exr(tmp_path / "a.exr", BANDS, LIGHT)
+            path = save(tmp_path / "a.exr", LIGHT, BANDS)
         case "contig":
             tifffile.imwrite(path, LIGHT, photometric="minisblack", planarconfig="contig")
         case "planar":
@@ -67,7 +55,7 @@ def test_all_formats_hold_the_same_light(tmp_path: Path, kind: str) -> None:
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_integers_are_linear_light(tmp_path: Path, dtype: type) -> None:
     codes: np.ndarray[Any, Any] = (LIGHT * np.iinfo(dtype).max).astype(dtype)
-    for path in (npy(tmp_path / "a.npy", codes), pages(tmp_path / "a.tif", codes)):
+    for path in (save(tmp_path / "a.npy", codes), pages(tmp_path / "a.tif", codes)):
         scene = load(path)
         np.testing.assert_allclose(scene.rgb, codes / np.iinfo(dtype).max, atol=1e-6)
         assert ["linear light" in note for note in scene.notes] == [True]
@@ -77,20 +65,20 @@ def test_four_samples_are_bands_where_four_are_wanted_and_none_is_transparency(t
     four, short = LIGHT[..., :4], (LIGHT[..., :4] * 65535).astype(np.uint16)
     tifffile.imwrite(tmp_path / "bands.tif", four, photometric="minisblack", planarconfig="contig")
     tifffile.imwrite(tmp_path / "alpha.tif", short, photometric="rgb", extrasamples=["unassalpha"])
-    for path in (npy(tmp_path / "a.npy", four), tmp_path / "bands.tif"):
+    for path in (save(tmp_path / "a.npy", four), tmp_path / "bands.tif"):
         assert np.array_equal(load(path, "VRNG").rgb, four)
         assert load(path, "CMYG").channels == "CMYG"
         plain = load(path, "RGB")
         assert (plain.channels, plain.notes) == ("RGB", ("transparency is left out",))
     assert load(tmp_path / "alpha.tif", "VRNG").channels == "RGB"
-    two = npy(tmp_path / "two.npy", LIGHT[..., :2])
+    two = save(tmp_path / "two.npy", LIGHT[..., :2])
     assert load(two, "RN").channels == "RN"
     assert load(two, "RGB").notes == ("transparency is left out",)
 
 
 def test_three_are_red_green_and_blue_where_these_can_make_the_filters(tmp_path: Path) -> None:
     three = LIGHT[..., :3]
-    for path in (npy(tmp_path / "a.npy", three), pages(tmp_path / "a.tif", three)):
+    for path in (save(tmp_path / "a.npy", three), pages(tmp_path / "a.tif", three)):
         for channels in ("RGB", "CMY", "RGBY", "CM"):
             assert load(path, channels).channels == "RGB"
             assert np.array_equal(load(path, channels).rgb, three)
@@ -101,16 +89,16 @@ def test_three_are_red_green_and_blue_where_these_can_make_the_filters(tmp_path:
 
 
 def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
-    path = exr(tmp_path / "a.exr", "RGBNA", LIGHT)
+    path = save(tmp_path / "a.exr", LIGHT, "RGBNA")
     assert np.array_equal(load(path, "RGB").rgb, LIGHT[..., :3])
     assert np.array_equal(load(path, "NG").rgb, LIGHT[..., [3, 1]])
     mixed = load(path, "CMYN")  # C, M and Y from R, G and B
     assert (mixed.channels, mixed.neutral) == ("RGBN", (1.0,) * 4)
     assert mixed.camera_to_xyz is not None
     assert np.array(mixed.camera_to_xyz).any(axis=0).tolist() == [True, True, True, False]
-    assert load(exr(tmp_path / "b.exr", "CMY", LIGHT[..., :3]), "CMY").channels == "CMY"
+    assert load(save(tmp_path / "b.exr", LIGHT[..., :3], "CMY"), "CMY").channels == "CMY"
     with pytest.raises(InputError, match="the EXR has the channels N, U; expected N, V, or R, G, B, or Y alone"):
-        load(exr(tmp_path / "c.exr", "NU", LIGHT[..., :2]), "NV")
+        load(save(tmp_path / "c.exr", LIGHT[..., :2], "NU"), "NV")
 
 
 @pytest.mark.parametrize(
@@ -127,7 +115,7 @@ def test_an_exr_has_its_channels_by_name(tmp_path: Path) -> None:
 def test_both_counts_are_named_where_they_differ(tmp_path: Path, count: int, channels: str, words: str) -> None:
     light = np.resize(LIGHT, (6, 8, count))
     tifffile.imwrite(tmp_path / "a.tif", light, photometric="minisblack", planarconfig="contig")
-    for path in (npy(tmp_path / "a.npy", light), tmp_path / "a.tif"):
+    for path in (save(tmp_path / "a.npy", light), tmp_path / "a.tif"):
         with pytest.raises(InputError) as refused:
             load(path, channels)
         assert words in str(refused.value)
@@ -163,6 +151,6 @@ def test_even_light_has_any_channels() -> None:
 
 
 def test_grey_pictures_have_all_channels_of_a_picture_alike(tmp_path: Path) -> None:
-    scene = load(npy(tmp_path / "a.npy", LIGHT[..., 0]))
+    scene = load(save(tmp_path / "a.npy", LIGHT[..., 0]))
     assert scene.channels == "RGB"
     assert np.array_equal(scene.rgb, LIGHT[..., :1].repeat(3, axis=2))

@@ -5,7 +5,6 @@ from typing import Any
 
 import imagecodecs
 import numpy as np
-import OpenEXR
 import pytest
 import tifffile
 from PIL import Image
@@ -15,6 +14,7 @@ from shared.errors import InputError
 from shared.reading import MAX_PIXELS
 from tests.data import DATA
 from tests.python import run_python
+from tests.tools.scenes.files import save
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene, check_size
 
@@ -211,25 +211,13 @@ def mutations(data: bytes, count: int) -> list[bytes]:
 def test_damaged_files_end_in_an_error_or_a_scene(tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / f"good{suffix}"
     picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
-    match suffix:
-        case ".npy":
-            np.save(path, picture)
-        case ".exr":
-            with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": picture.astype(np.float32)}) as file:
-                file.write(str(path))
-        case ".tif":
-            tifffile.imwrite(path, picture, photometric="rgb", compression="deflate", metadata=None)
-        case ".dng":
-            tags = [
-                (50706, "B", 4, bytes((1, 4, 0, 0)), True),
-                (33421, "H", 2, (2, 2), True),
-                (33422, "B", 4, bytes((0, 1, 1, 2)), True),
-            ]
-            tifffile.imwrite(path, picture[..., 0], photometric=32803, extratags=tags, metadata=None)
-        case ".png":
-            path.write_bytes(imagecodecs.png_encode(picture))
-        case _:
-            Image.fromarray((picture >> 8).astype(np.uint8)).save(path)
+    if suffix == ".dng":
+        version, size, colours = bytes((1, 4, 0, 0)), (2, 2), bytes((0, 1, 1, 2))
+        tags = [(50706, "B", 4, version, True), (33421, "H", 2, size, True), (33422, "B", 4, colours, True)]
+        tifffile.imwrite(path, picture[..., 0], photometric=32803, extratags=tags, metadata=None)
+    else:
+        dtypes = {".exr": np.float32, ".jpg": np.uint8, ".webp": np.uint8}
+        save(path, picture.astype(dtypes.get(suffix, np.uint16)))
     data = path.read_bytes()
     load_scene(str(path))
     said = []

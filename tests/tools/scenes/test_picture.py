@@ -15,6 +15,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from shared.colorimetry import SRGB_TO_XYZ, decode_srgb
 from shared.errors import InputError
+from tests.tools.scenes.files import save
 from tools.scenes.icc_reading import read_profile
 from tools.scenes.load import load_scene
 
@@ -54,13 +55,7 @@ def srgb(encoded: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".npy", ".webp"])
 def test_8_bits_are_srgb_unless_linear_is_said(tmp_path: Path, suffix: str) -> None:
     picture, path = ramp(np.uint8), tmp_path / f"a{suffix}"
-    match suffix:
-        case ".tif":
-            tifffile.imwrite(path, picture, photometric="rgb")
-        case ".npy":
-            np.save(path, picture)
-        case _:
-            Image.fromarray(picture).save(path, lossless=True)
+    save(path, picture)
     scene = load_scene(str(path))
     np.testing.assert_allclose(scene.rgb, srgb(picture / 255), atol=1e-7)
     assert (scene.camera_to_xyz, scene.neutral, scene.notes) == (SRGB_TO_XYZ, (1.0, 1.0, 1.0), ())
@@ -71,13 +66,7 @@ def test_8_bits_are_srgb_unless_linear_is_said(tmp_path: Path, suffix: str) -> N
 @pytest.mark.parametrize("linear", [False, True])
 def test_16_bits_are_linear_and_a_note_says_so(tmp_path: Path, suffix: str, linear: bool) -> None:
     picture, path = ramp(np.uint16), tmp_path / f"a{suffix}"
-    match suffix:
-        case ".png":
-            path.write_bytes(imagecodecs.png_encode(picture))
-        case ".tif":
-            tifffile.imwrite(path, picture, photometric="rgb", compression="deflate")
-        case ".npy":
-            np.save(path, picture)
+    save(path, picture)
     scene = load_scene(str(path), linear=linear)
     np.testing.assert_allclose(scene.rgb, picture / 65535, atol=1e-7)
     assert len(scene.notes) == (0 if linear else 1)
@@ -87,17 +76,8 @@ def test_16_bits_are_linear_and_a_note_says_so(tmp_path: Path, suffix: str, line
 @pytest.mark.parametrize("suffix", [".tif", ".npy", ".exr"])
 def test_floating_point_is_scene_units(tmp_path: Path, dtype: type, suffix: str) -> None:
     picture: np.ndarray[Any, Any] = (np.random.default_rng(0).random((12, 16, 3)) * 0.9).astype(dtype)
-    path = tmp_path / f"a{suffix}"
-    match suffix:
-        case ".tif":
-            tifffile.imwrite(path, picture, photometric="rgb")
-        case ".npy":
-            np.save(path, picture)
-        case ".exr":
-            picture = picture.astype(np.float32) if dtype == np.float64 else picture  # EXR has no double
-            with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": picture}) as file:
-                file.write(str(path))
-    scene = load_scene(str(path))
+    picture = picture.astype(np.float32) if (dtype, suffix) == (np.float64, ".exr") else picture  # EXR has no double
+    scene = load_scene(str(save(tmp_path / f"a{suffix}", picture)))
     np.testing.assert_array_equal(scene.rgb, picture.astype(np.float32))
     assert scene.notes == ()
 
@@ -107,13 +87,6 @@ def test_values_past_white_stay_and_a_note_says_so(tmp_path: Path) -> None:
     scene = load_scene(str(tmp_path / "a.npy"))
     assert scene.rgb.max() == 3
     assert "1.0 is white" in scene.notes[0]
-
-
-def test_values_that_are_no_light_are_refused(tmp_path: Path) -> None:
-    for value, message in ((np.nan, "not finite"), (np.inf, "not finite"), (-0.5, "not negative")):
-        np.save(tmp_path / "a.npy", np.array([[0.5, value]], np.float32))
-        with pytest.raises(InputError, match=message):
-            load_scene(str(tmp_path / "a.npy"))
 
 
 @pytest.mark.parametrize("channels", [0, 1, 2, 3, 4])
@@ -269,14 +242,6 @@ def test_cmyk_is_refused(tmp_path: Path) -> None:
     Image.new("CMYK", (20, 20)).save(tmp_path / "a.jpg")
     with pytest.raises(InputError, match="CMYK"):
         load_scene(str(tmp_path / "a.jpg"))
-
-
-def test_a_tiff_that_points_past_its_end_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.tif"
-    tifffile.imwrite(path, ramp(np.uint16, 100, 100), photometric="rgb")
-    path.write_bytes(path.read_bytes()[:-1000])
-    with pytest.raises(InputError, match="cut short"):
-        load_scene(str(path))
 
 
 def test_bombs_are_refused_by_their_header(tmp_path: Path) -> None:
