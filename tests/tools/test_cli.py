@@ -56,37 +56,9 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
     child = cli._parser(verb)[1][verb]
     assert all(action.help for action in child._actions), "an option without a word of help"
     assert child.description
+    assert "--quiet" in outcome.out
     # Not the values of Python that say nothing to a user.
     assert not re.search(r"default: *(\(\)|\[|None|False|True|==)", " ".join(outcome.out.split()))
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        (),
-        ("develop",),
-        ("render",),
-        ("render", "-o", "."),
-        ("render", "x.dng"),
-        ("render", "x.dng", "-o"),
-        ("render", "x.dng", "-o", ".", "-f", "gif"),
-        ("render", "x.dng", "-o", ".", "--bits", "12"),
-        ("render", "x.dng", "-o", ".", "--preset", "worst"),
-        ("render", "x.dng", "-o", ".", "--sigma", "0"),
-        ("simulate", "builtin:9x9", "-o", ".", "--order", "RGGB"),
-        ("simulate", "builtin:9x9", "-o", ".", "--period", "six"),
-        ("inspect",),
-        ("inspect", "--verfy", "x.dng"),
-        ("demo", "x.dng"),
-    ],
-)
-def test_a_wrong_command_is_usage(arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    outcome = run(*arguments)
-    assert outcome.code == 2
-    assert outcome.out == ""
-    assert "usage: panchroma" in outcome.err
-    assert names(tmp_path) == set()
 
 
 # Every command that writes into a folder, on a folder that is named last.
@@ -305,33 +277,37 @@ def test_file_names_that_no_encoding_holds(shots: Path) -> None:
         assert r"\udcff.dng" in outcome.out.splitlines()[0]
 
 
-def test_people_read_stderr_when_machines_read_stdout(capsys: pytest.CaptureFixture[str]) -> None:
-    for json in (False, True):
-        out = Console(json=json)
-        out.say("a result")
-        out.note("a note")
-        out.record(source="x", ok=True)
-        assert capsys.readouterr() == (
-            ('{"source": "x", "ok": true}\n', "a result\na note\n") if json else ("a result\n", "a note\n")
-        )
+@pytest.mark.parametrize("quiet", [False, True])
+@pytest.mark.parametrize("json", [False, True])
+def test_machines_read_stdout_people_stderr_and_quiet_leaves_errors(
+    json: bool, quiet: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = Console(json=json, quiet=quiet)
+    out.say("a result")
+    out.note("a note")
+    out.record(source="x", ok=True)
+    with out.progress("x") as progress:
+        progress.stage("luminance", 1)
+    out.error("a fault")
+    shown = capsys.readouterr()
+    assert shown.out == ('{"source": "x", "ok": true}\n' if json else "a result\n")
+    said = shown.err.splitlines()
+    assert said.pop() == "panchroma: a fault"
+    assert [line.rpartition(" 0.")[0] or line for line in said] == (
+        [] if quiet else [*(["a result"] if json else []), "a note", "x: luminance"]
+    )
 
 
-def test_a_quiet_console_says_what_failed_and_shows_results(capsys: pytest.CaptureFixture[str]) -> None:
-    for json in (False, True):
-        out = Console(json=json, quiet=True)
-        out.say("a result")
-        out.note("a note")
-        out.record(source="x", ok=True)
-        with out.progress("x") as progress:
-            progress.stage("luminance", 1)
-        out.error("a fault")
-        shown = '{"source": "x", "ok": true}' if json else "a result"
-        assert capsys.readouterr() == (f"{shown}\n", "panchroma: a fault\n")
-
-
-@pytest.mark.parametrize("verb", cli.VERBS)
-def test_every_verb_can_be_quiet(verb: str) -> None:
-    assert "--quiet" in run(verb, "--help").out
+def test_what_a_library_calls_an_argument_is_an_option_here(capsys: pytest.CaptureFixture[str]) -> None:
+    out = Console(json=True, options={"max_pixels": "--max-pixels", "overwrite": "--overwrite", "space": "--space"})
+    text = '9 pixels, `max_pixels` raises it; `overwrite=True`, not `space="camera"`, `origin=1`, `dask worker` nor `other`'
+    words = "9 pixels, --max-pixels raises it; --overwrite, not --space camera, `origin=1`, `dask worker` nor `other`"
+    for say in (out.say, out.note, out.error):
+        say(text)
+    out.record(error=text, source="`overwrite`")
+    shown = capsys.readouterr()
+    assert [line.removeprefix("panchroma: ") for line in shown.err.splitlines()] == [words] * 3
+    assert shown.out == f'{{"error": "{words}", "source": "`overwrite`"}}\n'
 
 
 def test_quiet_commands_write_results_alone(shots: Path, tmp_path: Path) -> None:
@@ -423,6 +399,9 @@ def test_wrong_arguments_are_shown_on_one_line() -> None:
         ("render shots -o out --space sgrb", "render", "argument --space: 'sgrb' is none of .*; did you mean srgb?"),
         ("render shots -o out -f pgn", "render", "argument -f/--format: 'pgn' is none of .*; did you mean png?"),
         ("render shots -O out", "render", "there is no option -O; did you mean -o?"),
+        ("render shots -o out --bits 12", "render", "argument --bits: 12 is none of 8, 16, 32"),
+        ("simulate builtin:9x9 -o out --period six", "simulate", "argument --period: 'six' is not a whole number"),
+        ("demo x.dng", "demo", "x.dng is one argument too many"),
         ("render shots -o out --exposure bright", "render", "argument --exposure: 'bright' is not a number"),
         ("render shots -o out -j2 --workers 1.5", "render", "argument --workers: '1.5' is not a whole number"),
         ("render shots -o out --max-pixels -5", "render", "argument --max-pixels: '-5' is not a whole number from 1 on"),
@@ -434,8 +413,12 @@ def test_wrong_arguments_are_shown_on_one_line() -> None:
         ("", "VERB", "a verb is missing; panchroma --help lists them"),
     ],
 )
-def test_what_is_misspelt_gets_the_likely_word_and_one_line_of_usage(arguments: str, verb: str, said: str) -> None:
+def test_what_is_misspelt_gets_the_likely_word_and_one_line_of_usage(
+    arguments: str, verb: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     outcome = run(*arguments.split())
+    assert names(tmp_path) == set()
     assert (outcome.code, outcome.out) == (2, "")
     usage, error = outcome.err.splitlines()
     assert usage.startswith(f"usage: panchroma {verb} ")
