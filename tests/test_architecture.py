@@ -4,7 +4,10 @@ The imports are read from the source, those inside functions too.
 """
 
 import ast
+import io
+import re
 import sys
+import tokenize
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 
@@ -12,6 +15,7 @@ import pytest
 
 from tests.data import ROOT
 from tests.python import on_camera
+from tools import cli
 
 MAY_IMPORT = {
     "shared": {"shared"},
@@ -37,6 +41,9 @@ ROOMS = {
     "commands": {"commands", "rendering", "calibration", "evaluation", "live", *_BELOW},
     "notebook": {"notebook", "rendering", "evaluation", *_BELOW},  # `import panchroma`
 }
+DATA = {"centre"}  # words in backquotes that are no arguments: of the file on motions
+LOWER = ("reference",)  # folders of tests that import no tools
+LONGEST_FUNCTION, LONGEST_MODULE = 61, 361  # lines: of code; of all kinds
 # A camera installs these and nothing else. The off-camera render needs SciPy and Numba besides.
 CAMERA = {"numpy", "tifffile", "imagecodecs", "onnxruntime"}
 THIRD_PARTY = {"shared": CAMERA, "device": CAMERA, "offline": CAMERA | {"scipy", "numba", "llvmlite"}}
@@ -117,6 +124,71 @@ def test_the_house_can_be_drawn_on_a_page() -> None:
     assert len(floors) <= 15
     arrows.pop("notebook")  # the roof, which lies on everything
     assert sum(map(len, arrows.values())) <= 45
+
+
+def code_lines(text: str) -> set[int]:
+    """The numbers of the lines with code: neither docstrings nor comments, nor blank."""
+    texts = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+    documented = {line for node in texts for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)}
+    blank = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    tokens = (token for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in blank)
+    return {line for token in tokens for line in range(token.start[0], token.end[0] + 1)} - documented
+
+
+def long_parts(module: str, text: str) -> list[str]:
+    """A line for each function of more than 60 lines of code, and for a module of more than 350 lines."""
+    code = code_lines(text)
+    found = [f"{module} has {len(text.splitlines())} lines"] if len(text.splitlines()) > LONGEST_MODULE else []
+    functions = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef))
+    lengths = {each.name: len(code.intersection(range(each.lineno, (each.end_lineno or 0) + 1))) for each in functions}
+    return [*found, *(f"{module}.{name}" for name, length in lengths.items() if length > LONGEST_FUNCTION)]
+
+
+def texts(text: str) -> Iterator[str]:
+    """The texts of a module that users may read: no docstrings; {} in place of what is filled in."""
+    tree = ast.parse(text)
+    no_text = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    no_text |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in no_text:
+            yield node.value
+
+
+def foreign_words(module: str, text: str, options: dict[str, str]) -> list[str]:
+    """A line for each text of a library that names an option, or an argument that no command calls so.
+
+    options: argument -> option, of all verbs. Commands in a text, as `dask worker --name x`, may have any.
+    """
+    found = []
+    for each in texts(text):
+        plain = re.sub(r"`[^`]* [^`]*`|panchroma [a-z-]+ [^;:,()]*", "", each)
+        found += [f"{module} says {option}" for option in options.values() if re.search(rf"(?<![\w-]){option}(?![\w-])", plain)]
+        found += [
+            f"{module} says `{name}`" for name in re.findall(r"`(\w+)(?:=[^`]*)?`", each) if name not in options.keys() | DATA
+        ]
+    return found
+
+
+def test_functions_and_modules_are_short() -> None:
+    assert [line for module, text in sources() for line in long_parts(module, text)] == []
+
+
+def test_libraries_speak_of_arguments_and_commands_of_options() -> None:
+    """`Console` makes options of what the libraries call `max_pixels` or `space="camera"`."""
+    options = {name: option for verb in cli.VERBS for name, option in cli._options(cli._parser(verb)[1][verb]).items()}
+    libraries = [(module, text) for module, text in sources() if room(module) not in ("cli", "commands", "training")]
+    assert [line for module, text in libraries for line in foreign_words(module, text, options)] == []
+    planted = 'raise InputError(f"{n} pixels; --max-pixels or `max_pixel` raise it, or `max_pixels`, or `x --max-pixels`")'
+    assert foreign_words("a", planted, options) == ["a says --max-pixels", "a says `max_pixel`"]
+
+
+def test_lower_floors_are_tested_without_the_upper_one() -> None:
+    tests = [path for floor in LOWER for path in sorted((ROOT / "tests" / floor).rglob("*.py"))]
+    assert len(tests) > 10
+    names = [(path, name) for path in tests for name in imported("tests.x", path.read_text("utf-8"))]
+    assert [f"{path.relative_to(ROOT)} imports {name}" for path, name in names if "tools" in name.split(".")[:2]] == []
 
 
 def test_the_walk_sees_the_sources() -> None:

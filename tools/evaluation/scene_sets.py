@@ -151,9 +151,9 @@ def _refuse_truths(found: list[Path]) -> None:
     for path in found:
         if path.name.endswith(TRUTH) and path.with_name(path.name.removesuffix(TRUTH)) in shots:
             raise InputError(
-                f"{path.parent}: holds shots and what they saw ({path.name}), as panchroma simulate --truth writes them, and each "
-                "would be measured for minutes. Name the photographs instead: evaluate photographs them itself, and measures all "
-                f"methods. To measure what the shots saw all the same, name the files: {path.parent / '*'}{TRUTH}"
+                f"{path.parent}: holds shots and what they saw ({path.name}), as `panchroma simulate --truth` writes them, and "
+                "each would be measured for minutes. Name the photographs instead: evaluate photographs them itself, and measures "
+                f"all methods. To measure what the shots saw all the same, name the files: {path.parent / '*'}{TRUTH}"
             )
 
 

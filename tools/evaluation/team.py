@@ -21,7 +21,7 @@ R = TypeVar("R")
 _PROCESS_BYTES = 250 * 2**20  # with the libraries
 _PIXEL_BYTES = 400  # in the hungriest method and its measurement; twice what was measured
 _USUAL_PIXELS = 6_000_000  # of a scene that has not been read yet
-_REMEDY = "run again with a smaller -j or --max-memory; what was finished is kept"
+_REMEDY = "run again with fewer `workers` or a smaller `max_memory`; what was finished is kept"
 
 
 def needed_memory(pixels: int) -> int:
@@ -55,7 +55,7 @@ class Team:
             if not isinstance(info, SceneInfo):
                 failures.append(self._fail(source, info))
             elif (needed := needed_memory(info.rows * info.columns)) > self.memory:
-                error = InputError(f"needs about {format_bytes(needed)} of memory; allow it with --max-memory, or use --crop")
+                error = InputError(f"needs about {format_bytes(needed)} of memory; allow it with `max_memory`, or use `crop`")
                 failures.append(self._fail(source, error))
             else:
                 scenes.append(info)

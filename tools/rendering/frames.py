@@ -87,4 +87,4 @@ def _difference(mosaic: Mosaic, wanted: Mosaic) -> str:
         return "it has {1} x {0} pixels, the others {3} x {2}".format(*mosaic.shape, *wanted.shape)
     if mosaic.pattern != wanted.pattern:
         return "its filters are arranged otherwise than those of the others"
-    return "it was taken with another camera than the others, or with another calibration; --camera replaces it in all of them"
+    return "it was taken with another camera than the others, or with another calibration; `camera` replaces it in all of them"

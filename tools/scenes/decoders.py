@@ -308,7 +308,7 @@ def _channels(count: int, wanted: str, *, alpha: bool = False, colour: bool = Fa
     if count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
         raise InputError(
             f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as many channels as the pattern "
-            "(panchroma simulate --pattern), or red, green and blue"
+            "(`pattern`), or red, green and blue"
         )
     return "", ()
 

@@ -304,7 +304,7 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate("nothing.png"), "nothing.png"),
         (lambda: panchroma.simulate("shot.dng"), "panchroma.render"),
         (lambda: panchroma.simulate("builtin:999x999", max_pixels=10), "max_pixels"),
-        (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "the argument pattern"),
+        (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
         (lambda: panchroma.simulate(GREY, pattern="RGB"), "pattern"),
         (lambda: panchroma.simulate(GREY, pattern="RG/B"), "pattern"),
         (lambda: panchroma.simulate(GREY, pattern=99), "pattern"),

@@ -1,7 +1,6 @@
-"""Errors in the words of a notebook: the libraries and commands below speak of options, such as --overwrite, and not of arguments.
+"""Errors in a notebook: what is wrong with an argument, before a library would blame a file for it.
 
-Every option that a message can name here is an argument of the function that raises it, under the same name. Options have the right
-types when a command sees them; arguments are checked here: overwrite="no" would replace a file, a limit in quotes blame the file.
+Options have the right types when a command sees them; arguments are checked here: overwrite="no" would replace a file.
 """
 
 import re
@@ -22,18 +21,7 @@ from tools.host.console import fault
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# The first that fits; patterns of `re`.
-_ARGUMENTS = {
-    r"--overwrite\b": "overwrite=True",
-    r"render with --space camera\b": 'save with space="camera"',
-    r"--space camera\b": 'space="camera"',
-    r"--wb (camera|auto)\b": r'wb="\1"',
-    r"panchroma simulate --pattern\b": "the argument pattern",
-    r"simulate --max-pixels\b": "max_pixels",
-    r"`?\bpanchroma (simulate|render)\b`?": r"panchroma.\1",
-}
-# An option, but not where it is that of a command for a terminal.
-_OPTION = re.compile(r"(panchroma [a-z-]+ [^;:,()]*)|--([a-z]+(?:-[a-z]+)*)")
+_COMMAND = re.compile(r"`?\bpanchroma (simulate|render)\b`?")
 # Arguments of any function, what they are to be, and their types. True is no number, although Python takes it for 1.
 _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("path", "camera"), "the name of a file", (str, PathLike)),
@@ -47,21 +35,6 @@ _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("metadata",), "a shared.CaptureMetadata", (CaptureMetadata,)),
 )
 _EXPECTED = {name: (what, types) for names, what, types in _TYPES for name in names}
-
-
-def in_arguments(text: str) -> str:
-    """A message about options as one about arguments.
-
-    >>> in_arguments("x.png: exists already; use --overwrite to replace it")
-    'x.png: exists already; use overwrite=True to replace it'
-    >>> in_arguments("the limit is 9, --max-pixels raises it")
-    'the limit is 9, max_pixels raises it'
-    >>> in_arguments("measure it (panchroma calibrate --flat), or leave --camera out")
-    'measure it (panchroma calibrate --flat), or leave camera out'
-    """
-    for option, argument in _ARGUMENTS.items():
-        text = re.sub(option, argument, text)
-    return _OPTION.sub(lambda found: found[1] or found[2].replace("-", "_"), text)
 
 
 def check_argument(name: str, value: object) -> None:
@@ -81,7 +54,7 @@ def check_argument(name: str, value: object) -> None:
 
 
 def for_notebooks(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, whose errors speak of arguments, and of what to install where a package is missing."""
+    """The function, which checks its arguments, names functions where libraries name commands, and packages that are missing."""
     parameters = signature(function).parameters
 
     @wraps(function)
@@ -92,7 +65,7 @@ def for_notebooks(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*arguments, **named)
         except PanchromaError as error:
-            raise type(error)(in_arguments(str(error))) from None
+            raise type(error)(_COMMAND.sub(r"panchroma.\1", str(error))) from None
         except ModuleNotFoundError as error:
             raise ModuleNotFoundError(fault(error), name=error.name) from None
 
