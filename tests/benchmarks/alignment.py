@@ -12,12 +12,11 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import radians
 
 import numpy as np
 
 from offline import BEST
-from offline.burst import Motion, align
+from offline.burst import align
 from offline.whole.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
@@ -49,11 +48,6 @@ class Figures:
         return f"{middle:8.3f}{worst:8.3f}{estimate:10.3f}{np.median(self.seconds):9.2f}{self.refused:5d}"
 
 
-def true_motion(frame: SimulatedFrame) -> Motion:
-    """The motion of a simulated frame, whose angle has the other sign."""
-    return Motion((frame.motion.down, frame.motion.across), -radians(frame.motion.degrees))
-
-
 def photograph(frame: SimulatedFrame, sigma: float | None, seed: int) -> Mosaic:
     """A mosaic of the frame. sigma: None = by a real sensor."""
     random = np.random.default_rng(seed)
@@ -79,7 +73,7 @@ def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArra
             continue
         figures.seconds.append(time.process_time() - begin)
         figures.estimates.append(found.error)
-        true = replace(true_motion(frame), local=local)
+        true = replace(frame.motion, local=local)
         places = [motion.places(slice(None), mosaic.shape) for motion in (found.motion, true)]
         figures.errors.append(float(np.median(np.hypot(places[0][0] - places[1][0], places[0][1] - places[1][1]))))
     return replace(figures, refused=refused)
@@ -97,7 +91,7 @@ def with_parallax(frames: list[SimulatedFrame], local: FloatArray) -> list[Simul
     y, x = np.indices(shape).astype(np.float32)
     shifted = [frames[0]]
     for frame in frames[1:]:
-        back = np.stack(replace(true_motion(frame), local=local).back(y, x, shape))
+        back = np.stack(replace(frame.motion, local=local).back(y, x, shape))
         planes = [map_coordinates(rgb[..., channel], back, order=5, mode="mirror") for channel in range(rgb.shape[2])]
         shifted.append(replace(frame, rgb=np.stack(planes, axis=-1).astype(np.float32)))
     return shifted

@@ -23,7 +23,6 @@ import json
 import time
 import zlib
 from dataclasses import dataclass, field
-from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -87,7 +86,7 @@ class Series:
         return cls(
             source.stem,
             [frame.rgb for frame in frames],
-            [Motion((frame.motion.down, frame.motion.across), -radians(frame.motion.degrees)) for frame in frames],
+            [frame.motion for frame in frames],
             [sensor[top - down : top - down + rows, left - across : left - across + columns] for down, across in steps],
             [Motion((float(down), float(across))) for down, across in steps],
             scene.neutral,

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ import numpy as np
 from shared import CaptureMetadata
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from shared.motion import Motion
 
-from .motion import MOST_DEGREES, Motion, displaced, reach
+from .motion import MOST_DEGREES, displaced, reach
 from .moving_thing import MovingThing
 
 MOST_PIXELS, MOST_STOPS = 1000.0, 10.0
@@ -53,7 +54,7 @@ class SimulatedBurst:
     @property
     def largest(self) -> Motion:
         """A motion that is at least as large as any of the burst."""
-        return Motion(self.pixels, self.pixels, self.degrees)
+        return Motion((self.pixels, self.pixels), -math.radians(self.degrees))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +62,21 @@ class SimulatedFrame:
     """One frame of a burst.
 
     rgb: the light that it sees, float32 (H, W, C), scene units, whatever its exposure is.
-    motion: from the reference to it, pixels of the sensor.
+    moved: from the reference to it: (down, across, degrees clockwise), pixels of the sensor.
     stops: its exposure; None = it is no part of a bracket.
     thing: (row, column, radius) of the moving thing at this time, pixels, as the reference would see it; None = there is none.
     """
 
     rgb: FloatArray
-    motion: Motion = field(default_factory=Motion)
+    moved: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stops: float | None = None
     thing: tuple[float, float, float] | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """Where it sees what the reference sees."""
+        down, across, degrees = self.moved
+        return Motion((down, across), -math.radians(degrees))
 
     @property
     def exposure(self) -> float:
@@ -103,22 +110,21 @@ def reduced(rgb: FloatArray, pixel: int) -> FloatArray:
     return mean
 
 
-def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> tuple[Motion, ...]:
-    """The motions of a burst's frames: a random walk from the first frame on, which stays within the burst's limits.
+def tremor(burst: SimulatedBurst, rng: np.random.Generator) -> list[tuple[float, float, float]]:
+    """(down, across, degrees) of a burst's frames: a random walk from the first frame on, which stays within the burst's limits.
 
     >>> import numpy as np
     >>> first, second = tremor(SimulatedBurst(2, pixels=3), np.random.default_rng(1))
-    >>> first.none, 0 < math.hypot(second.down, second.across) <= 3, second.degrees
-    (True, True, 0.0)
+    >>> first, 0 < math.hypot(*second[:2]) <= 3, second[2]
+    ((0.0, 0.0, 0.0), True, 0.0)
     """
-    motions = [Motion()]
-    while len(motions) < burst.frames:
-        last = motions[-1]
-        down, across, degrees = rng.normal(0, [burst.pixels / 2, burst.pixels / 2, burst.degrees / 2]).tolist()
-        motion = Motion(last.down + down, last.across + across, last.degrees + degrees)
-        if math.hypot(motion.down, motion.across) <= burst.pixels and abs(motion.degrees) <= burst.degrees:
-            motions.append(motion)
-    return tuple(motions)
+    walk = [(0.0, 0.0, 0.0)]
+    while len(walk) < burst.frames:
+        steps = rng.normal(0, [burst.pixels / 2, burst.pixels / 2, burst.degrees / 2]).tolist()
+        down, across, degrees = (last + step for last, step in zip(walk[-1], steps, strict=True))
+        if math.hypot(down, across) <= burst.pixels and abs(degrees) <= burst.degrees:
+            walk.append((down, across, degrees))
+    return walk
 
 
 def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generator, pixel: int = 1) -> Iterator[SimulatedFrame]:
@@ -145,19 +151,16 @@ def burst_frames(rgb: FloatArray, burst: SimulatedBurst, rng: np.random.Generato
             f"a burst with this motion loses {margin} pixels on each side of a scene of {whole[1] // pixel} x {whole[0] // pixel}: "
             "nothing is left; take a larger picture, or less motion"
         )
-    motions = tremor(burst, rng)
+    walk = tremor(burst, rng)
     thing = MovingThing.drawn(scene, margin * pixel, burst.frames, pixel, rng) if burst.moving else None
-    for number, motion in enumerate(motions):
+    for number, moved in enumerate(walk):
+        stops = burst.stops[number] if burst.stops else None
+        frame = SimulatedFrame(scene, moved, stops, _on_sensor(thing, number, margin, pixel) if thing else None)
         light = thing.before(scene, number) if thing else scene
-        if not motion.none:
-            light = displaced(light, motion.times(pixel)).clip(0)  # interpolation overshoots
+        if not frame.motion.none:
+            light = displaced(light, frame.motion.times(pixel)).clip(0)  # interpolation overshoots
         light = light[margin * pixel : whole[0] - margin * pixel, margin * pixel : whole[1] - margin * pixel]
-        yield SimulatedFrame(
-            reduced(light, pixel),
-            motion,
-            burst.stops[number] if burst.stops else None,
-            _on_sensor(thing, number, margin, pixel) if thing else None,
-        )
+        yield replace(frame, rgb=reduced(light, pixel))
 
 
 def _on_sensor(thing: MovingThing, number: int, margin: int, pixel: int) -> tuple[float, float, float]:
@@ -179,9 +182,7 @@ def motion_text(frames: Mapping[str, SimulatedFrame], shape: tuple[int, int]) ->
         "reference": next(iter(frames)),
         "frames": {
             name: {
-                "down": frame.motion.down,
-                "across": frame.motion.across,
-                "degrees": frame.motion.degrees,
+                **dict(zip(("down", "across", "degrees"), frame.moved, strict=True)),
                 **({} if frame.stops is None else {"stops": frame.stops}),
                 **({} if frame.thing is None else {"thing": dict(zip(("row", "column", "radius"), frame.thing, strict=True))}),
             }

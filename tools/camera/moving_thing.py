@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.arrays import FloatArray
+from shared.motion import Motion
 
-from .motion import RADIUS, Motion, displaced
+from .motion import RADIUS, displaced
 
 _SIZE = 0.2  # diameter, part of the frame's shorter side
 _COLOUR = (2.0, 0.8, 0.2)  # of the scene's mean luminance, in an order that is drawn
@@ -66,7 +67,7 @@ class MovingThing:
         half = self.texture.shape[0] // 2
         whole = round(row), round(column)
         down, across = row - whole[0], column - whole[1]
-        texture = displaced(self.texture, Motion(down, across)).clip(0)
+        texture = displaced(self.texture, Motion((down, across))).clip(0)
         places = np.arange(-half, half + 1)
         distance = np.hypot(places[:, None] - down, places - across)
         covers = np.clip(self.radius + 0.5 - distance, 0, 1).astype(np.float32)[..., None]
