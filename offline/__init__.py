@@ -5,12 +5,13 @@ from .kernels.compile import available_threads, compilation, kernel_cache, threa
 from .memory import rendering_memory
 from .render import Rendering, render, render_bands, warm_up
 from .rows.learned import network_name
-from .settings import BEST, PAPER, RenderSettings
+from .settings import BEST, PAPER, PRESETS, RenderSettings
 from .solvers import Solved, SolverLog
 
 __all__ = [
     "BEST",
     "PAPER",
+    "PRESETS",
     "RenderSettings",
     "Rendering",
     "Solved",

@@ -1,7 +1,7 @@
 """The settings of each stage, in order of execution, and the presets."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from shared.errors import InputError
@@ -309,3 +309,5 @@ BEST = RenderSettings(
     sites=SiteSettings(corrected=True),
     learned=LearnedSettings(used=True),
 )
+PRESETS = {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}
+"""The presets by name; unlearned is best without the network that corrects colour."""

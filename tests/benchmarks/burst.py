@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from offline import BEST, RenderSettings, render
+from offline import BEST, PRESETS, RenderSettings, render
 from offline.burst import MergedBurst, Motion, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
@@ -40,7 +40,6 @@ from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.methods import methods
 from tools.evaluation.metrics import BORDER, quality, whole_psnr
-from tools.evaluation.ours import PRESETS
 from tools.evaluation.tiles import Tile
 from tools.host.versions import package_version
 from tools.scenes.load import load_scene

@@ -34,6 +34,7 @@ from tools.host.processors import THREAD_VARIABLES, processors
 from tools.host.versions import package_version, program_version
 
 Work = Callable[[], object]
+_PRESETS = "paper", "best"
 
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
 _TOGETHER, _MOST_RUNS = 25.0, 7  # megapixels rendered for each size at least, so that small ones are not left to chance
@@ -115,8 +116,7 @@ def rivals(frame: Frame) -> dict[str, Work]:
 
 def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     """Time everything in turns on one frame: presets and their stages, files, and rivals."""
-    from offline import render, render_bands
-    from tools.evaluation.ours import PRESETS
+    from offline import PRESETS, render, render_bands
 
     def by_bands(settings: object) -> None:
         deque(render_bands(frame.mosaic, settings), maxlen=0)  # type: ignore[arg-type]
@@ -124,8 +124,9 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     saved, picture = folder / "shot.dng", np.zeros((8, 8, 3), np.uint8)
     write_dng(saved, frame.shot, picture)
     data = encode_dng(frame.shot, picture)
-    clocks, works = {name: StageClock() for name in PRESETS}, dict[str, Work]()
-    for name, settings in PRESETS.items():
+    clocks, works = {name: StageClock() for name in _PRESETS}, dict[str, Work]()
+    for name in _PRESETS:
+        settings = PRESETS[name]
         works[name] = partial(clocks[name].run, partial(render, frame.mosaic, settings, clocks[name]))
         works[f"{name}, band by band"] = partial(by_bands, settings)
         works[f"{name}, DNG to 16-bit TIFF"] = partial(render_file, saved, name)
@@ -135,7 +136,7 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
     pixels = frame.mosaic.samples.size
 
     def line(name: str, each: Sequence[float]) -> None:
-        ratios = [f"{preset} is {median(map(float.__truediv__, each, seconds[preset])):.2f} x" for preset in PRESETS]
+        ratios = [f"{preset} is {median(map(float.__truediv__, each, seconds[preset])):.2f} x" for preset in _PRESETS]
         shown = [pixels / 1e6 / what for what in (max(each), median(each), min(each))]
         print(f"{name:<34}", *(f"{speed:8.2f}" for speed in shown), *(ratios if name in others else ()))
 
@@ -148,8 +149,7 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
 
 def render_file(shot: Path, preset: str, rows: int | None = None, columns: int | None = None) -> float:
     """Render a DNG, or its corner, to a TIFF of 16 bits beside it; returns the seconds in which bands were made."""
-    from offline import render_bands, threads
-    from tools.evaluation.ours import PRESETS
+    from offline import PRESETS, render_bands, threads
     from tools.pictures.development import Development
     from tools.pictures.kind import PictureKind
     from tools.pictures.writing import write_picture

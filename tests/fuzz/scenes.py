@@ -20,7 +20,7 @@ from random import Random
 import numpy as np
 
 from device import Preview
-from offline import render
+from offline import PRESETS, render
 from offline.burst import merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.aberration import Aberration
@@ -31,7 +31,6 @@ from tools.camera.protocols import PaperProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
 from tools.evaluation.methods import methods
-from tools.evaluation.ours import PRESETS
 
 RIGHT, REFUSED, FAULT = "right", "refused", "FAULT"
 WAYS = (*PRESETS, "burst", "preview", "evaluate")

@@ -1,17 +1,15 @@
 """Our own methods: the presets of the off-camera renderer, and the camera's preview."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
-from offline import BEST, PAPER, RenderSettings, render
+from offline import PRESETS, RenderSettings, render
 from offline.version import ALGORITHM
 from shared import Mosaic
 from shared.arrays import FloatArray
 from tools.pictures.previews import linear_preview, preview_version
 
 from .method import Method
-
-PRESETS = {"paper": PAPER, "best": BEST, "unlearned": replace(BEST, learned=PAPER.learned)}
 
 
 def render_preset(settings: RenderSettings, mosaic: Mosaic) -> FloatArray:

@@ -1,7 +1,7 @@
 """What a run is asked for, and what one shot may use of the machine."""
 
 import os
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -57,9 +57,9 @@ class Order:
     @property
     def settings(self) -> Any:
         """RenderSettings of the preset."""
-        from offline import BEST, PAPER
+        from offline import PRESETS
 
-        return {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}[self.preset]
+        return PRESETS[self.preset]
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """What a picture is rendered from, read from its files. Raises InputError if it cannot become such a picture.

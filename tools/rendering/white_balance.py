@@ -1,6 +1,7 @@
 """The white balance of a render: that of the shot, an estimate, or multipliers."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,18 +27,21 @@ class WhiteBalance:
     multipliers: tuple[float, ...] = ()
 
     @classmethod
-    def parse(cls, text: str) -> "WhiteBalance":
-        """The white balance that a text such as "camera", "auto" or "2.1,1,1.6" asks for. Raises InputError for any other."""
-        if text in (_CAMERA, _AUTO):
-            return cls(text)
+    def parse(cls, wanted: str | Iterable[float]) -> "WhiteBalance":
+        """The white balance that is asked for: "camera", "auto", or multipliers, as numbers or as a text such as "2.1,1,1.6".
+
+        Raises InputError for anything else.
+        """
+        if isinstance(wanted, str) and wanted in (_CAMERA, _AUTO):
+            return cls(wanted)
         try:
-            multipliers = tuple(float(word) for word in text.split(","))
-        except ValueError:
+            multipliers = tuple(float(each) for each in (wanted.split(",") if isinstance(wanted, str) else wanted))
+        except (ValueError, TypeError):
             multipliers = ()
         if len(multipliers) < 2:
-            raise InputError(f"`wb` is {text!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
+            raise InputError(f"`wb` is {wanted!r}, expected {_CAMERA}, {_AUTO} or multipliers R,G,B such as 2.1,1,1.6")
         if not all(math.isfinite(each) and 1 / _LARGEST <= each <= _LARGEST for each in multipliers):
-            raise InputError(f"`wb` is {text!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
+            raise InputError(f"`wb` is {wanted!r}, expected multipliers between {1 / _LARGEST:g} and {_LARGEST:g}")
         return cls("", tuple(each / min(multipliers) for each in multipliers))
 
     def check(self, kind: PictureKind) -> None:

@@ -103,9 +103,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
     if start.startswith(_TIFF_STARTS):
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
-            raise ForeignFileError(
-                "this is a shot, sampled by the sparse-colour sensor already, and no scene; use panchroma render"
-            )
+            raise ForeignFileError("this is a shot, sampled by the sparse-colour sensor already, and no scene; render it")
         if suffix in _TIFF_SUFFIXES and not is_dng:
             with guarded(path):
                 picture = decode_tiff(path, max_pixels, channels)

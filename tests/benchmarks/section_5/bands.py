@@ -6,9 +6,10 @@ from itertools import product
 
 import numpy as np
 
+from offline import PRESETS
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from tools.evaluation.metrics import BORDER, quality
-from tools.evaluation.ours import PRESETS, render_preset
+from tools.evaluation.ours import render_preset
 from tools.evaluation.rivals.plane_denoising import denoised_planes
 from tools.evaluation.rivals.planes import planes
 from tools.scenes.scene import Scene

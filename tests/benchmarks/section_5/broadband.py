@@ -5,11 +5,11 @@ from functools import partial
 
 import numpy as np
 
-from offline import BEST
+from offline import BEST, PRESETS
 from shared.arrays import FloatArray
 from tools.evaluation.hue import wrong_hue
 from tools.evaluation.metrics import BORDER, psnr, quality
-from tools.evaluation.ours import PRESETS, render_preset
+from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
 from .cameras import Camera, Level

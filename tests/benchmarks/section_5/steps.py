@@ -8,11 +8,11 @@ from functools import partial
 import numpy as np
 
 from device import Preview
-from offline import BEST, PAPER, render, use_threads
+from offline import BEST, PAPER, PRESETS, render, use_threads
 from shared import Mosaic
 from shared.arrays import FloatArray
 from tools.evaluation.metrics import quality
-from tools.evaluation.ours import PRESETS, render_preset
+from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
 from .cameras import Camera, Level

@@ -38,7 +38,8 @@ def test_a_displaced_scene_is_the_scene_at_the_displaced_points(motion: Motion) 
     inside = (slice(border, -border), slice(border, -border))
     seen = displaced(waves(grid(SHAPE)), motion)
     # The points of the reference that the pixels of the frame see.
-    points = np.stack(motion.back(*np.moveaxis(grid(SHAPE).astype(np.float32), -1, 0), SHAPE), axis=-1)
+    down, across = np.indices(SHAPE, np.float32)
+    points: DoubleArray = np.stack(motion.back(down, across, SHAPE), axis=-1).astype(np.float64)
     assert seen.dtype == np.float32
     assert np.abs(seen - waves(points))[inside].max() < ACCURATE
     assert np.abs(seen - waves(grid(SHAPE)))[inside].max() > ACCURATE

@@ -15,8 +15,8 @@ import pytest
 
 import offline
 import panchroma
-from panchroma import wording
-from panchroma.wording import for_notebooks
+from panchroma import arguments
+from panchroma.arguments import checked
 from shared import Aberration, Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, Shading, read_dng
 from shared.colorimetry import decode_srgb
 from tests.tools.command import run
@@ -177,7 +177,7 @@ def test_figures_fall_with_the_light_as_those_of_the_command_do(tmp_path: Path) 
     commands = [each["rgb_q50"] for each in figures if each["scene"]]
     np.testing.assert_allclose([median[0] for median, *_ in ours], commands, atol=0.3)  # other noise, and cut to whole periods
     for white in (0, -1, np.inf, np.nan):
-        with pytest.raises(panchroma.PanchromaError, match="white is"):
+        with pytest.raises(panchroma.PanchromaError, match="`white` is"):
             panchroma.evaluate(picture, shot, white=white)
 
 
@@ -298,11 +298,11 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
     [
         (lambda: panchroma.open("nothing.dng"), "nothing.dng"),
         (lambda: panchroma.open("shot.dng", max_pixels=100), "max_pixels"),
-        (lambda: panchroma.open("shot.dng", max_pixels="100"), "max_pixels is '100'"),  # type: ignore[arg-type]
-        (lambda: panchroma.open(GREY), "path is array"),  # type: ignore[arg-type]
-        (lambda: panchroma.open(""), "path is '', expected the name of a file"),
+        (lambda: panchroma.open("shot.dng", max_pixels="100"), "`max_pixels` is '100'"),  # type: ignore[arg-type]
+        (lambda: panchroma.open(GREY), "`path` is array"),  # type: ignore[arg-type]
+        (lambda: panchroma.open(""), "`path` is '', expected the name of a file"),
         (lambda: panchroma.simulate("nothing.png"), "nothing.png"),
-        (lambda: panchroma.simulate("shot.dng"), "panchroma.render"),
+        (lambda: panchroma.simulate("shot.dng"), "render it"),
         (lambda: panchroma.simulate("builtin:999x999", max_pixels=10), "max_pixels"),
         (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
         (lambda: panchroma.simulate(GREY, pattern="RGB"), "pattern"),
@@ -315,34 +315,34 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate(GREY, seed=-1), "seed"),
         (lambda: panchroma.simulate(GREY, bits=99), "bits"),
         (lambda: panchroma.simulate(GREY, channels="RG"), "channels"),
-        (lambda: panchroma.simulate("there.tif", channels="BGR"), "channels is 'BGR'"),
-        (lambda: panchroma.simulate(GREY, pattern=6.0), "pattern is 6.0"),  # type: ignore[arg-type]
-        (lambda: panchroma.simulate(GREY, bits="12"), "bits is '12', expected a whole number"),  # type: ignore[arg-type]
-        (lambda: panchroma.simulate(GREY, sigma="0.1"), "sigma is '0.1', expected a number"),  # type: ignore[arg-type]
-        (lambda: panchroma.simulate(GREY, seed=None), "seed is None"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
+        (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, bits="12"), "`bits` is '12', expected a whole number"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, sigma="0.1"), "`sigma` is '0.1', expected a number"),  # type: ignore[arg-type]
+        (lambda: panchroma.simulate(GREY, seed=None), "`seed` is None"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
         (lambda: panchroma.simulate(GREY.astype(complex)), "array"),
         (lambda: panchroma.simulate(GREY - 1), "negative"),
-        (lambda: panchroma.render("shot.dng", preset="bset"), "preset"),
-        (lambda: panchroma.render("shot.dng", wb="sunny"), "wb is 'sunny'"),
-        (lambda: panchroma.render("shot.dng", wb=(1, 2)), "wb has 2 multipliers"),
-        (lambda: panchroma.render("shot.dng", wb=3), "wb is 3"),  # type: ignore[arg-type]
+        (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
+        (lambda: panchroma.render("shot.dng", wb="sunny"), "`wb` is 'sunny'"),
+        (lambda: panchroma.render("shot.dng", wb=(1, 2)), "`wb` has 2 multipliers"),
+        (lambda: panchroma.render("shot.dng", wb=3), "`wb` is 3"),  # type: ignore[arg-type]
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
         (lambda: panchroma.render(panchroma.simulate(0 * GREY)), "black level"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.preview("shot.dng", scale=0), "scale is 0"),
+        (lambda: panchroma.preview("shot.dng", scale=0), "`scale` is 0"),
         (lambda: panchroma.preview("shot.dng", scale=5), "period"),
         (lambda: panchroma.to_srgb(GREY, exposure=99), "exposure"),
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.bmp"), "bmp"),
         (lambda: panchroma.Picture(GREY).save("picture"), "the end of its name"),
-        (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "overwrite is 'no'"),  # type: ignore[arg-type]
+        (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "`overwrite` is 'no'"),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
         (lambda: panchroma.Picture(GREY).save("nowhere/picture.tif"), "nowhere"),
-        (lambda: panchroma.Picture(GREY, calibration=None), "calibration is None"),  # type: ignore[arg-type]
+        (lambda: panchroma.Picture(GREY, calibration=None), "`calibration` is None"),  # type: ignore[arg-type]
         (lambda: panchroma.Shot(GREY), "panchroma.simulate makes a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(GREY).save("there.tif"), "png"),
         (lambda: panchroma.to_srgb(GREY).save("there.png", quality=9), "quality"),
@@ -373,17 +373,17 @@ def test_an_error_names_what_is_wrong_and_no_option(
 
 
 def test_true_is_no_number_and_leaves_no_preview_behind(shot: panchroma.Shot) -> None:
-    with pytest.raises(panchroma.PanchromaError, match="scale is True, expected a whole number"):
+    with pytest.raises(panchroma.PanchromaError, match="`scale` is True, expected a whole number"):
         panchroma.preview(shot, scale=True)
     assert panchroma.preview(shot).shape == shot.shape
 
 
-def test_the_examples_of_wording_are_true() -> None:
-    assert doctest.testmod(wording).failed == 0
+def test_the_examples_of_arguments_are_true() -> None:
+    assert doctest.testmod(arguments).failed == 0
 
 
 def test_a_missing_package_is_named_with_the_remedy() -> None:
-    @for_notebooks
+    @checked
     def needing() -> None:
         raise ModuleNotFoundError("No module named 'numba'", name="numba")
 
@@ -400,5 +400,5 @@ def test_a_simulated_lens_is_undone() -> None:
     truth = shot.truth.rgb
     undone, left = (np.square(panchroma.render(each).rgb - truth).mean() for each in (shot, replace(shot, mosaic=bare)))
     assert undone < 0.5 * left
-    with pytest.raises(panchroma.PanchromaError, match="aberration is 3, expected two numbers"):
+    with pytest.raises(panchroma.PanchromaError, match="`aberration` is 3, expected two numbers"):
         panchroma.simulate("builtin:60x40", aberration=3)  # type: ignore[arg-type]

@@ -173,7 +173,7 @@ def test_our_own_shots_are_refused_with_the_right_command(tmp_path: Path, beside
             extratags=pattern + (private if beside == "samples" else []),
             metadata=None,
         )
-    with pytest.raises(InputError, match=r"this is a shot.*panchroma render"):
+    with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
 
 

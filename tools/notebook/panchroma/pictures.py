@@ -17,7 +17,7 @@ from shared.errors import InputError
 from shared.tiff import encode_tiff
 from shared.writing import write_durably
 
-from .wording import check_argument, for_notebooks
+from .arguments import check_argument, checked
 
 _SHOWN = 1024  # pixels: the longest side of what a notebook shows, and keeps in its file
 
@@ -53,7 +53,7 @@ class Image:
         """(rows, columns)."""
         return self.pixels.shape[0], self.pixels.shape[1]
 
-    @for_notebooks
+    @checked
     def save(self, path: str | Path, *, quality: int | None = None, overwrite: bool = False) -> None:
         """Write a PNG or a JPEG, as the name ends.
 
@@ -71,7 +71,7 @@ class Image:
             case ".jpg" | ".jpeg":
                 data = encode_jpeg(self.pixels, CaptureMetadata(), icc=icc_profile("srgb"), quality=quality)
             case suffix:
-                wrong = f"quality is {quality}, which only a JPEG has" if quality is not None else f"ends in {suffix!r}"
+                wrong = f"`quality` is {quality}, which only a JPEG has" if quality is not None else f"ends in {suffix!r}"
                 raise InputError(f"{path}: {wrong}; an image is saved as .png or .jpg")
         write_durably(path, data, overwrite=overwrite)
 
@@ -126,13 +126,13 @@ class Picture:
         check_argument("metadata", self.metadata)
         check_argument("white", self.white)
         if not 0 < self.white < np.inf:
-            raise InputError(f"white is {self.white}, expected a positive number: what the white of the scene reads")
+            raise InputError(f"`white` is {self.white}, expected a positive number: what the white of the scene reads")
         rgb = checked_picture(np.asarray(self.rgb), len(self.calibration.channels)).view()
         rgb.flags.writeable = False
         object.__setattr__(self, "rgb", rgb)
         if self.lost is not None and (self.lost.shape != self.shape or self.lost.dtype != np.uint8):
             raise InputError(
-                f"lost is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as the picture; "
+                f"`lost` is {self.lost.dtype} {self.lost.shape}, expected uint8 {self.shape}, as the picture; "
                 "cut it as the picture, or leave it out (lost=None)"
             )
 
@@ -146,7 +146,7 @@ class Picture:
         """The letters of the channels, in the order of `rgb`."""
         return self.calibration.channels
 
-    @for_notebooks
+    @checked
     def save(
         self,
         path: str | Path,
@@ -200,7 +200,7 @@ class Picture:
             return Image(np.rint(255 * light[..., None].repeat(3, axis=2)).astype(np.uint8))._repr_png_()
 
 
-@for_notebooks
+@checked
 def to_srgb(picture: Picture | NDArray[np.floating], *, exposure: float = 0.0) -> Image:
     """The picture as a screen shows it: white-balanced, in the colours of sRGB, clipped at white, 8 bits, upright.
 

@@ -12,9 +12,9 @@ from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
 from tools.scenes.scene import RGB
 
+from .arguments import checked
 from .pictures import Picture, light_of
 from .shots import Shot
-from .wording import for_notebooks
 
 
 @dataclass(frozen=True, repr=False, match_args=False)
@@ -65,7 +65,7 @@ class Evaluation:
         return f"<table>{head}{''.join(rows)}</table>SSIM {self.ssim:.3f}{hue}"
 
 
-@for_notebooks
+@checked
 def evaluate(
     picture: Picture | NDArray[np.floating],
     truth: Shot | Picture | NDArray[np.floating] | None,
@@ -88,14 +88,14 @@ def evaluate(
     """
     truth = truth.truth if isinstance(truth, Shot) else truth
     if truth is None:
-        raise InputError("truth is None: only a simulated shot knows what it saw")
+        raise InputError("`truth` is None: only a simulated shot knows what it saw")
     made, seen = light_of(picture), light_of(truth)
     count = seen.shape[-1] if seen.ndim == 3 else len(RGB)
     channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), RGB if count == len(RGB) else "")
     if white is None:
         white = next((each.white for each in (truth, picture) if isinstance(each, Picture)), 1.0)
     elif not 0 < white < np.inf:
-        raise InputError(f"white is {white}, expected a positive number: what the white of the scene reads in both pictures")
+        raise InputError(f"`white` is {white}, expected a positive number: what the white of the scene reads in both pictures")
     made, seen = (checked_picture(each, count) for each in (made, seen))
     if made.shape == seen.shape and white != 1:
         made, seen = made / np.float32(white), seen / np.float32(white)

@@ -15,8 +15,8 @@ from tools.host.console import to_stderr
 from tools.pictures.previews import Previews
 from tools.pictures.samples import upright
 
+from .arguments import check_argument, checked
 from .pictures import Image, Picture
-from .wording import check_argument, for_notebooks
 
 
 @dataclass(frozen=True, eq=False, repr=False, match_args=False)
@@ -65,7 +65,7 @@ class Shot:
         """Capture data: camera, lens, exposure, orientation."""
         return self.mosaic.metadata
 
-    @for_notebooks
+    @checked
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the shot with its preview as a DNG, which `open` reads. An existing file stays, unless `overwrite`."""
         if Path(path).suffix.lower() != ".dng":
@@ -81,7 +81,7 @@ class Shot:
         return preview(self)._repr_png_()
 
 
-@for_notebooks
+@checked
 def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int = MAX_PIXELS) -> Shot:  # noqa: A001
     """Read a shot, a DNG that Panchroma has written. For photographs of other cameras see `simulate`.
 
@@ -101,7 +101,7 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     return told(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.zoomed(mosaic.metadata.focal_length)))
 
 
-@for_notebooks
+@checked
 def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     """The camera's own picture of a shot: made in milliseconds by an ONNX graph, upright.
 

@@ -21,14 +21,14 @@ from tools.scenes.load import load_scene
 from tools.scenes.picture import picture_scene
 from tools.scenes.scene import Scene
 
+from .arguments import checked
 from .pictures import Picture
 from .shots import Shot, told
-from .wording import for_notebooks
 
 _PERIOD = 6
 
 
-@for_notebooks
+@checked
 def simulate(
     scene: str | Path | Picture | ArrayLike,
     *,
@@ -84,7 +84,7 @@ def simulate(
     kind, level = chosen_protocol(None, {"sigma": sigma, "light": light})
     protocol = kind(kind.default if level is None else level)
     if seed < 0:
-        raise InputError(f"seed is {seed}, expected 0 or more")
+        raise InputError(f"`seed` is {seed}, expected 0 or more")
     known = None if camera is None else read_camera(camera)
     lens = lens_of({"shading": shading, "aberration": aberration})
     tile = _pattern(known.pattern if known and known.pattern and pattern is None else pattern)
@@ -108,13 +108,13 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
             return CfaPattern.bayer(_PERIOD)
         case Integral():
             return CfaPattern.bayer(int(pattern))
-    raise InputError(f"pattern is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
+    raise InputError(f"`pattern` is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
 
 
 def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Scene:
     """The scene before a pattern with the channels `wanted`."""
     if channels is not None and isinstance(source, Picture | str | Path):
-        raise InputError(f"channels is {channels!r}, but it names those of an array; a picture or a file has its own")
+        raise InputError(f"`channels` is {channels!r}, but it names those of an array; a picture or a file has its own")
     if isinstance(source, Picture):
         known = source.calibration
         light = np.maximum(source.rgb, 0)  # noise may be negative, light is not
@@ -136,5 +136,5 @@ def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pix
 def _named(array: NDArray[Any], channels: str) -> Decoded:
     if array.ndim != 3 or array.shape[2] != len(channels):
         wanted = f"(rows, columns, {len(channels)})"
-        raise InputError(f"channels is {channels!r}, but the array has shape {array.shape}; expected {wanted}")
+        raise InputError(f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {wanted}")
     return Decoded(array, np.iinfo(array.dtype).max if array.dtype.kind == "u" else None, channels=channels)

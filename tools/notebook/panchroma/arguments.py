@@ -1,9 +1,5 @@
-"""Errors in a notebook: what is wrong with an argument, before a library would blame a file for it.
+"""Arguments are checked when a function is called: overwrite="no" would replace a file, a limit in quotes blame the file."""
 
-Options have the right types when a command sees them; arguments are checked here: overwrite="no" would replace a file.
-"""
-
-import re
 from collections.abc import Callable
 from functools import wraps
 from inspect import signature
@@ -15,21 +11,20 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 
 from shared import CaptureMetadata, Mosaic, SensorCalibration
-from shared.errors import InputError, PanchromaError
+from shared.errors import InputError
 from tools.host.console import fault
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_COMMAND = re.compile(r"`?\bpanchroma (simulate|render)\b`?")
 # Arguments of any function, what they are to be, and their types. True is no number, although Python takes it for 1.
 _TYPES: tuple[tuple[tuple[str, ...], str, tuple[type, ...]], ...] = (
     (("path", "camera"), "the name of a file", (str, PathLike)),
-    (("preset", "channels", "format", "space"), "a text", (str,)),
+    (("channels", "format", "space"), "a text", (str,)),
     (("bits", "seed", "scale", "quality", "max_pixels"), "a whole number", (Integral,)),
     (("sigma", "light", "exposure", "white"), "a number", (Real,)),
     (("shading", "aberration"), "two numbers", (tuple, list, np.ndarray)),
-    (("linear", "learned", "overwrite"), "True or False", (bool, np.bool_)),
+    (("linear", "overwrite"), "True or False", (bool, np.bool_)),
     (("mosaic",), "a shared.Mosaic; panchroma.simulate makes a shot of an array", (Mosaic,)),
     (("calibration",), "a shared.SensorCalibration", (SensorCalibration,)),
     (("metadata",), "a shared.CaptureMetadata", (CaptureMetadata,)),
@@ -43,18 +38,18 @@ def check_argument(name: str, value: object) -> None:
     >>> check_argument("scale", 3)
     >>> check_argument("scale", "3")
     Traceback (most recent call last):
-    shared.errors.InputError: scale is '3', expected a whole number
+    shared.errors.InputError: `scale` is '3', expected a whole number
     """
     if name not in _EXPECTED:
         return
     what, types = _EXPECTED[name]
     fits = isinstance(value, types) and (bool in types or not isinstance(value, bool))
     if not fits or (isinstance(value, str) and not value):
-        raise InputError(f"{name} is {shortened(value)}, expected {what}")
+        raise InputError(f"`{name}` is {shortened(value)}, expected {what}")
 
 
-def for_notebooks(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, which checks its arguments, names functions where libraries name commands, and packages that are missing."""
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, whose arguments are checked, and whose errors say what to install where a package is missing."""
     parameters = signature(function).parameters
 
     @wraps(function)
@@ -64,8 +59,6 @@ def for_notebooks(function: Callable[P, R]) -> Callable[P, R]:
                 check_argument(name, value)
         try:
             return function(*arguments, **named)
-        except PanchromaError as error:
-            raise type(error)(_COMMAND.sub(r"panchroma.\1", str(error))) from None
         except ModuleNotFoundError as error:
             raise ModuleNotFoundError(fault(error), name=error.name) from None
 
