@@ -5,7 +5,7 @@ Kernels that are not compiled ahead are compiled when they are first called. Not
 
 from collections.abc import Callable
 
-from .kernels import agreeing, displacement, merging, smoothing, spreading  # noqa: F401 - bursts use it, and no render: only this import makes it known here
+from .kernels import displacement, merging, smoothing, spreading  # noqa: F401 - bursts use it, and no render: only this import makes it known here
 from .kernels.compile import kernel_cache, kernels
 from .settings import RenderSettings
 
@@ -30,9 +30,6 @@ _USED: dict[str, Callable[[RenderSettings], bool]] = {
     "interpolate": lambda settings: settings.highlights.restored,
     "displacement_sums": lambda _: False,  # only for bursts
     "merge": lambda _: False,
-    "products": lambda _: False,
-    "compare_near": lambda _: False,
-    "compare_far": lambda _: False,
     "smooth": lambda _: False,
     "displace": lambda _: False,
     "spread_samples": lambda _: False,

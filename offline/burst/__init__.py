@@ -4,8 +4,20 @@ from shared.motion import Motion
 
 from .alignment import Alignment, align
 from .copies import copies
+from .frames import View
 from .judging import Judged
 from .memory import burst_memory
 from .render import MergedBurst, merge_burst, render_burst_bands
 
-__all__ = ["Alignment", "Judged", "MergedBurst", "Motion", "align", "burst_memory", "copies", "merge_burst", "render_burst_bands"]
+__all__ = [
+    "Alignment",
+    "Judged",
+    "MergedBurst",
+    "Motion",
+    "View",
+    "align",
+    "burst_memory",
+    "copies",
+    "merge_burst",
+    "render_burst_bands",
+]

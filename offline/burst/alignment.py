@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.motion import Motion
 
 from . import fits
+from .frames import View
 from .levels import SPREAD, Level, levels
 from .tiles import Tiles, measure
 
@@ -28,8 +28,6 @@ _ROUNDS, _STILL = 8, 1e-2  # corrections on each level, until one is smaller tha
 _LOCAL_LEVELS, _LOCAL_ROUNDS = 2, 2  # the finest levels, and measurements on each, from which local shifts come
 _LEAST_AGREEMENT = 0.3
 _MOST_ERROR = 0.5  # pixels
-_MOST_UNEVEN = 0.1
-REMEDY = "leave this frame out"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,57 +38,46 @@ class Alignment:
     gain: how many times as bright the frame is as the reference.
     error: estimated error of the frame's shift and rotation, pixels, root mean square over the frame.
     agreement: 0 to 1, the share of the reference's texture that the frame shows where the motion says.
-    unevenness: the fraction by which half of the frame's light, or more, differs from the reference's times the gain.
     """
 
     motion: Motion
     gain: float
     error: float
     agreement: float
-    unevenness: float
 
 
-def align(
-    reference: FloatArray,
-    frame: FloatArray,
-    noise: tuple[NoiseModel | None, NoiseModel | None] = (None, None),
-    limits: tuple[float, float] = (np.inf, np.inf),
-) -> Alignment:
+def align(reference: View, frame: View) -> Alignment:
     """Find the motion of a frame, compared with the reference.
 
-    reference, frame: (H, W), luminance of every pixel, scene units (`recover_luminance`).
-    noise: of the two; None: unknown, taken for none. It decides only how much they may differ.
-    limits: of the two, scene units: pixels from there on are clipped, and do not count.
+    reference, frame: luminance of every pixel (`recover_luminance`). Clipped pixels do not count; noise decides only how much the
+        two may differ.
 
-    Raises InputError that says why, where the frame cannot be aligned: another size, another scene, another light, or too little
-    texture.
+    Raises InputError that says why, where the frame cannot be aligned: another size, another scene, or too little texture.
     """
-    if reference.shape != frame.shape:
-        sizes = ["{1} x {0}".format(*plane.shape) for plane in (frame, reference)]
-        raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference; take frames of one camera and size")
-    pyramid = levels(_unclipped(reference, limits[0]), _unclipped(frame, limits[1]))
+    planes = reference.luminance, frame.luminance
+    if planes[0].shape != planes[1].shape:
+        sizes = ["{1} x {0}".format(*plane.shape) for plane in planes[::-1]]
+        raise InputError(f"{sizes[0]} pixels, expected {sizes[1]} like the reference")
+    pyramid = levels(_unclipped(reference), _unclipped(frame))
     first = next((number for number, level in enumerate(pyramid) if max(level.frame.shape) <= _CORRELATED), len(pyramid) - 1)
     coarse, fine = pyramid[first:][::-1], pyramid[: max(first, 1)][::-1]
     tried = [_refined(coarse, Motion(shift), _brightness(coarse[-1])) for shift in _shifts(coarse[-1])]
-    motion, tiles, _ = max(tried, key=lambda each: _agreement(coarse[-1], each[1], noise))
+    motion, tiles, _ = max(tried, key=lambda each: _agreement(coarse[-1], each[1], reference, frame))
     motion, tiles, error = _refined(fine, motion, tiles.gain)
-    agreement = _agreement(pyramid[0], tiles, noise)
+    agreement = _agreement(pyramid[0], tiles, reference, frame)
     if not error <= _MOST_ERROR:
-        raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene; {REMEDY}")
+        raise InputError(f"cannot be aligned to {_MOST_ERROR} pixels: too little texture, or another scene")
     motion, tiles = _with_local_shifts(pyramid[:_LOCAL_LEVELS], motion, tiles)
-    agreement = max(agreement, _agreement(pyramid[0], tiles, noise))
+    agreement = max(agreement, _agreement(pyramid[0], tiles, reference, frame))
     if agreement < _LEAST_AGREEMENT:
         share = f"{100 * agreement:.0f} % of the picture agrees with the reference, at least {100 * _LEAST_AGREEMENT:.0f} % must"
-        raise InputError(f"another scene, or too little texture: {share}; {REMEDY}")
-    if tiles.unevenness > _MOST_UNEVEN:
-        share = f"half of it differs by {100 * tiles.unevenness:.0f} % from an even change, at most {100 * _MOST_UNEVEN:.0f} % may"
-        raise InputError(f"its light comes from elsewhere, as from a flash: {share}; {REMEDY}")
-    return Alignment(motion, tiles.gain, error, agreement, tiles.unevenness)
+        raise InputError(f"another scene, or too little texture: {share}")
+    return Alignment(motion, tiles.gain, error, agreement)
 
 
-def _unclipped(plane: FloatArray, limit: float) -> FloatArray:
-    """The plane with NaN at its clipped pixels."""
-    return np.where(plane < limit, plane, np.float32(np.nan)) if limit < np.inf else plane
+def _unclipped(view: View) -> FloatArray:
+    """Luminance with NaN at its clipped pixels."""
+    return np.where(view.luminance < view.limit, view.luminance, np.float32(np.nan)) if view.limit < np.inf else view.luminance
 
 
 def _shifts(level: Level) -> Iterator[tuple[float, float]]:
@@ -114,7 +101,7 @@ def _shifts(level: Level) -> Iterator[tuple[float, float]]:
 
 
 def _brightness(level: Level) -> float:
-    """How many times as bright the frame is, about."""
+    """About how many times as bright as the reference the frame is."""
     both = np.isfinite(level.reference + level.frame)
     means = [float(plane[both].mean()) if both.any() else 0.0 for plane in level[2:]]
     return means[1] / means[0] if min(means) > 0 else 1.0
@@ -154,12 +141,9 @@ def _with_local_shifts(pyramid: list[Level], motion: Motion, tiles: Tiles) -> tu
     return replace(motion, local=shifts.astype(np.float32)), measure(pyramid[0], nodes, motion, tiles.gain, shifts)
 
 
-def _agreement(level: Level, tiles: Tiles, noise: tuple[NoiseModel | None, NoiseModel | None]) -> float:
+def _agreement(level: Level, tiles: Tiles, reference: View, frame: View) -> float:
     """The share of the reference's texture, beyond noise, that the frame shows too. Where there is little, it counts less."""
-    variance = [
-        (max(known.shot[-1], 0.0) * np.maximum(tiles.light * gain, 0) + known.read[-1] ** 2) / gain**2 if known else 0.0
-        for known, gain in zip(noise, (1.0, tiles.gain), strict=True)
-    ]
+    variance = reference.variance(tiles.light), frame.variance(tiles.light * tiles.gain) / tiles.gain**2
     smooth = tiles.pixels / (SPREAD * level.scale**2)
     texture = np.maximum(tiles.texture - smooth * variance[0], 0)
     differs = np.maximum(tiles.rest - smooth * (variance[0] + variance[1]), 0)

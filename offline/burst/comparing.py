@@ -1,49 +1,45 @@
-"""All frames of a burst compared with one of them, and which one that is."""
+"""Choose the reference of a burst, and compare all frames with it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared.arrays import ByteArray, FloatArray
+from shared.arrays import ByteArray
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..blocks import BlockSums
-from ..cleaned import Cleaned, unclipped_blocks
+from ..cleaned import Cleaned
 from ..render import restored
 from ..settings import RenderSettings
 from ..whole.luminance import recover_luminance
 from .agreement import unclipped
-from .colour_doubts import block_colours
-from .frames import Frame, mended, prepared
-from .judging import Judged, judged, misfit
+from .block_colours import block_colours
+from .frames import Frame, View, prepared
+from .judging import Judged, Kept, Reference
 
-_CANDIDATES = 3  # frames that are tried as the reference
-_ALIKE = 0.02  # of all pixels: frames whose usable ones differ by less are told apart by their sharpness
+_CANDIDATES = 4  # frames that are tried as the reference
+_ALIKE = 0.02  # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
 _BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is
 _AS_SHARP = 0.95  # of the greatest sharpness: of such frames the first is taken
-_TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A reference, and what the other frames are to it.
+    """The reference of a burst, and how the other frames compare with it.
 
     reference: its index.
-    cleaned: it, defects mended and highlights restored.
+    cleaned: its samples, defects mended and highlights restored.
     frames: what became of each frame, in the order given.
-    kept: the reference and the frames that are used, each with its motion and gain.
-    trusts: how far each of these agrees with the reference, 0 to 255, uint8 (H, W) each.
+    kept: the reference and the frames that are used.
     lost: where the reference has lost light that no other frame has seen, uint8 (H, W), see `Progress.lost`; None = nowhere.
     """
 
     reference: int
     cleaned: Cleaned
-    frames: tuple[Judged, ...]
-    kept: list[tuple[Frame, Motion, float]]
-    trusts: list[ByteArray]
+    frames: list[Judged]
+    kept: list[Kept]
     lost: ByteArray | None
 
 
@@ -59,15 +55,18 @@ def compared(
     motions: where the reference's points lie in each frame, if that is known.
     """
     frames = [prepared(shot, settings, progress) for shot in shots]
+    candidates = candidates_of(frames) if reference is None else [reference]
+    frames = [frame if number in candidates else replace(frame, cleaned=None) for number, frame in enumerate(frames)]
     found: list[Comparison] = []
-    for candidate in _candidates(frames) if reference is None else [reference]:
+    for candidate in candidates:
+        progress.stage("aligning", len(frames))
         found.append(_with(candidate, shots, frames, settings, progress, motions))
         if 2 * len(found[-1].kept) > len(shots):
             break
     return max(found, key=lambda each: len(each.kept))
 
 
-def _candidates(frames: Sequence[Frame]) -> list[int]:
+def candidates_of(frames: Sequence[Frame]) -> list[int]:
     """The frames that may be the reference, the best first: neither clipped nor dark, and sharp; of frames that tie, the first."""
     sharpness = np.array([0.0 if frame.empty else frame.sharpness for frame in frames])
     usable = np.array([frame.usable for frame in frames])
@@ -91,53 +90,34 @@ def _with(
     motions: Sequence[Motion] | None,
 ) -> Comparison:
     """Compare all frames with one of them."""
-    reference = shots[number]
-    cleaned = restored(mended(reference, settings, progress), settings, SILENT)
-    base = replace(frames[number], luminance=recover_luminance(cleaned.mosaic, settings.luminance))
-    colours = block_colours(base, reference, 1.0)
+    frame = frames[number]
+    if frame.cleaned is None:
+        raise RuntimeError("the samples of this frame are not kept")
+    cleaned = restored(frame.cleaned, settings, SILENT)
+    base = replace(frame, luminance=recover_luminance(cleaned.mosaic, settings.luminance), cleaned=None)
+    reference = Reference(shots[number], base, block_colours(base, shots[number]))
     everything: list[Judged] = []
-    kept, trusts = [(base, Motion(), 1.0)], [np.full(reference.shape, 255, np.uint8)]
-    progress.stage("aligning", len(frames))
-    for index, frame in enumerate(frames):
+    kept = [Kept(base, Motion(), np.full(shots[number].shape, 255, np.uint8))]
+    for index, (shot, other) in enumerate(zip(shots, frames, strict=True)):
         progress.advance()
         if index == number:
-            everything.append(Judged(True, motion=Motion()))
+            everything.append(Judged(motion=Motion()))
             continue
-        if reason := misfit(shots[index], reference):
-            everything.append(Judged(False, reason))
-            continue
-        result, agrees = judged(base, colours, frame, reference, None if motions is None else motions[index])
-        everything.append(result)
-        if result.used and result.motion is not None:
-            kept.append((frame, result.motion, result.gain))
-            trusts.append(agrees)
-    trusts[0] = _own_trust(base, trusts)
-    lost = None if cleaned.lost is None else np.minimum(cleaned.lost, trusts[0])
-    return Comparison(number, cleaned, tuple(everything), kept, trusts, lost)
+        judged, merged = reference.judge(shot, other, motions[index] if motions else None)
+        everything.append(judged)
+        kept += [merged] if merged else []
+    own = _own_agreement(base, [each.agreement for each in kept])
+    kept[0] = replace(kept[0], agreement=own)
+    lost = None if cleaned.lost is None else np.minimum(cleaned.lost, own)
+    return Comparison(number, cleaned, everything, kept, lost)
 
 
-def _own_trust(base: Frame, trusts: list[ByteArray]) -> ByteArray:
-    """The trust in the reference: all, but where it is clipped and another frame is not."""
-    if len(trusts) == 1 or not np.isfinite(base.limit):
-        return trusts[0]
-    gone, others = 1 - unclipped(base.luminance, base.limit), trusts[1]
-    for each in trusts[2:]:
+def _own_agreement(base: View, agreements: list[ByteArray]) -> ByteArray:
+    """How far the reference counts: in full, but where it is clipped and another frame is not. agreements: its own first."""
+    if len(agreements) == 1 or not np.isfinite(base.limit):
+        return agreements[0]
+    others = agreements[1]
+    for each in agreements[2:]:
         others = np.maximum(others, each)
-    own: ByteArray = (255 - np.rint(gone * others)).astype(np.uint8)
+    own: ByteArray = (255 - np.rint((1 - unclipped(base)) * others)).astype(np.uint8)
     return own
-
-
-def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
-    """The reference with saturated colour samples replaced by what other frames saw around their blocks.
-
-    luminance: merged, (H, W). sums: of the other frames (`ColourSamples.block_sums`).
-    """
-    if unclipped_blocks(frame).all():
-        return frame
-    signal = frame.signal.copy()
-    for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):
-        power, product = sums.weight[..., channel], sums.product[..., channel]
-        known = (power > _TINY) & (signal[place] >= frame.clipping)
-        share = product / np.where(known, power, 1)
-        signal[place] = np.where(known, share * luminance[place], signal[place])
-    return frame.with_samples(signal)

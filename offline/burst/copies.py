@@ -8,7 +8,7 @@ from shared.arrays import FloatArray, IndexArray, strips
 from shared.mosaic import Mosaic
 
 _ALIKE = 0.99  # of the samples: a copy in which somebody has mended some is a copy too
-_LOOKED = 1 << 14  # samples that tell most frames apart, before all are compared
+_LOOKED = 1 << 14  # samples that are compared first: enough to see that most frames are no copies
 _HALF = 0.5001  # of a code
 
 

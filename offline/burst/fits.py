@@ -1,20 +1,23 @@
 """From the shifts of tiles to the motion of the frame, and to local shifts where the tiles agree on them."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import cg
 
 from shared.arrays import DoubleArray
 
 from .tiles import Tiles
 
-_FLOOR = 0.03  # pixels: what a tile says may be wrong by this even without noise: aliasing, filled pixels
+_FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
 _FAR = 9.0  # squared deviations in units of their variance, from which on a tile counts clearly less: something moved there
-_ROUNDS = 12  # of weights from deviations and deviations from weights
+_ROUNDS = 12  # iterations of the reweighted fit
 _STEP = 0.3  # pixels: how much local shifts differ from a node to the next
-_LOCAL_ROUNDS, _ITERATIONS = 3, 40  # rounds as above for local shifts, and steps of conjugate gradients in each
-_VAGUE = 0.25  # pixels: a tile that is as uncertain has half a say
-_NEAR = 2  # nodes: radius of the window in which tiles are asked whether they agree on local shifts
+_LOCAL_ROUNDS = 3  # rounds as above for local shifts
+_TOLERANCE, _ITERATIONS = 1e-3, 40  # of conjugate gradients in each
+_VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
+_NEAR = 2  # nodes: radius of the window in which local shifts are cross-validated
 _OVERALL = 0.02  # weight of all other tiles there
 _LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
 _LEAST = 0.2  # that share of all
@@ -100,35 +103,26 @@ def _counts(far: DoubleArray) -> DoubleArray:
 
 def _smooth(shifts: DoubleArray, information: DoubleArray, guess: DoubleArray) -> DoubleArray:
     """The shifts that fit the tiles' and differ little from node to node: conjugate gradients from a guess."""
-    tie = 1 / _STEP**2
-    inverse: DoubleArray = np.linalg.inv(information + 4 * tie * np.eye(2)).astype(np.float64, copy=False)
-    field = guess
-    rest = _times(information, shifts - field) - _bent(field, tie)
-    toward = better = _times(inverse, rest)
-    size = float((rest * better).sum())
-    for _ in range(_ITERATIONS):
-        image = _times(information, toward) + _bent(toward, tie)
-        step = size / max(float((toward * image).sum()), _TINY)
-        field, rest = field + step * toward, rest - step * image
-        better = _times(inverse, rest)
-        size, before = float((rest * better).sum()), size
-        toward = better + size / max(before, _TINY) * toward
-    return field
+    rows, columns = (sparse.diags([-1.0, 1.0], [0, 1], (count - 1, count)) for count in shifts.shape[:2])
+    down, across = sparse.kron(rows, sparse.eye(shifts.shape[1])), sparse.kron(sparse.eye(shifts.shape[0]), columns)
+    tie = sparse.kron(down.T @ down + across.T @ across, sparse.eye(2) / _STEP**2)
+    matrix = (tie + _blocks(information)).tocsr()
+    inverse = _blocks(np.asarray(np.linalg.inv(information + 4 * np.eye(2) / _STEP**2), np.float64))
+    right = _times(information, shifts).ravel()
+    field, _ = cg(matrix, right, guess.ravel(), rtol=_TOLERANCE, maxiter=_ITERATIONS, M=inverse)
+    solved: DoubleArray = field.reshape(shifts.shape)
+    return solved
+
+
+def _blocks(matrices: DoubleArray) -> Any:
+    """A block-diagonal matrix of matrices (R, C, 2, 2)."""
+    count = matrices[..., 0, 0].size
+    return sparse.bsr_matrix((matrices.reshape(count, 2, 2), np.arange(count), np.arange(count + 1)))
 
 
 def _times(matrices: DoubleArray, vectors: DoubleArray) -> DoubleArray:
     product: DoubleArray = matrices[..., 0] * vectors[..., :1] + matrices[..., 1] * vectors[..., 1:]
     return product
-
-
-def _bent(field: DoubleArray, tie: float) -> DoubleArray:
-    """By how much nodes differ from their neighbours, summed: the gradient of what ties them."""
-    bent, down, across = np.zeros_like(field), tie * np.diff(field, axis=0), tie * np.diff(field, axis=1)
-    bent[:-1] -= down
-    bent[1:] += down
-    bent[:, :-1] -= across
-    bent[:, 1:] += across
-    return bent
 
 
 def _window(values: DoubleArray) -> DoubleArray:

@@ -1,7 +1,8 @@
 """One frame of a burst before it is merged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,34 +22,63 @@ from ..whole.luminance import recover_luminance
 from ..whole.noise import estimate_noise
 
 _FINE, _COARSE = 0.8, 1.6  # pixels: Gaussians whose difference shows detail that a soft frame has lost
-_KEPT = 0.0568  # of the variance of white noise, after that difference
 _TILE = 32  # pixels
-_CLIPPED = 0.98  # of the limit
+CLIPPED = 0.98
+"""Of the limit: light that counts as clipped."""
+DEVIATIONS = 3.0
+"""Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them."""
+TINY = 1e-12
+"""Keeps divisions finite."""
 _GONE, _DARK = 0.9, 0.5  # share of clipped pixels; light in units of the noise
 _QUIETER = 16.0  # how much less variance than the frames' median a model may state: 16 times the ISO, four stops, explains as much
 _ROUNDING = 1 / 12  # variance of rounding, codes squared
-_TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame with its defects mended, in its own scene units.
+class View:
+    """Luminance as one frame shows it.
 
-    luminance: (H, W).
-    colours: (block rows, block columns, S), the samples of its whole blocks.
-    noise: None = there is none, or it is unknown.
-    limit: from which on a sample is clipped.
+    luminance: float32 (H, W), scene units.
+    noise: of its samples; None = there is none, or it is unknown.
+    limit: scene units from which on it is clipped.
     """
 
     luminance: FloatArray
-    colours: FloatArray
-    noise: NoiseModel | None
-    limit: float
+    noise: NoiseModel | None = None
+    limit: float = np.inf
+
+    def variance(self, light: Any) -> Any:
+        """Variance of panchromatic samples that see some light."""
+        return self.noise.variance(np.asarray(light)) if self.noise else np.zeros_like(light)
+
+    def detail(self, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Power of fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0 where not all is seen."""
+        fine = smoothed(self.luminance, _FINE)
+        fine -= smoothed(self.luminance, _COARSE)
+        whole = tile_means(seen) == 1
+        return tile_means(np.square(fine)) * whole, _noise_kept() * tile_means(self.variance(self.luminance)) * whole
+
+
+@dataclass(frozen=True, eq=False)
+class Frame(View):
+    """A frame with its defects mended, in its own scene units.
+
+    cleaned: its samples; None = they are not needed any more.
+    colours: (block rows, block columns, S), the samples of its whole blocks.
+    """
+
+    cleaned: Cleaned | None = field(kw_only=True)
+    colours: FloatArray = field(kw_only=True)
+
+    def in_units_of_reference(self, gain: float) -> "Frame":
+        """The frame as if it were `gain` times darker, as the reference is."""
+        factor, noise = np.float32(gain), self.noise and self.noise.in_units_of(gain)
+        return Frame(self.luminance / factor, noise, self.limit / gain, cleaned=None, colours=self.colours / factor)
 
     @property
     def empty(self) -> str:
-        """Why nothing is seen in it; "" if something is."""
-        if (share := float((self.luminance >= _CLIPPED * self.limit).mean())) > _GONE:
+        """Why the frame shows nothing; "" if it shows something."""
+        if (share := float((self.luminance >= CLIPPED * self.limit).mean())) > _GONE:
             return f"is overexposed: {100 * share:.0f} % of it is clipped"
         level = float(self.luminance.mean(dtype=np.float64))
         if level <= (_DARK * self.noise.sigma(0.0) if self.noise else 0.0):
@@ -59,20 +89,20 @@ class Frame:
     def usable(self) -> float:
         """Share of its pixels that are neither clipped nor lost in noise, 0 to 1."""
         floor = self.noise.sigma(0.0) if self.noise else 0.0
-        return float(((self.luminance < _CLIPPED * self.limit) & (self.luminance > floor)).mean())
+        return float(((self.luminance < CLIPPED * self.limit) & (self.luminance > floor)).mean())
 
     @property
     def sharpness(self) -> float:
         """Amplitude of its fine detail beyond noise, relative to its light."""
-        power, variance = detail(self.luminance, self.noise, np.ones(self.luminance.shape, bool))
+        power, variance = self.detail(np.ones(self.luminance.shape, bool))
         beyond = float(np.maximum(power - variance, 0).mean())
-        return float(beyond**0.5) / max(float(self.luminance.mean(dtype=np.float64)), _TINY)
+        return float(beyond**0.5) / max(float(self.luminance.mean(dtype=np.float64)), TINY)
 
 
 def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[NoiseModel | None]:
     """The noise of each frame of a burst, scene units of the frame; None = there is none, or it is unknown in all of them.
 
-    A frame without a calibrated model has that of another frame. Where none is calibrated, or only as free of noise, frames of one
+    A frame without a calibrated model has that of another frame. If none is calibrated, or all state no noise, frames of one
     sensitivity (ISO) share one estimate. No model states so little noise that its frame would take all the weight, nor less than
     rounding to codes makes.
     """
@@ -95,37 +125,22 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
-def mended(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:
-    """A frame without aberration, shading and defects. Its calibration holds its noise, see `noise_models`."""
+def prepared(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
+    """A frame as it is merged: without aberration, shading and defects. Its calibration holds its noise, see `noise_models`."""
     samples = registered(mosaic, settings, progress).in_scene_units()
     bare = replace(samples, calibration=replace(samples.calibration, shading=None))
-    return mend_defects(Cleaned(bare, limit_of(mosaic)), settings.defects)
-
-
-def prepared(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
-    """A frame as it is merged."""
-    frame = mended(mosaic, settings, progress)
+    frame = mend_defects(Cleaned(bare, limit_of(mosaic)), settings.defects)
     light = recover_luminance(frame.mosaic, settings.luminance)
-    return Frame(light, frame.sites.of(frame.signal), frame.noise, frame.clipping)
+    return Frame(light, frame.noise, frame.clipping, cleaned=frame, colours=frame.sites.of(frame.signal))
 
 
 def limit_of(mosaic: Mosaic) -> float:
-    """Scene units from which on a sample may be saturated. With shading that is as the brightest place of the frame has it.
+    """The level, scene units, from which on a sample may be saturated; with shading, that of the brightest place of the frame.
 
-    Frames are compared without shading, because what moves from the middle to a corner shall look alike.
+    Frames are compared without shading, because a thing must look the same in the middle and in a corner.
     """
     shading = mosaic.calibration.shading
     return clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
-
-
-def scaled(noise: NoiseModel | None, gain: float) -> NoiseModel | None:
-    """The noise of a frame in units of a reference that is `gain` times darker."""
-    return noise and noise.in_units_of(gain)
-
-
-def variance(light: FloatArray, noise: NoiseModel | None) -> FloatArray | np.float32:
-    """Variance of panchromatic samples that see some light."""
-    return np.float32(0) if noise is None else noise.variance(light)
 
 
 def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
@@ -135,18 +150,18 @@ def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
     return found
 
 
-def detail(light: FloatArray, noise: NoiseModel | None, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Power of the fine detail in tiles, and how much of it noise accounts for, (rows, columns) each; 0 where not all is seen."""
-    fine = smoothed(light, _FINE)
-    fine -= smoothed(light, _COARSE)
-    whole = tiles(seen) == 1
-    return tiles(np.square(fine)) * whole, _KEPT * tiles(variance(light, noise) + np.zeros_like(light)) * whole
-
-
-def tiles(plane: FloatArray | BoolArray) -> FloatArray:
-    """Means of whole tiles; of all of a plane that is smaller."""
+def tile_means(plane: FloatArray | BoolArray) -> FloatArray:
+    """Means of whole tiles of 32 x 32 pixels; of all of a plane that is smaller."""
     size = min(_TILE, *plane.shape)
     rows, columns = (count // size * size for count in plane.shape)
     cut = plane[:rows, :columns].reshape(rows // size, size, columns // size, size)
     means: FloatArray = cut.mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
     return means
+
+
+def _noise_kept() -> np.float32:
+    """The share of the variance of white noise that is left in the difference of both Gaussians."""
+    fine, coarse = gaussian(_FINE).astype(np.float64), gaussian(_COARSE).astype(np.float64)
+    reach = (len(coarse) - len(fine)) // 2
+    difference = np.pad(np.outer(fine, fine), reach) - np.outer(coarse, coarse)
+    return np.float32(np.square(difference).sum())

@@ -1,38 +1,37 @@
-"""What to make of each frame of a burst: whether it fits the reference at all, and where."""
+"""Whether a frame of a burst fits the reference, and how far it agrees with it at each pixel."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
-from shared.calibration import NoiseModel
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 
 from ..kernels.merging import displace
-from .agreement import agreement, sure
-from .alignment import REMEDY, align
-from .colour_doubts import BlockColours, colour_doubts, on_pixels
-from .frames import Frame, detail, scaled, tiles
+from .agreement import agreement, agreement_of
+from .alignment import align
+from .block_colours import BlockColours, colour_change, on_pixels
+from .frames import TINY, Frame, View, tile_means
 from .tiles import weighted_median
 
 _LEAST_AGREEMENT = 0.2
 _LEAST_SHARPNESS = 0.85
-_DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond that say nothing of sharpness
+_DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond noise do not show sharpness
 _UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
-_LIT = 5.0  # standard deviations of the noise, above which the light of a pixel says something of that
+_LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared
 _STRIP = 256
-_TINY = 1e-12
+_NOTHING: Any = np.empty((0, 0))
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
     """What became of one frame.
 
-    used: whether it is part of the picture.
-    reason: why it is not; "" if it is.
+    reason: why it is not part of the picture; "" if it is.
     motion: how it lies against the reference; None = unknown.
     gain: how many times as bright it is as the reference.
     error: estimated error of the motion, pixels.
@@ -40,13 +39,85 @@ class Judged:
     sharpness: amplitude of its fine detail, relative to the reference's at the same places.
     """
 
-    used: bool
     reason: str = ""
     motion: Motion | None = None
     gain: float = 1.0
     error: float = 0.0
     agreement: float = 1.0
     sharpness: float = 1.0
+
+    @property
+    def used(self) -> bool:
+        """Whether it is part of the picture."""
+        return not self.reason
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """A frame that is merged.
+
+    frame: in units of the reference. motion: how it lies against the reference.
+    agreement: with the reference at each pixel, 0 to 255, uint8 (H, W).
+    """
+
+    frame: Frame
+    motion: Motion
+    agreement: ByteArray
+
+    def without_planes(self) -> "Kept":
+        """The same without luminance and agreement."""
+        return replace(self, frame=replace(self.frame, luminance=_NOTHING), agreement=_NOTHING)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The frame that others are compared with.
+
+    colours: of its blocks.
+    """
+
+    shot: Mosaic
+    frame: Frame
+    colours: BlockColours
+
+    def judge(self, shot: Mosaic, frame: Frame, motion: Motion | None) -> tuple[Judged, Kept | None]:
+        """What to make of a frame, and what is merged of it; None = nothing. motion: how it lies against this one, where known."""
+        figures: dict[str, Any] = {"motion": motion}
+        try:
+            kept = self._kept(shot, frame, figures)
+        except InputError as error:
+            return Judged(str(error), **figures), None
+        return Judged(**figures), kept
+
+    def _kept(self, shot: Mosaic, frame: Frame, figures: dict[str, Any]) -> Kept:
+        """The frame as it is merged. Raises InputError if it is left out. figures: those of `Judged`, written."""
+        if reason := misfit(shot, self.shot) or frame.empty:
+            raise InputError(reason)
+        base = self.frame
+        if figures["motion"] is None:
+            found = align(base, frame)
+            figures |= {"motion": found.motion, "gain": found.gain, "error": found.error}
+        motion, frame = figures["motion"], frame.in_units_of_reference(figures.get("gain", 1.0))
+        light = displaced(frame.luminance, motion)
+        seen = np.isfinite(light) & (light < frame.limit) & (base.luminance < base.limit)
+        both = View(np.where(seen, light, base.luminance), frame.noise, frame.limit)
+        figures["sharpness"] = _sharpness(base, both, seen)
+        if figures["sharpness"] < _LEAST_SHARPNESS:
+            share = f"{100 * figures['sharpness']:.0f} % of the reference's detail, at least {100 * _LEAST_SHARPNESS:.0f} %"
+            raise InputError(f"is out of focus or shaken: {share} must be there")
+        if (uneven := _unevenness(base, both, seen)) > _UNEVEN:
+            raise InputError(f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame")
+        mask = self.shot.pattern.panchromatic_mask(light.shape).astype(np.float32)
+        measured = np.square(np.nan_to_num(displaced(mask, motion)).clip(0, 1)) * mask
+        agrees = agreement(base, View(light, frame.noise, frame.limit), measured)
+        deviation = colour_change(self.colours, frame, motion, self.shot)
+        for top in range(0, len(light), _STRIP):
+            rows = slice(top, min(top + _STRIP, len(light)))
+            agrees[rows] = np.rint(agrees[rows] * agreement_of(on_pixels(deviation, motion, self.shot, rows)))
+        figures["agreement"] = float(agrees.mean()) / 255
+        if figures["agreement"] < _LEAST_AGREEMENT:
+            raise InputError(f"only {100 * figures['agreement']:.0f} % of it agrees with the reference")
+        return Kept(frame, motion, agrees)
 
 
 def misfit(frame: Mosaic, reference: Mosaic) -> str:
@@ -62,48 +133,6 @@ def misfit(frame: Mosaic, reference: Mosaic) -> str:
     return ""
 
 
-def judged(base: Frame, colours: BlockColours, frame: Frame, mosaic: Mosaic, known: Motion | None) -> tuple[Judged, ByteArray]:
-    """What to make of a frame, and how far it agrees with the reference at each pixel, 0 to 255, uint8 (H, W).
-
-    base: the reference, and the colours of its blocks. mosaic: it, too. known: the motion, where it is known.
-    """
-    shape, nothing = mosaic.shape, np.zeros(0, np.uint8)
-    if reason := frame.empty:
-        return Judged(False, reason), nothing
-    if known is None:
-        try:
-            found = align(base.luminance, frame.luminance, (base.noise, frame.noise), (base.limit, frame.limit))
-        except InputError as error:
-            return Judged(False, str(error).removesuffix(f"; {REMEDY}")), nothing  # that is what becomes of it
-        result = Judged(True, "", found.motion, found.gain, found.error)
-    else:
-        result = Judged(True, "", known)
-    motion, gain = result.motion or Motion(), result.gain
-    noise, limits = (base.noise, scaled(frame.noise, gain)), (base.limit, frame.limit / gain)
-    shown, measured = np.empty((2, *shape), np.float32)
-    displace(frame.luminance, as_arrays([motion], shape), 1 / gain, shown)
-    mask = mosaic.pattern.panchromatic_mask(shape).astype(np.float32)
-    displace(mask, as_arrays([motion], shape), 1.0, measured)
-    measured = np.square(np.nan_to_num(measured).clip(0, 1)) * mask
-    seen = np.isfinite(shown) & (shown < limits[1]) & (base.luminance < limits[0])
-    shown_light = np.where(seen, shown, base.luminance)
-    result = replace(result, sharpness=_sharpness((base.luminance, shown_light), noise, seen))
-    if result.sharpness < _LEAST_SHARPNESS:
-        share = f"{100 * result.sharpness:.0f} % of the reference's detail, at least {100 * _LEAST_SHARPNESS:.0f} % must be there"
-        return replace(result, used=False, reason=f"is out of focus or shaken: {share}"), nothing
-    if (uneven := _unevenness(base, shown_light, seen)) > _UNEVEN:
-        return replace(result, used=False, reason=f"is lit differently (a flash?): by {100 * uneven:.0f} % over the frame"), nothing
-    trust = agreement(base.luminance, shown, measured, noise, limits)
-    doubts = colour_doubts(colours, frame, motion, gain, mosaic)
-    for top in range(0, shape[0], _STRIP):
-        rows = slice(top, min(top + _STRIP, shape[0]))
-        trust[rows] = np.rint(trust[rows] * sure(on_pixels(doubts, motion, mosaic, rows)))
-    result = replace(result, agreement=float(trust.mean()) / 255)
-    if result.agreement < _LEAST_AGREEMENT:
-        return replace(result, used=False, reason=f"only {100 * result.agreement:.0f} % of it agrees with the reference"), nothing
-    return result, trust
-
-
 def as_arrays(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[DoubleArray, DoubleArray, FloatArray]:
     """Motions as the kernels take them."""
     turns, starts = zip(*(motion.affine((shape[0], shape[1])) for motion in motions), strict=True)
@@ -112,20 +141,27 @@ def as_arrays(motions: Sequence[Motion], shape: tuple[int, ...]) -> tuple[Double
     return np.array(turns), np.array(starts), np.array(shifts, np.float32)
 
 
-def _sharpness(planes: tuple[FloatArray, FloatArray], noise: tuple[NoiseModel | None, NoiseModel | None], seen: BoolArray) -> float:
+def displaced(plane: FloatArray, motion: Motion) -> FloatArray:
+    """A frame's plane (H, W) as the reference would see it; NaN where the frame sees nothing."""
+    found = np.empty(plane.shape, np.float32)
+    displace(plane, as_arrays([motion], plane.shape), found)
+    return found
+
+
+def _sharpness(reference: View, frame: View, seen: BoolArray) -> float:
     """Amplitude of the frame's fine detail relative to the reference's: the median over tiles, which count by it."""
-    (own, own_noise), (other, other_noise) = (detail(plane, model, seen) for plane, model in zip(planes, noise, strict=True))
-    clear = own - own_noise > _DETAIL * np.maximum(own_noise, other_noise) + _TINY
+    (own, own_noise), (other, other_noise) = (view.detail(seen) for view in (reference, frame))
+    clear = own - own_noise > _DETAIL * np.maximum(own_noise, other_noise) + TINY
     if not clear.any():
-        return 1.0  # nothing tells
+        return 1.0  # no tile shows it
     ratio = np.sqrt(np.maximum(other - other_noise, 0)[clear] / (own - own_noise)[clear])
     return weighted_median(ratio, np.sqrt((own - own_noise)[clear]))
 
 
-def _unevenness(base: Frame, frame: FloatArray, seen: BoolArray) -> float:
+def _unevenness(reference: View, frame: View, seen: BoolArray) -> float:
     """How far the light of a quarter of the tiles differs from what the exposure explains, a share of it."""
-    floor = _LIT * base.noise.sigma(0.0) if base.noise else 0.0
-    share, own, other = tiles(seen), tiles(base.luminance * seen), tiles(frame * seen)
+    floor = _LIT * reference.noise.sigma(0.0) if reference.noise else 0.0
+    share, own, other = tile_means(seen), tile_means(reference.luminance * seen), tile_means(frame.luminance * seen)
     lit = (share > 0.5) & (own > floor * share) & (other > 0)
     if not lit.any():
         return 0.0

@@ -1,45 +1,36 @@
 """A burst on one page: frames -> motions -> merged luminance and displaced colour samples -> RGB.
 
-Every frame lies somewhere else, by the tremor of a hand, so its colour sites do too: together they see colour where one frame has
-none. Luminance is merged first. Then the reference is rendered as ever, from the merged luminance, and with the samples of all
+The tremor of a hand displaces every frame, and its colour sites with it: together they measure colour where one frame has no sites.
+Luminance is merged first. Then the reference is rendered like one frame, from the merged luminance, and with the samples of all
 frames in the sums of its blocks. At the end the samples of all frames correct the picture, each at its own place.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray
-from shared.calibration import NoiseModel
+from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..kernels.merging import displace, merge
 from ..kernels.mixing import colour
-from ..kernels.spreading import HALO, TILE, TOLERANCE, spread_samples, tiles_of
 from ..render import Measured, Others, coloured, finish
-from ..settings import BEST, RenderSettings
-from ..solvers import report
-from ..tiling import Part, windows
+from ..settings import BEST, NoiseSettings, RenderSettings
+from ..tiling import windows
 from ..units import check_finite, in_scene_units, own_unit
 from ..units import scaled as in_unit
-from ..whole.denoising import denoise_luminance
-from .comparing import Comparison, compared, relit_sites
+from .comparing import Comparison, compared
 from .copies import copies
-from .frames import Frame, noise_models, scaled
-from .judging import Judged, as_arrays
-from .samples import ColourSamples
+from .frames import noise_models
+from .judging import Judged
+from .merged import denoised, merged_luminance
+from .samples import ColourSamples, relit_sites
+from .spreading import Spreading
 
-_NOTHING = np.empty((0, 0), np.float32)
-_SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is in doubt
-_SOME_ALONE = 0.1  # of the logarithm of the noise that merging took off, from which on a pixel is denoised as one of one frame
-# With less, where noise is as strong as light, single precision cannot solve the system. At sigma 0.1 it is 5 times as much.
-_LEAST_FADING = 1e-7
-_SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
+_SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is uncertain
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +41,7 @@ class MergedBurst:
     frames: what became of each frame, in the order given.
     shares: float32 (H, W), variance of the noise of the merged luminance, relative to the reference's: 1 where it is alone.
     mosaic: the reference, in units of 2^exponent scene units. measured, samples: what `render_burst_bands` needs, likewise.
-    lost: where no frame tells what the light was, uint8 (H, W), see `Progress.lost`; None = nowhere.
+    lost: where all frames are clipped, uint8 (H, W), see `Progress.lost`; None = nowhere.
     """
 
     reference: int
@@ -84,39 +75,18 @@ def merge_burst(
         raise InputError("reference is None, expected the index of the frame that the motions start from")
     if reference is not None and reference not in range(len(frames)):
         raise InputError(f"reference is {reference}, expected the index of a frame, 0 to {len(frames) - 1}")
-    if copied := copies(frames, reference):
-        return _without(copied, frames, settings, progress, reference, motions)
-    exponent = own_unit(frames)
-    frames = [in_unit(frame, exponent) for frame in frames]
-    models = noise_models(frames, settings.noise)
-    frames = [_with_noise(frame, model) for frame, model in zip(frames, models, strict=True)]
-    found = compared(frames, settings, progress, reference, motions)
-    kept, mosaic, cleaned = found.kept, frames[found.reference], found.cleaned
-    base, noise = kept[0][0], kept[0][0].noise
-    light, weight = np.zeros((2, len(kept), *base.colours.shape), np.float32)
-    grid, pattern = mosaic.pattern.grid(mosaic.shape), mosaic.pattern
-    merged, shares = np.empty(mosaic.shape, np.float32), np.empty(mosaic.shape, np.float32)
-    progress.stage("merging", 1)
-    places = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in pattern.sites], np.intp)
-    figures = np.array([_figures(frame.noise, gain) for frame, _, gain in kept])
-    all_motions, panchromatic = as_arrays([motion for _, motion, _ in kept], mosaic.shape), pattern.panchromatic_mask(mosaic.shape)
-    planes, trusts = _stacked(found)
-    unseen = 1 - _seen(trusts, panchromatic, all_motions) if pattern.is_scattered else None
-    merge(planes, trusts, figures, panchromatic, all_motions, places, pattern.period, merged, shares, light, weight)
-    del planes, trusts
-    progress.advance()
-    luminance = _denoised(merged, shares, cleaned.mosaic, settings)
-    colours = _colour_samples(kept, light, weight, mosaic, noise).relit(luminance - merged).where_others(luminance, shares)
-    sums = colours.block_sums(grid, len(pattern.channels)) if len(kept) > 1 else None
-    if sums is not None:
-        cleaned = relit_sites(cleaned, luminance, sums)
-    alone = np.maximum(cleaned.sites.of(shares).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
-    if unseen is not None:
-        alone = np.maximum(alone, cleaned.sites.of(unseen).mean(axis=2))
-    # Others measure luminance under the sites too.
-    measured = coloured(cleaned, luminance, settings, SILENT, Others(sums, alone.astype(np.float32)))
-    colours = colours.relit(measured.luminance - luminance)
-    return MergedBurst(found.reference, found.frames, shares, mosaic, measured, colours, exponent, found.lost)
+    copied = copies(frames, reference)
+    distinct = [number for number in range(len(frames)) if number not in copied]
+    exponent = own_unit([frames[number] for number in distinct])
+    shots = _with_noise([in_unit(frames[number], exponent) for number in distinct], settings.noise)
+    first = None if reference is None else distinct.index(reference)
+    found = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
+    measured, samples, shares = _measured(found, settings, progress)
+    judged = dict(zip(distinct, found.frames, strict=True))
+    judged |= {copy: Judged(f"is a copy of frames[{original}]: its samples are the same") for copy, original in copied.items()}
+    in_order = tuple(judged[number] for number in range(len(frames)))
+    mosaic = shots[found.reference]
+    return MergedBurst(distinct[found.reference], in_order, shares, mosaic, measured, samples, exponent, found.lost)
 
 
 def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
@@ -126,120 +96,37 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
     """
     if merged.lost is not None:
         progress.lost(merged.lost)
-    gamma = np.array(merged.mosaic.calibration.gamma, np.float32)
-    samples, precision = merged.samples.by_tile(merged.mosaic.shape, gamma)
-    prior = _SMOOTHNESS, max(_FADING * precision, _LEAST_FADING), _EDGE
-    height, basis = merged.mosaic.shape[0], _basis(len(gamma))
+    spreading = Spreading(merged.samples, merged.mosaic, progress)
     parts = finish(merged.mosaic, merged.measured, settings, progress)
-    for part, rows in windows(parts, height, HALO, TILE, 0):
-        shown: Part = part.rows(*rows)
-        corrected = np.empty_like(shown.chromaticity)
-        tiles = tiles_of(rows, part.luminance.shape[1])
-        residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
-        picture = part.luminance, part.chromaticity, part.first, rows, height
-        spread_samples(*picture, samples, gamma, basis, prior, corrected, residuals, used)
-        report(progress, "samples", used, residuals, TOLERANCE)
-        band = np.empty_like(corrected)
-        colour(corrected, np.ascontiguousarray(shown.luminance), band)  # Eq. 17
+    for part, rows in windows(parts, merged.mosaic.shape[0], *spreading.steps):
+        corrected = spreading.applied(part, rows)
+        band = np.empty_like(corrected.chromaticity)
+        colour(corrected.chromaticity, np.ascontiguousarray(corrected.luminance), band)  # Eq. 17
         check_finite(band, rows[0])
         yield in_scene_units(band, merged.exponent)
 
 
-def _without(
-    copied: dict[int, int],
-    frames: Sequence[Mosaic],
-    settings: RenderSettings,
-    progress: Progress,
-    reference: int | None,
-    motions: Sequence[Motion] | None,
-) -> MergedBurst:
-    """Merge the frames that are no copies, see `copies`."""
-    used = [number for number in range(len(frames)) if number not in copied]
-    merged = merge_burst(
-        [frames[number] for number in used],
-        settings,
-        progress,
-        reference=None if reference is None else used.index(reference),
-        motions=motions and [motions[number] for number in used],
-    )
-    judged = dict(zip(used, merged.frames, strict=True))
-    judged |= {
-        copy: Judged(False, f"is a copy of frames[{original}]: its samples are the same") for copy, original in copied.items()
-    }
-    return replace(merged, reference=used[merged.reference], frames=tuple(judged[number] for number in range(len(frames))))
+def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -> tuple[Measured, ColourSamples, FloatArray]:
+    """What is known of the whole reference, the colour samples of all frames, and `MergedBurst.shares`."""
+    cleaned, sites = found.cleaned, found.cleaned.sites
+    progress.stage("merging", 1)
+    merged = merged_luminance(found.kept, cleaned)
+    progress.advance()
+    luminance = denoised(merged, cleaned.mosaic, settings)
+    samples = ColourSamples.of(found.kept, merged.light, merged.weight, sites)
+    samples = samples.relit(luminance - merged.luminance).where_others(luminance, merged.shares)
+    sums = samples.block_sums(sites) if len(found.kept) > 1 else None
+    if sums is not None:
+        cleaned = relit_sites(cleaned, luminance, sums)
+    alone = np.maximum(sites.of(merged.shares).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    if merged.unseen is not None:
+        alone = np.maximum(alone, sites.of(merged.unseen).mean(axis=2))
+    # Where the reference is not alone, others measure luminance under its sites.
+    measured = coloured(cleaned, luminance, settings, SILENT, Others(sums, alone.astype(np.float32)))
+    return measured, samples.relit(measured.luminance - luminance), merged.shares
 
 
-def _with_noise(frame: Mosaic, noise: NoiseModel | None) -> Mosaic:
-    """The frame, whose noise is this."""
-    return replace(frame, calibration=replace(frame.calibration, noise=noise and noise.possible()))
-
-
-def _stacked(found: Comparison) -> tuple[FloatArray, ByteArray]:
-    """Luminance of the kept frames in units of the reference, and the trust in them, (F, H, W) each; taken out of `found`."""
-    planes = np.empty((len(found.kept), *found.trusts[0].shape), np.float32)
-    trusts = np.empty(planes.shape, np.uint8)
-    for number, (frame, motion, gain) in enumerate(found.kept):
-        np.divide(frame.luminance, np.float32(gain), out=planes[number])
-        trusts[number] = found.trusts[number]
-        found.kept[number] = replace(frame, luminance=_NOTHING), motion, gain  # one copy of each plane is enough
-    found.trusts.clear()
-    return planes, trusts
-
-
-def _seen(trusts: ByteArray, panchromatic: BoolArray, motions: tuple[DoubleArray, DoubleArray, FloatArray]) -> FloatArray:
-    """How far panchromatic samples of all frames, as far as these are trusted, cover each pixel, 0 to 1, (H, W)."""
-    total, there = np.zeros((2, *panchromatic.shape), np.float32)
-    for trust, *motion in zip(trusts, *motions, strict=True):
-        displace(panchromatic.astype(np.float32), tuple(each[None] for each in motion), 1.0, there)
-        total += np.nan_to_num(there) * trust / 255
-    covered: FloatArray = total.clip(0, 1)
-    return covered
-
-
-def _figures(noise: NoiseModel | None, gain: float) -> tuple[float, float]:
-    known = scaled(noise, gain)
-    return (known.shot[-1], known.read[-1] ** 2) if known else (0.0, 0.0)
-
-
-def _denoised(merged: FloatArray, shares: FloatArray, samples: Mosaic, settings: RenderSettings) -> FloatArray:
-    """Luminance denoised by what noise is left: by what most pixels have left, and by all of it where one frame is alone."""
-    noise = samples.calibration.noise
-    if noise is None or not (noise.shot[-1] or noise.read[-1]) or settings.denoising.strength == 0:
-        return merged
-    level = -np.log2(shares)
-    most = max(float(np.median(level)), 1e-3)
-    part = 0.5**most
-    less = NoiseModel(tuple(each * part for each in noise.shot), tuple(each * part**0.5 for each in noise.read))
-    result, alone = denoise_luminance(merged, _with_noise(samples, less), settings.denoising), 1 - level / most
-    if alone.max() > _SOME_ALONE:
-        weight = alone.clip(0, 1)
-        result += weight * (denoise_luminance(merged, samples, settings.denoising) - result)
-    return result
-
-
-def _colour_samples(
-    kept: Sequence[tuple[Frame, Motion, float]], light: FloatArray, weight: FloatArray, mosaic: Mosaic, noise: NoiseModel | None
-) -> ColourSamples:
-    """The colour samples of all frames that lie in the reference."""
-    grid, pattern = mosaic.pattern.grid(mosaic.shape), mosaic.pattern
-    sites = np.array(pattern.sites)
-    rows = grid.whole_rows[:, None, None] + sites[:, 0] + np.zeros((1, len(grid.whole_columns), 1))
-    columns = grid.whole_columns[None, :, None] + sites[:, 1] + np.zeros((len(grid.whole_rows), 1, 1))
-    found: list[tuple[Any, ...]] = []
-    for number, (frame, motion, gain) in enumerate(kept):
-        used = weight[number] > 0
-        y, x = motion.back(rows[used], columns[used], mosaic.shape)
-        channels = np.broadcast_to(sites[:, 2].astype(np.uint8), used.shape)[used]
-        values = frame.colours[used] / np.float32(gain)
-        variance = np.zeros_like(values)
-        if known := scaled(frame.noise, gain):
-            variance = known.variance(values, channels)
-        found.append((np.stack([y, x], axis=1), channels, values, light[number][used], variance, weight[number][used]))
-    places, channel, values, lights, variances, weights = (np.concatenate(each) for each in zip(*found, strict=True))
-    return ColourSamples(places, channel, values, lights, variances, weights, own=len(found[0][0]))
-
-
-def _basis(channels: int) -> FloatArray:
-    """Orthonormal columns that add up to zero, (C, C - 1)."""
-    square = np.linalg.qr(np.column_stack([np.ones(channels), np.eye(channels)[:, 1:]]))[0]
-    return np.ascontiguousarray(square[:, 1:], np.float32)
+def _with_noise(shots: list[Mosaic], settings: NoiseSettings) -> list[Mosaic]:
+    """The shots, whose calibrations hold their noise."""
+    models = (model and model.possible() for model in noise_models(shots, settings))
+    return [replace(shot, calibration=replace(shot.calibration, noise=model)) for shot, model in zip(shots, models, strict=True)]

@@ -4,19 +4,24 @@ The sums of Eqs. 8-9 are additive: a sample that lies near a block of the refere
 certain the nearer it is.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
 from shared.arrays import ByteArray, FloatArray
-from shared.pattern import BlockGrid
 
-from ..blocks import BlockSums
+from ..blocks import BlockSums, Sites
+from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
 from ..kernels.spreading import TILE, Samples
+from .frames import TINY
+from .judging import Kept
 
-_GRADIENT = 0.04  # change of chromaticity per pixel: how much less a sample tells of a block that it is not in
+_GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in
 _FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
 _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
 _NEAR = 1.0  # pixels: standard deviation of the neighbourhood in which luminance is looked at
@@ -34,7 +39,7 @@ class ColourSamples:
     values: (M,), scene units of the reference.
     light: (M,), luminance there.
     variance: (M,), of their noise; 0 where there is none.
-    weight: (M,), how far they are trusted, more than 0, at most 1.
+    weight: (M,), how far their frames agree with the reference there, more than 0, at most 1.
     own: how many of them, the first ones, are the reference's.
     """
 
@@ -46,16 +51,31 @@ class ColourSamples:
     weight: FloatArray
     own: int
 
+    @classmethod
+    def of(cls, kept: Sequence[Kept], light: FloatArray, weight: FloatArray, sites: Sites) -> "ColourSamples":
+        """The colour samples of all frames that lie in the reference. light, weight: from `merge`. sites: of the reference."""
+        found: list[tuple[Any, ...]] = []
+        for number, each in enumerate(kept):
+            used = weight[number] > 0
+            rows, columns = (place[used] for place in sites.pixels)
+            y, x = each.motion.back(rows, columns, sites.grid.frame)
+            channels = np.broadcast_to(sites.channels.astype(np.uint8), used.shape)[used]
+            values, noise = each.frame.colours[used], each.frame.noise
+            variance = noise.variance(values, channels) if noise else np.zeros_like(values)
+            found.append((np.stack([y, x], axis=1), channels, values, light[number][used], variance, weight[number][used]))
+        places, channel, value, lights, variances, weights = (np.concatenate(each) for each in zip(*found, strict=True))
+        return cls(places, channel, value, lights, variances, weights, own=len(found[0][0]))
+
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
         return replace(self, light=(self.light + there).astype(np.float32, copy=False))
 
     def where_others(self, luminance: FloatArray, shares: FloatArray) -> "ColourSamples":
-        """The samples where the reference is not alone. Where it is, the picture is what one frame makes of it.
+        """The samples where the reference is not alone. Where it is, the picture stays that of one frame.
 
         luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
-        Where few frames see the light, it is not known between the reference's pixels: beside edges a sample then tells little.
+        Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
         """
         edge = np.sqrt(np.maximum(smoothed(np.square(luminance), _NEAR) - np.square(smoothed(luminance, _NEAR)), 0))
         doubt = _DOUBT * np.maximum(shares - _KNOWN, 0) / (1 - _KNOWN) * edge
@@ -65,28 +85,22 @@ class ColourSamples:
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
         return replace(self, weight=weight.astype(np.float32))
 
-    def block_sums(self, grid: BlockGrid, channels: int) -> BlockSums:
+    def block_sums(self, sites: Sites) -> BlockSums:
         """The sums of Eqs. 8-9 from the samples of other frames around each whole block.
 
         Each term counts relative to a sample in the middle of the block.
         """
-        rest = slice(self.own, None)
-        shape = len(grid.whole_rows), len(grid.whole_columns)
-        middle = np.array([grid.whole_rows[0], grid.whole_columns[0]]) + (np.array(grid.block_shape) - 1) / 2
-        at = (self.places[rest] - middle) / grid.period
+        rest, shape, period = slice(self.own, None), sites.shape, sites.grid.period
+        at = (self.places[rest] - sites.middle) / period
         block = np.rint(at).astype(np.intp)
         inside = ((block >= 0) & (block < shape)).all(axis=1)
-        far = np.maximum(np.square((at - block) * grid.period).sum(axis=1) - _INSIDE, 0)
+        far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
         light, variance = self.light[rest].astype(np.float64), self.variance[rest] + _FLOOR
         share = inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
-        number = (block.clip(0, np.array(shape) - 1) * (shape[1], 1)).sum(axis=1)
-        weight, product = np.empty((2, *shape, channels))
-        for channel in range(channels):
-            mine = self.channels[rest] == channel
-            for plane, factor in ((weight, light), (product, self.values[rest])):
-                terms = (share * light * factor)[mine]
-                plane[..., channel] = np.bincount(number[mine], terms, minlength=shape[0] * shape[1]).reshape(shape)
-        return BlockSums(weight, product)
+        full = *shape, len(sites.pattern.channels)
+        place = np.ravel_multi_index((*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full)
+        sums = (np.bincount(place, share * light * factor, minlength=math.prod(full)) for factor in (light, self.values[rest]))
+        return BlockSums(*(np.asarray(each, np.float64).reshape(full) for each in sums))
 
     def by_tile(self, shape: tuple[int, int], gamma: FloatArray) -> tuple[Samples, float]:
         """The samples as `spread_samples` takes them, and their median precision, 0 to 1."""
@@ -101,3 +115,19 @@ class ColourSamples:
         figures[:, 2], figures[:, 3], figures[:, 4] = self.values * per_channel, self.light, self.weight * precision
         typical = float(np.median(precision)) if len(precision) else 1.0
         return (figures[order], self.channels[order], starts), typical
+
+
+def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Cleaned:
+    """The reference with saturated colour samples replaced by what other frames saw around their blocks.
+
+    luminance: merged, (H, W). sums: of the other frames (`ColourSamples.block_sums`).
+    """
+    if unclipped_blocks(frame).all():
+        return frame
+    signal = frame.signal.copy()
+    for channel, place in zip(frame.sites.channels, frame.sites.places, strict=True):
+        power, product = sums.weight[..., channel], sums.product[..., channel]
+        known = (power > TINY) & (signal[place] >= frame.clipping)
+        share = product / np.where(known, power, 1)
+        signal[place] = np.where(known, share * luminance[place], signal[place])
+    return frame.with_samples(signal)

@@ -1,4 +1,4 @@
-"""What each tile of a level says about a motion: how far from where the motion puts it the tile lies, and how certain that is."""
+"""Measure how far each tile of a level lies from where a motion puts it, and how certain that is."""
 
 from typing import NamedTuple
 
@@ -8,10 +8,10 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.motion import Motion
 
 from ..kernels.displacement import SUMS, displacement_sums
+from .frames import DEVIATIONS
 from .levels import BLUR, SPREAD, Level, tile_edges
 
 _STEEPNESS = (1 - np.exp(-1 / BLUR**2)) / 2  # squared gradient of blurred white noise, per variance
-_DEVIATIONS = 3.0  # by which gradients must exceed those of noise alone
 _MOST_GAIN = 1e6  # where noise is all that two frames show, gains would grow or fall without end
 _LEAST = 1e-6  # fraction of the squares of luminance: differences below it are rounding
 
@@ -28,7 +28,6 @@ class Tiles(NamedTuple):
     pixels: (R, C), how many counted.
     light: (R, C), mean luminance of the reference, scene units.
     gain: how many times as bright the frame is as the reference.
-    unevenness: the fraction by which the light of tiles differs from that; half of all light is in tiles that differ more.
     """
 
     rows: DoubleArray
@@ -40,7 +39,6 @@ class Tiles(NamedTuple):
     pixels: DoubleArray
     light: DoubleArray
     gain: float
-    unevenness: float
 
 
 def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, local: DoubleArray | None = None) -> Tiles:
@@ -65,12 +63,10 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
     rest = np.maximum(ee - e * e / number + (right * shifts).sum(axis=-1), 0)
     noise = rest / np.maximum(pixels - 3, 1) + least
     seen = (pixels > 0) & (r > 0)
-    ratios, light = (f[seen] / r[seen], r[seen]) if seen.any() else (np.ones(1), np.ones(1))
-    brighter = float(np.median(ratios))
-    unevenness = weighted_median(np.abs(ratios / brighter - 1), light) if brighter > 0 else 0.0
+    brighter = float(np.median(f[seen] / r[seen])) if seen.any() else 1.0
     middles = [level.offsets((each[1:] + each[:-1] - 1) / 2, axis) for axis, each in enumerate((rows, columns))]
     # Half of the differences' noise is the reference's, and makes gradients of its own: by chance as much as this.
-    chance = _STEEPNESS / 2 * noise * (pixels + _DEVIATIONS * np.sqrt(SPREAD * pixels))
+    chance = _STEEPNESS / 2 * noise * (pixels + DEVIATIONS * np.sqrt(SPREAD * pixels))
     values, axes = np.linalg.eigh(squares - chance[..., None, None] * np.eye(2))
     information = (axes * (np.maximum(values, 0) / (noise * SPREAD)[..., None])[..., None, :]) @ np.swapaxes(axes, -1, -2)
     texture = rr - r * r / number
@@ -84,7 +80,6 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
         pixels,
         r / number,
         min(max(gain * brighter, 1 / _MOST_GAIN), _MOST_GAIN) if brighter > 0 else gain,
-        unevenness,
     )
 
 

@@ -1,4 +1,4 @@
-"""What two planes say about how one lies against the other: sums of gradients and differences over tiles."""
+"""Sums of gradients and differences over tiles of two planes: the displacement of one against the other follows from them."""
 
 import numpy as np
 

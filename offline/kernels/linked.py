@@ -1,7 +1,7 @@
-"""Planes that fit samples and change little from pixel to pixel, except across edges: a sum of squares, and its minimum.
+"""Planes that fit samples and are smooth except across edges: the minimum of a sum of squares.
 
-Conjugate gradients find it. Where samples are few or uncertain, what they say spreads over hundreds of pixels, and it takes as many
-iterations to carry it there. So the preconditioner has two levels (additive Schwarz: Dryja and Widlund 1987): the diagonal, and
+Conjugate gradients find it. Where samples are few or uncertain, each one influences hundreds of pixels, which would take as many
+iterations. So the preconditioner has two levels (additive Schwarz: Dryja and Widlund 1987): the diagonal, and
 the same system for planes that are constant on each of some squares, which is solved directly.
 """
 
@@ -46,7 +46,7 @@ def solve(
     right_side: (P, H, W); what is left of it at the end.
     links: (4, H, W), see `link`. fading: how much each plane is to be 0.
     solution: (P, H, W), zeros at first.
-    Returns the residual, relative to what it was, and the iterations used. What is not finite has a residual that is NaN.
+    Returns the residual, relative to what it was, and the iterations used. The residual is NaN if a value is not finite.
     """
     parts, rows, columns = right_side.shape
     scale, direction, applied = zeros(parts, rows, columns), zeros(parts, rows, columns), zeros(parts, rows, columns)
@@ -152,7 +152,7 @@ def _improve(residual: FloatArray, scale: FloatArray, factors: DoubleArray, bett
 
 @kernel
 def _substitute(factor: DoubleArray, band: int, values: DoubleArray) -> None:
-    """Solve the system whose Cholesky factor this is, with so many entries before the diagonal, in place."""
+    """Solve, in place, the system whose banded Cholesky factor this is."""
     for row in range(len(values)):
         for column in range(max(row - band, 0), row):
             values[row] -= factor[row, column] * values[column]

@@ -1,28 +1,28 @@
 """Luminance from the panchromatic samples of all frames of a burst, each at its own place.
 
 The frames sample one light field at places that differ by fractions of a pixel: together they show more of it than one frame can.
-It is kept on a grid of half pixels. The start is the mean of the interpolated frames. Then, some times over, what the samples miss
-is spread to the grid around them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise, nothing is
-changed, so that noise stays averaged and detail gets sharp.
+It is kept on a grid of half pixels. The start is the mean of the interpolated frames. Then, in several rounds, what the
+grid misses of the samples is added around them (iterated back-projection: Irani and Peleg 1991). Where that is no more than noise,
+nothing is changed, so that noise stays averaged and detail gets sharp.
 """
 
 import numpy as np
 
 from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 
+from ..gaussian import gaussian
 from .compile import kernel, parallel_kernel, prange
 from .functions import zeros
 from .interpolation import interpolated
 from .lanes import Scalar
 from .motions import Area, Motions, back, bounds, there
+from .smoothing import smooth_rows
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, and around it
 _ITERATIONS = 4
 _FILLED = 0.05  # weight of interpolated light where a frame has colour sites
 _SPARSE = np.float32(0.05)  # samples per place of the grid, below which a correction is reduced
-_NOISE = np.float32(1.0)  # of the power of what samples miss: what noise accounts for
-_NARROW = np.array([0.7866, 0.1067], np.float32)  # Gaussian of half a place of the grid, at distances 0, 1
-_WIDE = np.array([0.2005, 0.1769, 0.1216, 0.0651, 0.0271, 0.0088], np.float32)  # of 2 places
+_NARROW, _WIDE = gaussian(0.5), gaussian(2.0)  # places of the grid: what is spread, and where its power is compared with noise
 _NONE, _ONE = np.float32(0), np.float32(1)
 _MOST = 1e6  # relative precision, so that its square is a float: frames 10 stops brighter have less, and one without noise too
 _ALONE = np.float32(0.99999)  # relative variance from which on there is one frame: the rest is rounding
@@ -34,7 +34,7 @@ _ALONE = np.float32(0.99999)  # relative variance from which on there is one fra
 )
 def merge(
     planes: FloatArray,
-    trust: ByteArray,
+    agreement: ByteArray,
     noise: DoubleArray,
     panchromatic: BoolArray,
     motions: Motions,
@@ -48,7 +48,7 @@ def merge(
     """Merge the frames of a burst.
 
     planes: (F, H, W), luminance of each frame, filled in at the colour sites, in units of the reference, which is the first.
-    trust: (F, H, W), how far each frame agrees with the reference at each pixel of the reference, 0 to 255.
+    agreement: (F, H, W), how far each frame agrees with the reference at each pixel of the reference, 0 to 255.
     noise: (F, 2), shot and squared read noise of each plane; all zero: there is no noise. A plane whose variance is 0 while the
         reference's is not counts as much as a million references.
     panchromatic: (H, W), which pixels are.
@@ -57,7 +57,7 @@ def merge(
     merged: (H, W), written: luminance of the reference.
     variance: (H, W), written: variance of the noise of `merged`, relative to the reference's.
     light, weight: (F, block rows, block columns, S), written: luminance where each colour sample of each frame lies in the
-        reference, and how far it is trusted, 0 to 1; 0 beyond the reference.
+        reference, and how far the frame agrees with it there, 0 to 1; 0 beyond it.
     """
     height, width = merged.shape
     along = (width + _COLUMNS - 1) // _COLUMNS
@@ -65,20 +65,20 @@ def merge(
         top, left = tile // along * _ROWS, tile % along * _COLUMNS
         core = top, min(top + _ROWS, height), left, min(left + _COLUMNS, width)
         area = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height), max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
-        fine = _start(planes, trust, noise, panchromatic, motions, area, core, variance)
-        samples = _samples(planes, trust, noise, panchromatic, motions, area)
+        fine = _start(planes, agreement, noise, panchromatic, motions, area, core, variance)
+        samples = _samples(planes, agreement, noise, panchromatic, motions, area)
         _sharpen(fine, samples, noise[0, 0] + noise[0, 1] > 0)
         for y in range(core[0], core[1]):
             for x in range(core[2], core[3]):
                 merged[y, x] = fine[2 * (y - area[0]), 2 * (x - area[2])]
-        _light_at_sites(fine, trust, motions, sites, period, area, core, light, weight)
+        _light_at_sites(fine, agreement, motions, sites, period, area, core, light, weight)
 
 
-@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f8, f4[:, ::1]")
-def displace(plane: FloatArray, motions: Motions, factor: float, out: FloatArray) -> None:
+@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f4[:, ::1]")
+def displace(plane: FloatArray, motions: Motions, out: FloatArray) -> None:
     """A frame as the reference would see it.
 
-    plane: (H, W). motions: one. factor: what to multiply it by.
+    plane: (H, W). motions: one.
     out: (H, W), written; NaN where the frame sees nothing.
     """
     shape = 1, plane.shape[0], plane.shape[1]
@@ -86,12 +86,12 @@ def displace(plane: FloatArray, motions: Motions, factor: float, out: FloatArray
         for x in range(plane.shape[1]):
             to_y, to_x = there(motions, 0, float(y), float(x), shape)
             inside = -0.5 <= to_y < plane.shape[0] - 0.5 and -0.5 <= to_x < plane.shape[1] - 0.5
-            out[y, x] = np.float32(factor) * interpolated(plane, to_y, to_x) if inside else np.float32(np.nan)
+            out[y, x] = interpolated(plane, to_y, to_x) if inside else np.float32(np.nan)
 
 
 @kernel
 def _start(
-    planes: FloatArray, trust: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions,
+    planes: FloatArray, agreement: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions,
     area: Area, core: Area, variance: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """The mean of the interpolated frames on the grid of half pixels of an area; and `variance` in its core."""
@@ -102,13 +102,13 @@ def _start(
         for row in range(rows):
             for column in range(columns):
                 y, x = area[0] + row, area[2] + column
-                if trust[frame, y, x] == 0:
+                if agreement[frame, y, x] == 0:
                     continue
                 to_y, to_x = there(motions, frame, float(y), float(x), planes.shape)
                 if not (-0.5 <= to_y < planes.shape[1] - 0.5 and -0.5 <= to_x < planes.shape[2] - 0.5):
                     continue
                 precision = _precision(noise, frame, max(planes[0, y, x], _NONE))
-                share = (_FILLED + _measured(panchromatic, to_y, to_x)) * trust[frame, y, x] / 255.0
+                share = (_FILLED + _measured(panchromatic, to_y, to_x)) * agreement[frame, y, x] / 255.0
                 mean[row, column] += share * precision * interpolated(plane, to_y, to_x)
                 totals[row, column] += share * precision
                 spreads[row, column] += share * share * precision
@@ -150,7 +150,7 @@ def _measured(panchromatic: BoolArray, y: float, x: float) -> float:
 
 @kernel
 def _samples(
-    planes: FloatArray, trust: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions, area: Area
+    planes: FloatArray, agreement: ByteArray, noise: DoubleArray, panchromatic: BoolArray, motions: Motions, area: Area
 ) -> FloatArray:
     """The panchromatic samples that lie in an area: (samples, 5), place on the grid (y, x), value, weight, variance."""
     frames, height, width = planes.shape
@@ -165,12 +165,12 @@ def _samples(
                 y, x = back(motions, frame, float(row), float(column), planes.shape)
                 if not (area[0] <= y <= area[1] - 1 and area[2] <= x <= area[3] - 1):
                     continue
-                trusted = trust[frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)]
-                if trusted == 0 or count == len(found):
+                agrees = agreement[frame, min(int(y + 0.5), height - 1), min(int(x + 0.5), width - 1)]
+                if agrees == 0 or count == len(found):
                     continue
                 value = planes[frame, row, column]
                 found[count, 0], found[count, 1], found[count, 2] = 2 * (y - area[0]), 2 * (x - area[2]), value
-                found[count, 3] = trusted / 255.0 * _precision(noise, frame, max(value, _NONE))
+                found[count, 3] = agrees / 255.0 * _precision(noise, frame, max(value, _NONE))
                 found[count, 4] = noise[frame, 0] * max(value, _NONE) + noise[frame, 1]
                 count += 1
     return found[:count]
@@ -178,18 +178,15 @@ def _samples(
 
 @kernel
 def _sharpen(fine: FloatArray, samples: FloatArray, noisy: bool) -> None:
-    """Spread what the samples miss to the grid around them, some times over."""
+    """Add what the grid misses of the samples to the places around them, in several rounds."""
     rows, columns = fine.shape
     error, count, power = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
-    every, buffer = zeros(rows, columns), zeros(rows, columns)
+    near, wide, missed_near, missed_wide = zeros(rows, columns), zeros(rows, columns), zeros(rows, columns), zeros(rows, columns)
     for sample in range(len(samples)):
         _splat(count, samples[sample, 0], samples[sample, 1], samples[sample, 3])
+    smooth_rows(count, _NARROW, 0, rows, near)
     if noisy:
-        for row in range(rows):
-            for column in range(columns):
-                every[row, column] = count[row, column]
-        _blur(every, buffer, _WIDE)
-    _blur(count, buffer, _NARROW)
+        smooth_rows(count, _WIDE, 0, rows, wide)
     for _ in range(_ITERATIONS):
         for row in range(rows):
             for column in range(columns):
@@ -200,15 +197,15 @@ def _sharpen(fine: FloatArray, samples: FloatArray, noisy: bool) -> None:
             _splat(error, y, x, weight * missed)
             if noisy:
                 _splat(power, y, x, weight * missed * missed / max(samples[sample, 4], np.float32(1e-20)))
-        _blur(error, buffer, _NARROW)
+        smooth_rows(error, _NARROW, 0, rows, missed_near)
         if noisy:
-            _blur(power, buffer, _WIDE)
+            smooth_rows(power, _WIDE, 0, rows, missed_wide)
         for row in range(rows):
             for column in range(columns):
                 gain = _ONE
                 if noisy:
-                    gain = max(_NONE, _ONE - _NOISE * every[row, column] / max(power[row, column], np.float32(1e-20)))
-                fine[row, column] += gain * error[row, column] / (count[row, column] + _SPARSE)
+                    gain = max(_NONE, _ONE - wide[row, column] / max(missed_wide[row, column], np.float32(1e-20)))
+                fine[row, column] += gain * missed_near[row, column] / (near[row, column] + _SPARSE)
 
 
 @kernel
@@ -223,37 +220,13 @@ def _splat(plane: FloatArray, y: Scalar, x: Scalar, value: Scalar) -> None:
 
 
 @kernel
-def _blur(plane: FloatArray, buffer: FloatArray, taps: FloatArray) -> None:
-    """Blur a plane by a symmetric filter along both axes, in place; there is nothing beyond its edges."""
-    rows, columns = plane.shape
-    for row in range(rows):
-        for column in range(columns):
-            buffer[row, column] = taps[0] * plane[row, column]
-        for step in range(1, len(taps)):
-            if row >= step:
-                for column in range(columns):
-                    buffer[row, column] += taps[step] * plane[row - step, column]
-            if row + step < rows:
-                for column in range(columns):
-                    buffer[row, column] += taps[step] * plane[row + step, column]
-    for row in range(rows):
-        for column in range(columns):
-            plane[row, column] = taps[0] * buffer[row, column]
-        for step in range(1, len(taps)):
-            for column in range(step, columns):
-                plane[row, column] += taps[step] * buffer[row, column - step]
-            for column in range(columns - step):
-                plane[row, column] += taps[step] * buffer[row, column + step]
-
-
-@kernel
 def _light_at_sites(
-    fine: FloatArray, trust: ByteArray, motions: Motions, sites: IndexArray, period: int,
+    fine: FloatArray, agreement: ByteArray, motions: Motions, sites: IndexArray, period: int,
     area: Area, core: Area, light: FloatArray, weight: FloatArray,
 ) -> None:  # fmt: skip
-    """Luminance and trust of the colour samples that lie in the core of an area."""
-    for frame in range(len(trust)):
-        first, last, before, after = bounds(motions, frame, core, trust.shape)
+    """Luminance at the colour samples that lie in the core of an area, and how far their frames agree there."""
+    for frame in range(len(agreement)):
+        first, last, before, after = bounds(motions, frame, core, agreement.shape)
         for site in range(len(sites)):
             begin = max(0, -((sites[site, 0] - first) // period)), max(0, -((sites[site, 1] - before) // period))
             for row in range(begin[0], light.shape[1]):
@@ -263,8 +236,8 @@ def _light_at_sites(
                     if sites[site, 1] + column * period >= after:
                         break
                     place = float(sites[site, 0] + row * period), float(sites[site, 1] + column * period)
-                    y, x = back(motions, frame, place[0], place[1], trust.shape)
+                    y, x = back(motions, frame, place[0], place[1], agreement.shape)
                     near = int(np.floor(y + 0.5)), int(np.floor(x + 0.5))
                     if core[0] <= near[0] < core[1] and core[2] <= near[1] < core[3]:
                         light[frame, row, column, site] = interpolated(fine, 2 * (y - area[0]), 2 * (x - area[2]))
-                        weight[frame, row, column, site] = trust[frame, near[0], near[1]] / 255.0
+                        weight[frame, row, column, site] = agreement[frame, near[0], near[1]] / 255.0

@@ -18,27 +18,33 @@ def smooth(plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
 
     plane: (H, W). taps: of a symmetric filter, an odd number. out: (H, W), written; not `plane` itself.
     """
-    (height, width), reach = plane.shape, len(taps) // 2
+    height = len(plane)
     for strip in prange((height + _STRIP - 1) // _STRIP):
-        lines, total = zeros(len(taps), width + 2 * WIDTH), zeros(width + 2 * reach + 3 * WIDTH)
-        slots = np.empty(len(taps), np.intp)
-        first, last = strip * _STRIP, min((strip + 1) * _STRIP, height)
-        for row in range(first - reach, last + reach):
-            source = mirrored(row, height)
+        smooth_rows(plane, taps, strip * _STRIP, min((strip + 1) * _STRIP, height), out)
+
+
+@kernel
+def smooth_rows(plane: FloatArray, taps: FloatArray, first: int, last: int, out: FloatArray) -> None:
+    """As `smooth`, rows `first` to `last` alone."""
+    (height, width), reach = plane.shape, len(taps) // 2
+    lines, total = zeros(len(taps), width + 2 * WIDTH), zeros(width + 2 * reach + 3 * WIDTH)
+    slots = np.empty(len(taps), np.intp)
+    for row in range(first - reach, last + reach):
+        source = mirrored(row, height)
+        for column in range(width):
+            lines[row % len(taps), column] = plane[source, column]
+        if row >= first + reach:
+            for step in range(len(taps)):
+                slots[step] = (row - 2 * reach + step) % len(taps)
+            _sum_down(lines, slots, taps, width, reach, total)
+            oldest = slots[0]  # its line is not needed any more
+            for column in range(0, width, WIDTH):
+                light = taps[0] * load(total, column)
+                for step in range(1, len(taps)):
+                    light += taps[step] * load(total, column + step)
+                store(lines, (oldest, column), light)
             for column in range(width):
-                lines[row % len(taps), column] = plane[source, column]
-            if row >= first + reach:
-                for step in range(len(taps)):
-                    slots[step] = (row - 2 * reach + step) % len(taps)
-                _sum_down(lines, slots, taps, width, reach, total)
-                oldest = slots[0]  # its line is not needed any more
-                for column in range(0, width, WIDTH):
-                    light = taps[0] * load(total, column)
-                    for step in range(1, len(taps)):
-                        light += taps[step] * load(total, column + step)
-                    store(lines, (oldest, column), light)
-                for column in range(width):
-                    out[row - reach, column] = lines[oldest, column]
+                out[row - reach, column] = lines[oldest, column]
 
 
 @kernel

@@ -1,11 +1,11 @@
-"""What the colour samples of all frames of a burst say about the colour of every pixel.
+"""Correct the colour of every pixel of a burst by the colour samples of all frames.
 
-A picture misses each sample by some error. The correction of the picture's colour is the one that leaves little of these errors
-and changes little from pixel to pixel, except across edges of luminance: a sum of squares, whose minimum conjugate gradients find.
+A picture differs from each sample by some error. The correction of the picture's colour leaves little of these errors and changes
+little from pixel to pixel, except across edges of luminance: it minimises a sum of squares, by conjugate gradients.
 Without samples near a pixel its correction fades to nothing. Corrections leave luminance as it is.
 
 Colours are weighted by gamma here: then channels have the unit of luminance, and a colour is a set of C numbers that add up to
-zero. C - 1 numbers on an orthonormal basis tell it.
+zero: C - 1 coefficients on an orthonormal basis.
 """
 
 import numpy as np

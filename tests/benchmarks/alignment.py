@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from offline import BEST
-from offline.burst import align
+from offline.burst import View, align
 from offline.whole.luminance import recover_luminance
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
@@ -59,22 +59,22 @@ def photograph(frame: SimulatedFrame, sigma: float | None, seed: int) -> Mosaic:
 def measured(frames: list[SimulatedFrame], sigma: float | None, local: FloatArray | None = None) -> Figures:
     """Align the frames to the first. local: what their motion has besides."""
     mosaics = [photograph(frame, sigma, seed) for seed, frame in enumerate(frames)]
-    planes = [recover_luminance(mosaic, BEST.luminance) for mosaic in mosaics]
-    limits = (0.98 * CALIBRATION.full_scale,) * 2 if sigma is None else (np.inf,) * 2
-    align(planes[0], planes[0])  # compiles
+    limit = 0.98 * CALIBRATION.full_scale if sigma is None else np.inf
+    views = [View(recover_luminance(mosaic, BEST.luminance), mosaic.calibration.noise, limit) for mosaic in mosaics]
+    align(views[0], views[0])  # compiles
     figures = Figures([], [], [], 0)
     refused = 0
-    for frame, mosaic, plane in zip(frames[1:], mosaics[1:], planes[1:], strict=True):
+    for frame, view in zip(frames[1:], views[1:], strict=True):
         begin = time.process_time()
         try:
-            found = align(planes[0], plane, (mosaics[0].calibration.noise, mosaic.calibration.noise), limits)
+            found = align(views[0], view)
         except InputError:
             refused += 1
             continue
         figures.seconds.append(time.process_time() - begin)
         figures.estimates.append(found.error)
         true = replace(frame.motion, local=local)
-        places = [motion.places(slice(None), mosaic.shape) for motion in (found.motion, true)]
+        places = [motion.places(slice(None), mosaics[0].shape) for motion in (found.motion, true)]
         figures.errors.append(float(np.median(np.hypot(places[0][0] - places[1][0], places[0][1] - places[1][1]))))
     return replace(figures, refused=refused)
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from offline.burst import Motion, align
+from offline.burst import Motion, View, align
 from shared.arrays import DoubleArray, FloatArray
 from shared.calibration import NoiseModel
 from tools.camera.bayer import channel_map
@@ -56,7 +56,7 @@ def render_bayer_burst(
 def _motion(reference: FloatArray, frame: FloatArray, sigma: FloatArray) -> Motion:
     """How a frame lies against the reference, by the sum of the channels of their demosaicked pictures."""
     noise = NoiseModel((0.0,), (float(np.sqrt(np.square(sigma).sum())),)) if sigma.any() else None
-    return align(reference.sum(axis=2), frame.sum(axis=2), (noise, noise)).motion
+    return align(View(reference.sum(axis=2), noise), View(frame.sum(axis=2), noise)).motion
 
 
 def _merged(mosaics: Sequence[FloatArray], pictures: Sequence[FloatArray], motions: Sequence[Motion]) -> DoubleArray:

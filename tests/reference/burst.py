@@ -9,8 +9,8 @@ from offline.burst import Motion
 from shared.arrays import BoolArray, DoubleArray, IndexArray
 
 ROUNDS, FILLED, SPARSE = 4, 0.05, 0.05
-NARROW = np.array([0.1067, 0.7866, 0.1067])
-WIDE = np.array([0.0088, 0.0271, 0.0651, 0.1216, 0.1769, 0.2005, 0.1769, 0.1216, 0.0651, 0.0271, 0.0088])
+NARROW, WIDE = (np.exp(-(np.arange(-4 * sigma, 4 * sigma + 1) ** 2) / (2 * sigma**2)) for sigma in (0.5, 2))
+NARROW, WIDE = NARROW / NARROW.sum(), WIDE / WIDE.sum()
 
 
 def keys(plane: DoubleArray, y: float, x: float) -> float:
@@ -34,8 +34,8 @@ def corners(y: float, x: float, shape: tuple[int, ...]) -> list[tuple[int, int, 
 
 
 def blurred(plane: DoubleArray, taps: DoubleArray) -> DoubleArray:
-    """Along both axes; there is nothing beyond the edges."""
-    return correlate(correlate(plane, taps[:, None], mode="constant"), taps[None], mode="constant")
+    """Along both axes; mirrored at the edges."""
+    return correlate(correlate(plane, taps[:, None], mode="mirror"), taps[None], mode="mirror")
 
 
 def merge(

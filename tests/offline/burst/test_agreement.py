@@ -1,36 +1,64 @@
-"""How far frames agree, against a literal transcription."""
+"""How far frames agree: in spite of noise, a little more light and sampling; each kind of change is found by a sign of its own."""
 
 import numpy as np
 import pytest
 
-from offline.burst.agreement import _compared, agreement
+from offline.burst import View
+from offline.burst import agreement as module
+from offline.burst.agreement import agreement
 from shared import NoiseModel
-from tests.reference import agreement as reference
+from shared.arrays import DoubleArray
 
-FLOAT32 = 2e-3  # relative: differences of squares that are nearly equal
+SHAPE = (90, 120)
+INSIDE = np.s_[35:55, 45:75]
+Y, X = np.indices(SHAPE).astype(np.float64)
+THING = np.zeros(SHAPE)
+THING[25:65, 35:85] = 1
 
 
-@pytest.mark.parametrize("noise", [((0.0, 0.0), (0.0, 0.0)), ((1e-3, 4e-4), (2e-3, 9e-4))])
-def test_equals_the_transcription(noise: tuple[tuple[float, float], tuple[float, float]]) -> None:
-    random = np.random.default_rng(0)
-    y, x = np.indices((60, 90))
-    planes = [1 + 0.4 * np.sin((y + shift) / 3) * np.cos(x / 4) + random.normal(0, 0.02, y.shape) for shift in (0.0, 0.3)]
-    planes[1][20:35, 40:60] += 0.15
-    planes[1][45:50] = planes[0][45:50]
-    weight = random.uniform(0.1, 1, y.shape)
-    models = tuple(NoiseModel((shot,) * 4, (read**0.5,) * 4) if read else None for shot, read in noise)
-    first, second, weights = (plane.astype(np.float32) for plane in (*planes, weight))
-    found = _compared(first, second, weights, (models[0], models[1]))
-    exact = [plane.astype(np.float64) for plane in (first, second, weights)]
-    expected = reference.compared(exact[0], exact[1], exact[2], noise)
-    assert np.abs(found - expected).max() <= FLOAT32 * expected.max()
-    assert np.median(np.abs(found / expected - 1)) < FLOAT32
+def light(y: DoubleArray = Y, x: DoubleArray = X, contrast: float = 0.2) -> DoubleArray:
+    return 1 + contrast * np.sin(y / 2.5) * np.cos(x / 3)
+
+
+def agrees(reference: DoubleArray, frame: DoubleArray, sigma: float) -> float:
+    """The mean agreement where the thing is, 0 to 1."""
+    random, noise = np.random.default_rng(0), NoiseModel.gaussian(sigma, 4) if sigma else None
+    first, second = (View((plane + random.normal(0, sigma, SHAPE)).astype(np.float32), noise) for plane in (reference, frame))
+    return float(agreement(first, second, np.ones(SHAPE, np.float32))[INSIDE].mean()) / 255
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
+@pytest.mark.parametrize("frame", [light(), 1.005 * light(), light(Y, X + 0.1)], ids=["same", "light", "sampling"])
+def test_what_has_not_changed_agrees(frame: DoubleArray, sigma: float) -> None:
+    assert agrees(light(), frame, sigma) > 0.9
+
+
+CHANGES = {
+    "_MEAN": (light(), light() + 0.12 * THING, 0.02),
+    "_TEXTURE": (light(contrast=0.05), light(contrast=0.05) + 0.06 * THING * (-1) ** (Y + X), 0.01),
+    "_FAR": (light(contrast=0.05), light(contrast=0.05) + 0.02 * THING, 0.05),
+    "_SHIFT": (light(), light(Y, X + 0.6), 0.02),
+}
+
+
+@pytest.mark.parametrize("sign", list(CHANGES))
+def test_what_has_changed_does_not(sign: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert agrees(*CHANGES[sign]) < 0.35
+    for other in CHANGES.keys() - {sign}:
+        monkeypatch.setattr(module, other, 1e6)
+    assert agrees(*CHANGES[sign]) < 0.4, "this sign alone does not find it"
+    monkeypatch.setattr(module, sign, 1e6)
+    assert agrees(*CHANGES[sign]) > 0.85
 
 
 def test_strips_leave_no_trace() -> None:
-    random = np.random.default_rng(1)
-    planes = [random.uniform(0.5, 1.5, (600, 40)).astype(np.float32) for _ in range(3)]
-    whole = agreement(planes[0], planes[1], planes[2], (None, None), (np.inf, np.inf))
-    below = [np.ascontiguousarray(plane[256:]) for plane in planes]
-    lower = agreement(below[0], below[1], below[2], (None, None), (np.inf, np.inf))
+    first, second, weight = np.random.default_rng(1).uniform(0.5, 1.5, (3, 600, 40)).astype(np.float32)
+    whole, lower = agreement(View(first), View(second), weight), agreement(View(first[256:]), View(second[256:]), weight[256:])
     assert np.array_equal(lower[40:], whole[296:])
+
+
+def test_light_beyond_the_limit_of_the_reference_agrees_and_clipped_light_of_a_frame_does_not() -> None:
+    dim, bright = np.full(SHAPE, 1.0, np.float32), np.full(SHAPE, 2.0, np.float32)
+    weight = np.ones(SHAPE, np.float32)
+    assert (agreement(View(dim, limit=1.0), View(bright), weight) == 255).all()
+    assert not agreement(View(bright), View(bright, limit=2.0), weight).any()

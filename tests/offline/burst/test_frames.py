@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER
-from offline.burst.comparing import _candidates
+from offline.burst.comparing import candidates_of
 from offline.burst.frames import Frame, noise_models
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration
 
@@ -75,11 +75,12 @@ def test_rounding_is_noise_where_there_is_any() -> None:
 def candidate(detail: float, level: float = 1.0) -> Frame:
     """A frame of a random texture."""
     texture = np.random.default_rng(0).normal(0, 0.1, (64, 96))
-    return Frame((level * (1 + detail * texture)).astype(np.float32), np.empty((0, 0, 3), np.float32), None, 2.0)
+    light = (level * (1 + detail * texture)).astype(np.float32)
+    return Frame(light, None, 2.0, cleaned=None, colours=np.empty((0, 0, 3), np.float32))
 
 
 def test_the_first_of_frames_that_are_nearly_as_sharp_is_the_reference() -> None:
-    assert _candidates([candidate(each) for each in (0.98, 1.0, 0.99)])[0] == 0
-    assert _candidates([candidate(each) for each in (0.9, 0.98, 1.0, 0.99)]) == [1, 2, 3]
-    assert _candidates([candidate(0.98), candidate(1.0, level=2.5)]) == [0, 1]  # clipped
-    assert _candidates([candidate(0.1), candidate(1.0), candidate(1.0)]) == [1, 2, 0]
+    assert candidates_of([candidate(each) for each in (0.98, 1.0, 0.99)])[0] == 0
+    assert candidates_of([candidate(each) for each in (0.9, 0.98, 1.0, 0.99)]) == [1, 2, 3, 0]
+    assert candidates_of([candidate(0.98), candidate(1.0, level=2.5)]) == [0, 1]  # clipped
+    assert candidates_of([candidate(0.1), candidate(1.0), candidate(1.0)]) == [1, 2, 0]

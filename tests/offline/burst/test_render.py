@@ -9,11 +9,10 @@ import pytest
 from offline import BEST, PAPER, SolverLog, render
 from offline.burst import MergedBurst, Motion, burst_memory, merge_burst, render_burst_bands
 from offline.kernels.spreading import TOLERANCE
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, InputError, RangeError
 from shared.sensor import simulate_additive
-from tools.camera.lens import lens_shading
 
 from .scenes import SHAPE, light
 
@@ -34,13 +33,14 @@ def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> 
     return rgb
 
 
-def shots(sigma: float, motions: list[Motion] = MOTIONS, pattern: CfaPattern | None = None) -> list[Mosaic]:
-    pattern = pattern or CfaPattern.bayer(6)
-    calibration = SensorCalibration(pattern.channels)
-    return [
-        simulate_additive(scene(motion, len(pattern.channels)), pattern, calibration, sigma, np.random.default_rng(number))
-        for number, motion in enumerate(motions)
-    ]
+def shots(
+    sigma: float,
+    motions: list[Motion] = MOTIONS,
+    pattern: CfaPattern = CfaPattern.bayer(6),  # noqa: B008 - frozen
+    shape: tuple[int, int] = SHAPE,
+) -> list[Mosaic]:
+    calibration, light = SensorCalibration(pattern.channels), [scene(motion, len(pattern.channels), shape) for motion in motions]
+    return [simulate_additive(each, pattern, calibration, sigma, np.random.default_rng(n)) for n, each in enumerate(light)]
 
 
 def picture(merged: MergedBurst) -> FloatArray:
@@ -64,7 +64,8 @@ def test_more_frames_show_more(sigma: float, gain: float) -> None:
 
 def test_shading_does_not_show() -> None:
     motions = MOTIONS[:3]
-    lens = lens_shading(2, 0.15, 4, SHAPE)
+    radius = np.add.outer(*[np.linspace(-1, 1, 5) ** 2] * 2)
+    lens = Shading([1 + strength * (radius - 1 / 6) for strength in (0.6, 0.5, 0.4, 0.5)], SHAPE)  # type: ignore[arg-type]
     found = []
     for shading in (None, lens):
         taken = [replace(shot, calibration=replace(shot.calibration, shading=shading)) for shot in shots(0.0, motions)]
@@ -73,17 +74,17 @@ def test_shading_does_not_show() -> None:
     assert found[1] == pytest.approx(found[0], abs=0.1)
 
 
-def test_other_filters() -> None:
-    pattern = CfaPattern.with_block(("ABC", "CDE"), 8)
-    motions = [Motion(shift) for shift in SHIFTS[:4]]
-    frames, truth = shots(0.0, motions, pattern), scene(motions[0], 5)
-    assert psnr(picture(merge_burst(frames, reference=0, motions=motions)), truth) > psnr(render(frames[0]).rgb, truth) + 1
-
-
-@pytest.mark.parametrize(("letters", "sigma"), [("WBWG/BWGW/WGWR/GWRW", 0.01), ("RG/BW", 0.0), ("WAWB/CWDW/WEWC/BWAW", 0.0)])
-def test_scattered_tiles(letters: str, sigma: float) -> None:
-    pattern = CfaPattern.of_letters(letters, (1, 2))
-    motions = [Motion(shift) for shift in SHIFTS[:4]]
+@pytest.mark.parametrize(
+    ("pattern", "sigma"),
+    [
+        (CfaPattern.with_block(("ABC", "CDE"), 8), 0.0),
+        (CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 2)), 0.01),
+        (CfaPattern.of_letters("RG/BW", (1, 2)), 0.0),
+        (CfaPattern.of_letters("WAWB/CWDW/WEWC/BWAW", (1, 2)), 0.0),
+    ],
+)
+def test_other_filters(pattern: CfaPattern, sigma: float) -> None:
+    motions = MOTIONS[:4]
     frames, truth = shots(sigma, motions, pattern), scene(motions[0], len(pattern.channels))
     merged = merge_burst(frames, reference=0)
     assert all(frame.used for frame in merged.frames), [frame.reason for frame in merged.frames]
@@ -105,7 +106,7 @@ def test_one_frame_alone_is_a_single_render() -> None:
 
 
 def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
-    frames = shots(0.01, MOTIONS[:3])
+    frames = shots(0.01, MOTIONS[:3], shape=(160, 220))  # more than `LITTLE` pixels
     results = [picture(merge_burst(frames)) for _ in each_thread_count]
     assert all(np.array_equal(found, results[0]) for found in results)
 
@@ -130,7 +131,7 @@ def test_what_makes_no_burst_is_refused() -> None:
             merge_burst(frames, reference=index)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("noise", [(1e-4, 0.0), (0.0, 0.0), (0.0, 0.02), None])
+@pytest.mark.parametrize("noise", [(1e-4, 0.0), (0.0, 0.0), None])
 def test_a_frame_that_states_no_noise_does_not_spoil_the_picture(noise: tuple[float, float] | None) -> None:
     """Its variance would be 0 in black, and beyond."""
     motions, model = MOTIONS[:3], noise and NoiseModel((noise[0],) * 4, (noise[1],) * 4)
@@ -187,6 +188,6 @@ def test_a_value_that_is_not_finite_is_never_yielded(monkeypatch: pytest.MonkeyP
     merged.measured.luminance[40, 50] = np.nan
     with pytest.raises(ConvergenceError, match="residual of nan"):
         list(render_burst_bands(merged))
-    monkeypatch.setattr("offline.burst.render.report", lambda *_: None)
+    monkeypatch.setattr("offline.burst.spreading.report", lambda *_: None)
     with pytest.raises(RangeError, match="pixels of the picture are not finite"):
         list(render_burst_bands(merged))

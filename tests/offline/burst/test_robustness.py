@@ -80,7 +80,7 @@ def test_what_moves_is_as_in_a_single_render(kind: str, sigma: float, monkeypatc
         return np.full(_SHAPE, 255, np.uint8)
 
     monkeypatch.setattr(judging, "agreement", every)
-    monkeypatch.setattr(judging, "colour_doubts", lambda known, *_: np.zeros(known.light.shape, np.float32))
+    monkeypatch.setattr(judging, "colour_change", lambda known, *_: np.zeros(known.light.shape, np.float32))
     ghost = error(picture(merge_burst(shots, _SETTINGS, reference=0)), frames[0], changed)
     assert ghost > alone + 3, "the measure sees no ghost where all is trusted"
 
@@ -104,7 +104,7 @@ def _soft(frame: FloatArray) -> FloatArray:
 
 ODD: dict[str, Callable[[FloatArray], FloatArray]] = {
     "out of focus": _soft,
-    "its light comes from elsewhere": _flash,
+    "is lit differently": _flash,
     "black": np.zeros_like,
     "pixels, the reference": lambda frame: frame[:120],
     "cannot be aligned": lambda frame: np.ascontiguousarray(np.rot90(frame[:, :132], 2)[:, list(range(132)) + [0] * 18]),

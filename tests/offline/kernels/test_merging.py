@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from offline.burst import Motion
-from offline.kernels.merging import displace, merge
+from offline.burst.judging import as_arrays, displaced
+from offline.kernels.merging import merge
 from shared import CfaPattern
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 from tests.reference import burst as reference
@@ -28,15 +29,8 @@ def burst(sigma: float, shape: tuple[int, int] = SHAPE, motions: list[Motion] = 
     return np.array([plane + random.normal(0, sigma, shape) for plane in planes]).astype(np.float32)
 
 
-def kernel_motions(motions: list[Motion], shape: tuple[int, int]) -> tuple[DoubleArray, DoubleArray, FloatArray]:
-    turns, starts = zip(*(motion.affine(shape) for motion in motions), strict=True)
-    nodes = next((motion.local.shape for motion in motions if motion.local is not None), (1, 1, 2))
-    shifts = [np.zeros(nodes) if motion.local is None else motion.local for motion in motions]
-    return np.array(turns), np.array(starts), np.array(shifts, np.float32)
-
-
 def merged(
-    planes: FloatArray, trust: ByteArray, noise: DoubleArray, motions: list[Motion] = MOTIONS
+    planes: FloatArray, agreement: ByteArray, noise: DoubleArray, motions: list[Motion] = MOTIONS
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Luminance, variance, and light and weight at the colour sites."""
     shape = planes.shape[1], planes.shape[2]
@@ -44,8 +38,8 @@ def merged(
     sites = np.array([(grid.whole_rows[0] + row, grid.whole_columns[0] + column) for row, column, _ in PATTERN.sites])
     out, variance = np.full((2, *shape), np.nan, np.float32)
     found = np.zeros((2, len(planes), len(grid.whole_rows), len(grid.whole_columns), len(sites)), np.float32)
-    where = kernel_motions(motions, shape)
-    merge(planes, trust, noise, PATTERN.panchromatic_mask(shape), where, sites, 6, out, variance, found[0], found[1])
+    where = as_arrays(motions, shape)
+    merge(planes, agreement, noise, PATTERN.panchromatic_mask(shape), where, sites, 6, out, variance, found[0], found[1])
     return out, variance, found[0], found[1]
 
 
@@ -53,10 +47,10 @@ def merged(
 def test_equals_the_reference(noise: list[list[float]]) -> None:
     model = np.array(noise, np.float64)
     planes = burst(0.03 if model.any() else 0.0)
-    trust = np.random.default_rng(1).choice(np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7])
-    trust[0] = 255
-    out, variance, light_at, weight = merged(planes, trust, model)
-    fine, spread = reference.merge(planes.astype(np.float64), trust / 255, model, PATTERN.panchromatic_mask(SHAPE), MOTIONS)
+    agreement = np.random.default_rng(1).choice(np.array([0, 60, 255], np.uint8), planes.shape, p=[0.1, 0.2, 0.7])
+    agreement[0] = 255
+    out, variance, light_at, weight = merged(planes, agreement, model)
+    fine, spread = reference.merge(planes.astype(np.float64), agreement / 255, model, PATTERN.panchromatic_mask(SHAPE), MOTIONS)
     assert_close(out, fine[::2, ::2], FLOAT32)
     assert_close(variance, spread, FLOAT32)
     row, column, channel = PATTERN.sites[1]
@@ -64,7 +58,7 @@ def test_equals_the_reference(noise: list[list[float]]) -> None:
     grid = PATTERN.grid(SHAPE)
     at = grid.whole_rows[1] + row, grid.whole_columns[2] + column
     y, x = (float(each) for each in MOTIONS[2].back(np.array(at[0], np.float32), np.array(at[1], np.float32), SHAPE))
-    assert weight[2, 1, 2, 1] == trust[2, round(y), round(x)] / np.float32(255)
+    assert weight[2, 1, 2, 1] == agreement[2, round(y), round(x)] / np.float32(255)
     if weight[2, 1, 2, 1]:
         assert light_at[2, 1, 2, 1] == pytest.approx(reference.keys(fine, 2 * y, 2 * x), abs=1e-4)
 
@@ -73,36 +67,26 @@ def test_shows_more_than_one_frame_can() -> None:
     shape = 130, 180  # several tiles
     random = np.random.default_rng(2)
     motions = [Motion(), *(Motion((down, across)) for down, across in random.uniform(-2, 2, (7, 2)))]
-    planes, trust = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
+    planes, agreement = burst(0.0, shape, motions), np.full((8, *shape), 255, np.uint8)
     holes = ~PATTERN.panchromatic_mask(shape)
     planes[:, holes] = 1  # nothing is known there
     y, x = np.indices(shape).astype(np.float64)
-    out, variance, *_ = merged(planes, trust, np.zeros((8, 2)), motions)
+    out, variance, *_ = merged(planes, agreement, np.zeros((8, 2)), motions)
     inside = np.s_[4:-4, 4:-4]
     assert np.abs(out - light(y, x))[inside].max() < 0.02
     assert variance[inside].max() < 0.5
-    alone, variance, *_ = merged(planes, trust * (np.arange(8) == 0).astype(np.uint8)[:, None, None], np.zeros((8, 2)), motions)
+    alone, variance, *_ = merged(planes, agreement * (np.arange(8) == 0).astype(np.uint8)[:, None, None], np.zeros((8, 2)), motions)
     assert np.array_equal(alone[~holes], planes[0][~holes])
     assert variance.min() > 0.999
 
 
-def test_threads_leave_no_trace(each_thread_count: object) -> None:
-    planes = burst(0.02)
-    trust, noise = np.full(planes.shape, 255, np.uint8), np.full((3, 2), 4e-4)
-    results = [merged(planes, trust, noise) for _ in each_thread_count]  # type: ignore[attr-defined]
-    for found in results[1:]:
-        assert all(np.array_equal(a, b) for a, b in zip(found, results[0], strict=True))
-
-
 def test_displaces_a_frame() -> None:
-    planes, shown = burst(0.0), np.empty(SHAPE, np.float32)
-    displace(planes[2], kernel_motions(MOTIONS[2:], SHAPE), 0.5, shown)
+    planes = burst(0.0)
+    shown = displaced(planes[2], MOTIONS[2])
     down, across = MOTIONS[2].places(slice(None), SHAPE)
     outside = (down < -0.5) | (down >= SHAPE[0] - 0.5) | (across < -0.5) | (across >= SHAPE[1] - 0.5)
     assert np.array_equal(np.isnan(shown), outside)
-    assert shown[13, 17] == pytest.approx(
-        0.5 * reference.keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5
-    )
+    assert shown[13, 17] == pytest.approx(reference.keys(planes[2].astype(np.float64), down[13, 17], across[13, 17]), abs=1e-5)
 
 
 @pytest.mark.parametrize(
