@@ -6,7 +6,7 @@ import pytest
 
 from shared import CfaPattern
 from shared.errors import InputError
-from tools.commands.options import add, numbers, pattern_of
+from tools.commands.options import add, amount, count, factor, numbers, pattern_of
 
 KODAK = "WBWG/BWGW/WGWR/GWRW"
 
@@ -29,11 +29,11 @@ def test_the_pattern_that_options_describe(options: str, known: CfaPattern | Non
         pattern_of(parser.parse_args(f"--pattern {KODAK} --period 4".split()))
 
 
-@pytest.mark.parametrize(("text", "factor"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)])
-def test_light_may_be_a_fraction(text: str, factor: float) -> None:
+@pytest.mark.parametrize(("text", "expected"), [("0.25", 0.25), ("1/4", 0.25), ("2", 2.0), ("3/2", 1.5)])
+def test_light_may_be_a_fraction(text: str, expected: float) -> None:
     parser = ArgumentParser()
-    add(parser, "light")
-    assert parser.parse_args(["--light", text]).light == factor
+    parser.add_argument("--light", type=factor)
+    assert parser.parse_args(["--light", text]).light == expected
 
 
 @pytest.mark.parametrize(
@@ -47,8 +47,8 @@ def test_light_may_be_a_fraction(text: str, factor: float) -> None:
 )
 def test_other_values_are_usage_errors(option: str, text: str, expected: str, capsys: pytest.CaptureFixture[str]) -> None:
     parser = ArgumentParser()
-    add(parser, "light", "sigma", "threads")
-    parser.add_argument("--pair", type=numbers(2))
+    for name, kind in (("light", factor), ("sigma", amount), ("threads", count), ("pair", numbers(2))):
+        parser.add_argument(f"--{name}", type=kind)
     with pytest.raises(SystemExit):
         parser.parse_args([f"--{option}={text}"])
     assert f"{text!r} is not {expected}" in capsys.readouterr().err

@@ -296,24 +296,17 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        (lambda: panchroma.open("nothing.dng"), "nothing.dng"),
         (lambda: panchroma.open("shot.dng", max_pixels=100), "max_pixels"),
         (lambda: panchroma.open("shot.dng", max_pixels="100"), "`max_pixels` is '100'"),  # type: ignore[arg-type]
         (lambda: panchroma.open(GREY), "`path` is array"),  # type: ignore[arg-type]
         (lambda: panchroma.open(""), "`path` is '', expected the name of a file"),
-        (lambda: panchroma.simulate("nothing.png"), "nothing.png"),
         (lambda: panchroma.simulate("shot.dng"), "render it"),
         (lambda: panchroma.simulate("builtin:999x999", max_pixels=10), "max_pixels"),
         (lambda: panchroma.simulate(GREY[..., :2], pattern=FOUR), "`pattern`"),
         (lambda: panchroma.simulate(GREY, pattern="RGB"), "pattern"),
-        (lambda: panchroma.simulate(GREY, pattern="RG/B"), "pattern"),
         (lambda: panchroma.simulate(GREY, pattern=99), "pattern"),
-        (lambda: panchroma.simulate(GREY, pattern="RYWW/BRWW/WWWW/WWWW"), "positive weights"),
         (lambda: panchroma.simulate(GREY, sigma=0.1, light=1), "sigma"),
-        (lambda: panchroma.simulate(GREY, sigma=-1), "sigma"),
         (lambda: panchroma.simulate(GREY, light=0), "light"),
-        (lambda: panchroma.simulate(GREY, seed=-1), "seed"),
-        (lambda: panchroma.simulate(GREY, bits=99), "bits"),
         (lambda: panchroma.simulate(GREY, channels="RG"), "channels"),
         (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
@@ -321,31 +314,21 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate(GREY, sigma="0.1"), "`sigma` is '0.1', expected a number"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate(GREY, seed=None), "`seed` is None"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
-        (lambda: panchroma.simulate(GREY.astype(complex)), "array"),
-        (lambda: panchroma.simulate(GREY - 1), "negative"),
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
         (lambda: panchroma.render("shot.dng", wb="sunny"), "`wb` is 'sunny'"),
-        (lambda: panchroma.render("shot.dng", wb=(1, 2)), "`wb` has 2 multipliers"),
         (lambda: panchroma.render("shot.dng", wb=3), "`wb` is 3"),  # type: ignore[arg-type]
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
-        (lambda: panchroma.render(panchroma.simulate(0 * GREY)), "black level"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.preview("shot.dng", scale=0), "`scale` is 0"),
-        (lambda: panchroma.preview("shot.dng", scale=5), "period"),
-        (lambda: panchroma.to_srgb(GREY, exposure=99), "exposure"),
         (lambda: panchroma.to_srgb(GREY[..., 0]), "shape"),
         (lambda: panchroma.to_srgb(panchroma.simulate(GREY[..., :2], pattern="AB/WW").truth), 'space="camera"'),  # type: ignore[arg-type]
-        (lambda: panchroma.Picture(GREY).save("picture.bmp"), "bmp"),
         (lambda: panchroma.Picture(GREY).save("picture"), "the end of its name"),
         (lambda: panchroma.Picture(GREY).save("there.tif", overwrite="no"), "`overwrite` is 'no'"),  # type: ignore[arg-type]
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
-        (lambda: panchroma.Picture(GREY).save("nowhere/picture.tif"), "nowhere"),
         (lambda: panchroma.Picture(GREY, calibration=None), "`calibration` is None"),  # type: ignore[arg-type]
         (lambda: panchroma.Shot(GREY), "panchroma.simulate makes a shot"),  # type: ignore[arg-type]
         (lambda: panchroma.to_srgb(GREY).save("there.tif"), "png"),
-        (lambda: panchroma.to_srgb(GREY).save("there.png", quality=9), "quality"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
         (lambda: panchroma.open("shot.dng").save("shot.tif"), "DNG"),
         (lambda: panchroma.simulate(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
@@ -355,7 +338,6 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
         (lambda: panchroma.evaluate(GREY, None), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
-        (lambda: panchroma.evaluate(GREY[:9], GREY[:9]), "patch"),
         (lambda: panchroma.evaluate(GREY[:40], GREY[:40]), "at least 41 pixels"),
         (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),
     ],
