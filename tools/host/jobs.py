@@ -184,7 +184,7 @@ def do_jobs(jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], cons
     """Do jobs, with a line and a record for each. Returns whether none has failed.
 
     passes: each gets the jobs that the one before it has postponed.
-    title: names the work. With it, several jobs have a bar over all of them, and a line that counts them in the end.
+    title: names the work. With it, several jobs have a bar over all of them, and a line that counts their results in the end.
     """
     states: Counter[State] = Counter()
     told = bool(title) and len(jobs) > 1
@@ -200,7 +200,7 @@ def do_jobs(jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], cons
                 states[state] += 1
                 well = well and state != "failed" and not (isinstance(result, Outcome) and result.errors)
             waiting = postponed
-    if told:
+    if told and any(job.outputs for job in jobs):
         console.note(", ".join(f"{states[state]} {words}" for state, words in _WORDS.items() if states[state]))
     return well
 
