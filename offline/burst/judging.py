@@ -32,6 +32,7 @@ class Judged:
     """What became of one frame.
 
     reason: why it is not part of the picture; "" if it is.
+    copy_of: index of the frame that it is a copy of; None = of none.
     motion: how it lies against the reference; None = unknown.
     gain: how many times as bright it is as the reference.
     error: estimated error of the motion, pixels.
@@ -45,6 +46,7 @@ class Judged:
     error: float = 0.0
     agreement: float = 1.0
     sharpness: float = 1.0
+    copy_of: int | None = None
 
     @property
     def used(self) -> bool:

@@ -83,7 +83,8 @@ def merge_burst(
     found = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
     measured, samples, shares = _measured(found, settings, progress)
     judged = dict(zip(distinct, found.frames, strict=True))
-    judged |= {copy: Judged(f"is a copy of frames[{original}]: its samples are the same") for copy, original in copied.items()}
+    for copy, original in copied.items():
+        judged[copy] = Judged(f"is a copy of frames[{original}]: its samples are the same", copy_of=original)
     in_order = tuple(judged[number] for number in range(len(frames)))
     mosaic = shots[found.reference]
     return MergedBurst(distinct[found.reference], in_order, shares, mosaic, measured, samples, exponent, found.lost)

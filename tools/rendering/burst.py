@@ -13,8 +13,8 @@ from shared.progress import Progress
 from tools.host.jobs import Job
 from tools.host.progress import Note
 
+from .burst_files import BurstFile, leave_odd_ones_out
 from .checks import check_memory
-from .frames import Frame, leave_copies_out, leave_odd_ones_out
 from .order import Order
 from .report import Shown, page
 from .subject import Subject
@@ -45,14 +45,13 @@ class BurstOrder(Order):
 
     def open(self, job: Job, memory: int, note: Note) -> Subject:
         """The frames that can be read. Raises InputError if there is none, or if the one that is to be the reference is not."""
-        frames: list[Frame] = []
+        frames: list[BurstFile] = []
         for name in job.files:
             frame = self._frame(name, found=job.found)
             if frame.mosaic and not any(each.mosaic for each in frames):  # before memory is full of frames
                 check_memory(frame.mosaic, self.kind, self.settings, memory, len(job.files))
             frames.append(frame)
         leave_odd_ones_out(frames, self.reference)
-        leave_copies_out(frames, self.reference)
         for frame in frames:
             if frame.reason and not frame.failed:
                 note(f"{frame.name}: is left out: {frame.reason}")
@@ -63,27 +62,27 @@ class BurstOrder(Order):
                 if frame.failed:
                     note(frame.line)
             raise InputError(f"none of the {len(frames)} frames can be used")
-        return Burst(self, frames, note, reported=len(job.outputs) > 1)
+        return BurstSubject(self, frames, note, reported=len(job.outputs) > 1)
 
     def failures(self, job: Job) -> tuple[str, ...]:
         """A line for each frame that cannot be read. Frames are read one by one, and not kept."""
         frames = (self._frame(name, found=job.found) for name in job.files)
         return tuple(frame.line for frame in frames if frame.failed)
 
-    def _frame(self, name: str, *, found: bool) -> Frame:
+    def _frame(self, name: str, *, found: bool) -> BurstFile:
         try:
             mosaic = self.decode(name)
         except ForeignFileError as error:
-            return Frame.refused(name, error, failed=not found)
+            return BurstFile.refused(name, error, failed=not found)
         except PanchromaError as error:
-            return Frame.refused(name, error, failed=True)
+            return BurstFile.refused(name, error, failed=True)
         try:
-            return Frame(name, self.prepared(mosaic))
+            return BurstFile(name, self.prepared(mosaic))
         except PanchromaError as error:
-            return Frame.refused(name, error, failed=False)
+            return BurstFile.refused(name, error, failed=False)
 
 
-class Burst(Subject):
+class BurstSubject(Subject):
     """The frames of a burst.
 
     order: settings.
@@ -92,7 +91,7 @@ class Burst(Subject):
     reported: there is to be a report.
     """
 
-    def __init__(self, order: BurstOrder, frames: Sequence[Frame], note: Note, *, reported: bool) -> None:
+    def __init__(self, order: BurstOrder, frames: Sequence[BurstFile], note: Note, *, reported: bool) -> None:
         self._order, self.frames, self._note = order, frames, note
         self._used = [index for index, frame in enumerate(frames) if frame.mosaic is not None]
         self._reference = self._used[0] if order.reference is None else order.reference
@@ -114,13 +113,23 @@ class Burst(Subject):
 
     def prepare(self, progress: Progress) -> None:
         """Align and merge the frames."""
-        known = self._order.reference is not None or bool(self._order.shifts)
+        from offline.burst import merge_burst
+
         if self.count > 1:
-            self._merge(progress, known=known)
-        if not known and self.count > 2 and self._left == 1:  # the sharpest is the odd one, or all are
-            self.frames[self._reference].reason = "none of the others shows what it shows"
-            self._used.remove(self._reference)
-            self._merge(progress, known=False)
+            known = self._order.reference is not None or self._order.shifts
+            merged = merge_burst(
+                [self._mosaic(index) for index in self._used],
+                self.settings,
+                progress,
+                reference=self._used.index(self._reference) if known else None,
+                motions=self._motions() if self._order.shifts else None,
+            )
+            self._reference, self._merged = self._used[merged.reference], merged
+            for index, judged in zip(self._used, merged.frames, strict=True):
+                self.frames[index].judged, self.frames[index].reason = judged, judged.reason
+                if judged.copy_of is not None:
+                    original = self.frames[self._used[judged.copy_of]].name
+                    self.frames[index].reason = f"it is a copy of {original}: its samples are the same, and tell nothing new"
         for frame in self.frames:
             if frame.reason and frame.mosaic is not None:
                 self._note(f"{frame.name}: is left out: {frame.reason}")
@@ -128,21 +137,6 @@ class Burst(Subject):
         if self._left == 1:
             self._note(f"{self.frames[self._reference].name}: is the only frame that is left; the picture is that of one shot")
         self.words = f"{self._left} of {len(self.frames)} frames, reference {Path(self.frames[self._reference].name).name}, "
-
-    def _merge(self, progress: Progress, *, known: bool) -> None:
-        """Merge the frames that are in use, and note what became of them. known: the reference is."""
-        from offline.burst import merge_burst
-
-        merged = merge_burst(
-            [self._mosaic(index) for index in self._used],
-            self.settings,
-            progress,
-            reference=self._used.index(self._reference) if known else None,
-            motions=self._motions() if self._order.shifts else None,
-        )
-        self._reference, self._merged = self._used[merged.reference], merged
-        for index, judged in zip(self._used, merged.frames, strict=True):
-            self.frames[index].judged, self.frames[index].reason = judged, judged.reason
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""

@@ -1,4 +1,4 @@
-"""What a picture is rendered from: one shot. `burst.Burst` is the frames of a burst."""
+"""What a picture is rendered from: one shot. `burst.BurstSubject` is the frames of a burst."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any

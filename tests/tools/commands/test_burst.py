@@ -21,8 +21,6 @@ from tests.tools.command import Outcome, assert_refused, contents, names, result
 from tests.tools.rendering.examples import save_shot
 from tools.evaluation.metrics import psnr
 from tools.host.progress import LineProgress
-from tools.pictures.formats import FORMATS
-from tools.pictures.kind import PictureKind
 from tools.scenes.drawn.builtin import builtin_scene
 
 MEASURED = ("--bits", "32", "--space", "camera", "--preset", "unlearned")
@@ -78,19 +76,6 @@ def test_the_first_frame_is_the_reference_where_all_are_as_sharp(taken: Path, ou
     outcome = merged(taken, out, "--json")
     assert outcome.records[0]["reference"] == str(frame(taken, 1))
     assert f"3 of 3 frames, reference {STEM}-1.dng, " in outcome.err
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_every_format(taken: Path, out: Path, name: str) -> None:
-    merged(taken, out, "-f", name)
-    assert results(out) == {f"{STEM}{PictureKind.of(name).suffix}"}
-
-
-def test_any_number_of_threads_gives_the_same_bytes(taken: Path, tmp_path: Path) -> None:
-    for threads in ("1", "2"):
-        merged(taken, tmp_path / threads, "-j", threads)
-    one, two = (contents(tmp_path / threads)[f"{STEM}.tif"] for threads in ("1", "2"))
-    assert one == two
 
 
 def test_machines_learn_what_became_of_each_frame(taken: Path, out: Path) -> None:
@@ -175,13 +160,6 @@ def test_a_folder_with_two_series_is_refused(frames: Path, out: Path) -> None:
     assert names(out) == set()
 
 
-def test_files_of_no_series_give_a_picture_called_as_the_first(frames: Path, out: Path) -> None:
-    frame(frames, 2).rename(frames / "other.dng")
-    outcome = run("burst", frames / "other.dng", frame(frames, 1), "-o", out, "--preset", "unlearned")
-    assert outcome.code == 0, outcome.err
-    assert results(out) == {"other.tif"}
-
-
 def test_one_frame_is_no_burst(taken: Path, out: Path) -> None:
     outcome = run("burst", frame(taken, 1), "-o", out)
     assert_refused(outcome, "is one frame, expected two or more", "panchroma render", name=str(frame(taken, 1)), code=2)
@@ -253,8 +231,6 @@ def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
     outcome = run("burst", frame(frames, 2), *copies, "-o", out, "--overwrite", "--preset", "unlearned")
     assert outcome.code == 0
     assert f"{frame(frames, 2)}: is the only frame that is left; the picture is that of one shot" in outcome.err
-    outcome = run("burst", frames, "-o", out, "--overwrite", "--dry-run")
-    assert outcome.err.count("is a copy of") == 2
 
 
 def test_one_file_is_given_twice(frames: Path, out: Path) -> None:
@@ -343,7 +319,7 @@ def test_a_finished_burst_still_names_its_damaged_frame(frames: Path, out: Path)
         assert outcome.errors == first.errors
 
 
-@pytest.mark.parametrize("stage", ["reading", "aligning", "merging", "colour"])
+@pytest.mark.parametrize("stage", ["reading", "merging"])
 def test_an_interrupt_leaves_nothing_half_done(stage: str, taken: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     begin = LineProgress.stage
 

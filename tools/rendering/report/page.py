@@ -11,7 +11,7 @@ from shared.arrays import ByteArray, FloatArray
 from tools.pictures.html import cell, figure, picture, reduced, row, row_title, table
 from tools.pictures.page import report
 
-from ..frames import Frame
+from ..burst_files import BurstFile
 from .plots import shift_plot, turn_plot
 from .shown import CELL, Shown, most_different
 
@@ -26,7 +26,7 @@ _HEAD = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees
 _SEEN = 0.35  # share of the picture in the map
 
 
-def page(frames: Sequence[Frame], reference: int, shares: FloatArray | None, alone: Shown, merged: Shown) -> bytes:
+def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None, alone: Shown, merged: Shown) -> bytes:
     """Return the page as HTML.
 
     frames: all files, and what became of them.
@@ -117,7 +117,7 @@ def _map(shares: FloatArray, merged: Shown, frames: int) -> str:
     return f'<div class="map">{legend}{_figure(reduced(coloured.astype(np.uint8)), caption)}</div>'
 
 
-def _table(frames: Sequence[Frame], reference: int) -> str:
+def _table(frames: Sequence[BurstFile], reference: int) -> str:
     """What is known of each frame."""
     rows = []
     for index, frame in enumerate(frames):

@@ -5,13 +5,13 @@ from math import degrees
 
 from tools.pictures.plot import Plot, round_step, ticks
 
-from ..frames import Frame
+from ..burst_files import BurstFile
 
 _SIZE, _MARGINS = (420, 420), (58, 16, 16, 48)
 _TURNS = (420, 240)
 
 
-def shift_plot(frames: Sequence[Frame], reference: int) -> str:
+def shift_plot(frames: Sequence[BurstFile], reference: int) -> str:
     """Return a plot of where the scene lies in each frame, compared with the reference, in the order of the frames."""
     places = _places(frames)
     reach = 1.15 * max(0.5, *(abs(figure) for _, *place in places for figure in place[:2]))
@@ -30,7 +30,7 @@ def shift_plot(frames: Sequence[Frame], reference: int) -> str:
     return plot.drawn("Shift of each frame")
 
 
-def turn_plot(frames: Sequence[Frame]) -> str:
+def turn_plot(frames: Sequence[BurstFile]) -> str:
     """Return a plot of the rotation of each frame."""
     places = _places(frames)
     reach = 1.2 * max(0.02, *(abs(angle) for *_, angle in places))
@@ -44,7 +44,7 @@ def turn_plot(frames: Sequence[Frame]) -> str:
     return plot.drawn("Rotation of each frame")
 
 
-def _places(frames: Sequence[Frame]) -> list[tuple[int, float, float, float]]:
+def _places(frames: Sequence[BurstFile]) -> list[tuple[int, float, float, float]]:
     """(index, right, down, degrees) of the frames whose motion is known."""
     motions = [(index, frame.judged.motion) for index, frame in enumerate(frames) if frame.judged is not None]
     return [(index, motion.shift[1], motion.shift[0], degrees(motion.angle)) for index, motion in motions if motion is not None]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class Frame:
+class BurstFile:
     """One file of a burst.
 
     name: of the file.
@@ -30,7 +30,7 @@ class Frame:
     judged: "Judged | None" = None
 
     @classmethod
-    def refused(cls, name: str, error: Exception, *, failed: bool) -> "Frame":
+    def refused(cls, name: str, error: Exception, *, failed: bool) -> "BurstFile":
         """A file that an error keeps out."""
         return cls(name, reason=str(error).removeprefix(f"{name}: "), failed=failed)
 
@@ -53,7 +53,7 @@ class Frame:
         return facts
 
 
-def leave_odd_ones_out(frames: Sequence[Frame], reference: int | None) -> None:
+def leave_odd_ones_out(frames: Sequence[BurstFile], reference: int | None) -> None:
     """Refuse the frames that are not like the reference, or, where there is none, like most of the others."""
     there = [frame.mosaic for frame in frames if frame.mosaic is not None]
     wanted = frames[reference].mosaic if reference is not None else None
@@ -63,16 +63,6 @@ def leave_odd_ones_out(frames: Sequence[Frame], reference: int | None) -> None:
     for frame in frames:
         if frame.mosaic is not None and wanted is not None and _kind(frame.mosaic) != _kind(wanted):
             frame.refuse(_difference(frame.mosaic, wanted))
-
-
-def leave_copies_out(frames: Sequence[Frame], reference: int | None) -> None:
-    """Refuse the frames that are copies of others: of the reference, or of earlier ones (`offline.burst.copies`)."""
-    from offline.burst import copies
-
-    there = [(index, frame, frame.mosaic) for index, frame in enumerate(frames) if frame.mosaic is not None]
-    first = next((place for place, (index, *_) in enumerate(there) if index == reference), None)
-    for copy, original in copies([mosaic for *_, mosaic in there], first).items():
-        there[copy][1].refuse(f"it is a copy of {there[original][1].name}: its samples are the same, and tell nothing new")
 
 
 def _kind(mosaic: Mosaic) -> tuple[object, ...]:
