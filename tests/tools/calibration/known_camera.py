@@ -1,5 +1,6 @@
 """A camera whose truth is known, for tests: its frames, and where the built-in chart lies in them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -46,6 +47,19 @@ def frame(
     pattern = pattern or CfaPattern.bayer(period)
     taken = simulate_sensor(np.asarray(rgb, np.float32), pattern, TRUTH, 1.0, np.random.default_rng(seed))
     return Mosaic(taken.codes, pattern, says)
+
+
+def edited(mosaic: Mosaic, edit: Callable[[np.ndarray], ArrayLike]) -> Mosaic:
+    """The frame with other codes; edit: gets them as float64, a copy."""
+    codes = np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535).astype(np.uint16)
+    return Mosaic(codes, mosaic.pattern, mosaic.calibration)
+
+
+def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
+    """The frame with another code at one place (row, column)."""
+    codes = mosaic.codes.copy()
+    codes[place] = code
+    return Mosaic(codes, mosaic.pattern, mosaic.calibration)
 
 
 def true_place() -> ChartPlace:

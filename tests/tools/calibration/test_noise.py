@@ -6,7 +6,7 @@ import pytest
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
 from shared.sensor import sample, simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
+from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, edited, frame, true_place, with_code
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
 from tools.calibration.noise import measure_flats, noise_of_flats, noise_of_places
@@ -20,14 +20,8 @@ FULL = sum(TRUTH.gamma)
 FALLING = (1 - 0.3 * np.linspace(0, 1, SHAPE[1]))[None, :, None] * np.ones((SHAPE[0], 1, 3))
 
 
-def darks(count: int, hot: np.ndarray | None = None) -> list[Mosaic]:
-    frames = []
-    for seed in range(count):
-        codes = frame(np.zeros((*SHAPE, 3)), seed=seed).codes.copy()
-        if hot is not None:
-            codes.ravel()[hot] += 25
-        frames.append(Mosaic(codes, frame(np.zeros((12, 12, 3))).pattern, BLIND))
-    return frames
+def darks(count: int) -> list[Mosaic]:
+    return [frame(np.zeros((*SHAPE, 3)), seed=seed) for seed in range(count)]
 
 
 def flats(*levels: float) -> list[Mosaic]:
@@ -44,9 +38,10 @@ def test_black_level_and_read_noise_of_dark_frames_per_filter() -> None:
 
 
 def test_planted_hot_pixels_are_found_and_nothing_else() -> None:
-    hot = np.random.default_rng(1).choice(SHAPE[0] * SHAPE[1], 50, replace=False)
-    found = {row * SHAPE[1] + column for row, column in measure_dark(darks(4, hot)).defects}
-    assert set(hot.tolist()) <= found
+    hot = np.zeros(SHAPE)
+    hot.ravel()[np.random.default_rng(1).choice(hot.size, 50, replace=False)] = 25
+    found = measure_dark([edited(dark, lambda codes: codes + hot) for dark in darks(4)]).defects
+    assert set(map(tuple, np.argwhere(hot).tolist())) <= set(found)
     assert len(found) <= 51
 
 
@@ -57,19 +52,17 @@ def test_a_lit_frame_is_no_dark_frame() -> None:
 
 def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> None:
     first, second, third = darks(3)
-
-    def changed(codes: np.ndarray) -> Mosaic:
-        return Mosaic(np.ascontiguousarray(codes, np.uint16), second.pattern, second.calibration)
-
-    drifted, still = changed(second.codes + 1), measure_dark([first, second, third])
+    drifted = edited(second, lambda codes: codes + 1)
+    still = measure_dark([first, second, third])
     np.testing.assert_allclose(measure_dark([first, drifted, third]).read, still.read, rtol=1e-9)
-    black = int(np.median(first.codes))
-    with pytest.raises(InputError, match=r"noise of frame 2 is 0\.2887 codes"):
-        measure_dark([first, changed(np.full_like(first.codes, black)), third])
-    with pytest.raises(InputError, match=r"noise of frame 1 is .* of frame 2"):
-        measure_dark([first, changed(black + 3 * (second.codes.astype(int) - black))])
-    with pytest.raises(InputError, match=r"level of frame 1 is .* light fell in"):
-        measure_dark([first, changed(second.codes + 100)])
+    black = np.median(first.codes)
+    for edit, words in (
+        (lambda codes: black + 0 * codes, r"noise of frame 2 is 0\.2887 codes"),
+        (lambda codes: black + 3 * (codes - black), "noise of frame 1 is .* of frame 2"),
+        (lambda codes: codes + 100, "level of frame 1 is .* light fell in"),
+    ):
+        with pytest.raises(InputError, match=words):
+            measure_dark([first, edited(second, edit)])
 
 
 def test_gain_and_read_noise_of_flats_and_darks() -> None:
@@ -101,11 +94,7 @@ def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
 
 
 def test_flats_without_partner_and_dead_pixels() -> None:
-    pair = flats(0.5)
-    for number, dim in enumerate(pair):
-        codes = dim.codes.copy()
-        codes[100, 200] = 260
-        pair[number] = Mosaic(codes, dim.pattern, BLIND)
+    pair = [with_code(each, (100, 200), 260) for each in flats(0.5)]
     single, clipped = frame(0.2 * FALLING), frame(3 * FALLING)
     seen, alone = measure_flats([*pair, single, clipped])
     assert seen.dead == ((100, 200),)
@@ -192,12 +181,8 @@ def test_what_is_warm_or_offset_is_dark() -> None:
     """Heat lifts all filters alike, and electronics may lift one of them without noise."""
     glow = 40 * np.linspace(0, 1, SHAPE[1])
     random = np.random.default_rng(2)
-    frames = []
-    for seed in range(4):
-        dark = frame(np.zeros((*SHAPE, 3)), seed=seed)
-        lifted = np.where(dark.pattern.panchromatic_mask(SHAPE), 12, 0) + random.poisson(np.broadcast_to(glow, SHAPE))
-        frames.append(Mosaic((dark.codes + lifted).astype(np.uint16), dark.pattern, BLIND))
-    measure_dark(frames)
+    offset = np.where(CfaPattern.bayer().panchromatic_mask(SHAPE), 12, 0)
+    measure_dark([edited(dark, lambda codes: codes + offset + random.poisson(np.broadcast_to(glow, SHAPE))) for dark in darks(4)])
 
 
 def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
@@ -213,11 +198,7 @@ def test_flats_that_are_too_dark_for_dead_pixels_list_none() -> None:
 def test_a_shadow_on_flats_is_no_list_of_dead_pixels() -> None:
     shadow = np.full((*SHAPE, 3), 0.5)
     shadow[:90, :120] = 0.05
-    pair = [frame(shadow, seed=seed) for seed in range(2)]
-    for number, each in enumerate(pair):
-        codes = each.codes.copy()
-        codes[200, 300] = 262
-        pair[number] = Mosaic(codes, each.pattern, BLIND)
+    pair = [with_code(frame(shadow, seed=seed), (200, 300), 262) for seed in range(2)]
     seen, _ = measure_flats(pair)
     assert seen.dead == ((200, 300),)
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import tifffile
 
 from shared import Mosaic, read_dng, write_dng
@@ -31,11 +32,17 @@ def test_a_shot_states_it_and_render_undoes_it(tmp_path: Path) -> None:
     assert undone < 0.6 * left
 
 
-def test_impossible_lenses_are_usage(tmp_path: Path) -> None:
-    for text in ("", "1", "much,1", "1,2,3", "21,0", "nan,0"):
-        outcome = run("simulate", "flat:60x40", "-o", tmp_path, f"--aberration={text}")
-        assert outcome.code == 2
-        assert "--aberration" in outcome.err
+@pytest.mark.parametrize(
+    ("option", "texts"),
+    [("--shading", ("9,0", "1,99", "much", "1,2,3", "-1")), ("--aberration", ("", "1", "much,1", "1,2,3", "21,0", "nan,0"))],
+)
+def test_impossible_lenses_are_usage(option: str, texts: tuple[str, ...], tmp_path: Path) -> None:
+    for text in texts:
+        outcome = run("simulate", "flat:60x40", "-o", tmp_path, f"{option}={text}")
+        assert (outcome.code, option in outcome.err) == (2, True), text
+
+
+def test_a_lens_that_is_too_strong_for_a_small_frame_is_refused(tmp_path: Path) -> None:
     outcome = run("simulate", "flat:60x40", "-o", tmp_path, "--aberration", "3,0")
     assert outcome.code == 1
     assert "flat:60x40: --aberration is 3,0: the most in a frame of 60 x 40 pixels is 1.8" in outcome.err

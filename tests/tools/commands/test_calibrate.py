@@ -12,7 +12,7 @@ import pytest
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.sensor import simulate_sensor, typical_noise
-from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place
+from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place, with_code
 from tests.tools.command import run
 from tools.calibration.camera_file import difference, write_camera
 from tools.calibration.reference import read_reference, ti3
@@ -211,10 +211,7 @@ def test_parts_that_a_wrong_black_level_made_wrong_are_named(folder: Path, tmp_p
 
 def test_hot_pixels_stay_when_only_flat_frames_are_new(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
-    dark = read_dng(folder / "dark0.dng")
-    codes = dark.codes.copy()
-    codes[50, 70] += 900
-    save(tmp_path / "hot.dng", Mosaic(codes, dark.pattern, dark.calibration))
+    save(tmp_path / "hot.dng", with_code(read_dng(folder / "dark0.dng"), (50, 70), 1200))
     assert run("calibrate", "--dark", tmp_path / "hot.dng", "-o", path).code == 0
     assert (50, 70) in read_camera(path).calibration.defects
     calibrated(folder, path, "flat")
