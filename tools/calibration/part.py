@@ -42,6 +42,11 @@ class Evidence:
         """The parts that the camera file describes: name -> how it was measured."""
         return self.old.measured if self.old else {}
 
+    @property
+    def planes(self) -> str:
+        """The letters of all planes: the channels, then panchromatic."""
+        return self.channels + "W"
+
     @cached_property
     def assumed(self) -> Assumed:
         """How far black level and shading may be off."""
@@ -77,7 +82,7 @@ class Part:
         """Conclude this part from the evidence; None if the frames do not concern it."""
         raise NotImplementedError
 
-    def sections(self) -> Mapping[str, str]:
+    def sections(self, evidence: Evidence) -> Mapping[str, str]:
         """Return sections of the report: heading -> HTML."""
         return {}
 

@@ -23,7 +23,7 @@ def report(conclusion: Conclusion, provenance: Mapping[str, str], worded: Callab
     camera, warnings = conclusion.camera, [*conclusion.contradictions, *conclusion.warnings]
     sections: dict[str, str] = {}
     for part in sorted(conclusion.evidence.parts, key=lambda part: part.place):
-        sections |= part.sections()
+        sections |= part.sections(conclusion.evidence)
     sections["Skipped files"] = bullets(map(worded, conclusion.evidence.seen.skipped))
     if camera:
         text = escape(json.dumps(camera.to_json(), indent=1, ensure_ascii=False))

@@ -1,7 +1,6 @@
 """Lateral chromatic aberration, from shots with edges."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from html import escape
 from typing import Any, Self
 
@@ -16,13 +15,10 @@ from ..part import Evidence, Part, rounded
 _LEAST_REACH = 0.1  # pixels, of the plot's axis of displacements
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class AberrationPart(Part):
-    """How far the lens displaces each channel. found: what the edges show."""
+    """How far the lens displaces each channel."""
 
     name, place = "aberration", 80
-
-    found: AberrationResult
 
     @classmethod
     def concluded(cls, evidence: Evidence) -> Self | None:
@@ -33,11 +29,12 @@ class AberrationPart(Part):
         facts: dict[str, Any] = {"shots": found.shots, "standard_error": rounded(found.error)}
         if found.aberration:
             facts |= {"corner": rounded(found.corner), "focal_length": found.aberration.focal_length}
-        return cls(found=found, facts=facts, changes={"aberration": found.aberration})
+        return cls(facts=facts, changes={"aberration": found.aberration})
 
-    def sections(self) -> Mapping[str, str]:
+    def sections(self, evidence: Evidence) -> Mapping[str, str]:
         """Plot how far each channel is displaced over the radius, and list it for the corners."""
-        found = self.found
+        if (found := evidence.seen.aberration) is None:
+            return {}
         rows = [
             (letter, f"{corner:+.3f}", f"{error:.2g}" if error else "the others relate to it")
             for letter, corner, error in zip(found.channels, found.corner, found.error, strict=True)

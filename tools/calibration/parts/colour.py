@@ -76,7 +76,7 @@ class ColourPart(Part):
             useless=mean > _USELESS,
         )
 
-    def sections(self) -> Mapping[str, str]:
+    def sections(self, evidence: Evidence) -> Mapping[str, str]:
         """Show the patches before and after, the colour differences, the matrix, and the light on the chart."""
         fit = self.fit
         before = {} if self.before is None else {"before (only white balance, or the shot's own matrix)": self.before}

@@ -1,6 +1,5 @@
 """Defective pixels: those that are not black in dark frames, and those that are dead in flat frames."""
 
-from dataclasses import dataclass
 from typing import Self
 
 from ..part import Evidence, Part
@@ -9,7 +8,6 @@ _MANY = 1e-3  # of the pixels
 _BLIND = 0.01  # of the pixels: so many may be left out in the search for dead ones
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class DefectsPart(Part):
     """The pixels that do not measure light."""
 

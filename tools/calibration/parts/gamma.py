@@ -31,20 +31,11 @@ _MOST_POINTS = 600  # of a scatter plot: more only make the file larger
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GammaPart(Part):
-    """The weights of Eq. 7.
-
-    fit: combined estimate of all shots; None = there are no shots.
-    shots: their measurements.
-    channels: letters.
-    patch_colours: CSS colours of the chart.
-    """
+    """The weights of Eq. 7. fit: combined estimate of all shots; None = there are no shots."""
 
     name, place = "gamma", 10
 
     fit: GammaFit | None = None
-    shots: tuple[ShotMeasurement, ...] = ()
-    channels: str = ""
-    patch_colours: Sequence[str] = ()
 
     @classmethod
     def concluded(cls, evidence: Evidence) -> Self | None:
@@ -66,9 +57,6 @@ class GammaPart(Part):
             refusal = "; ".join(contradictions)
         return cls(
             fit=fit,
-            shots=shots,
-            channels=evidence.channels,
-            patch_colours=css_colours(xyz_to_lab(evidence.chart_colours)),
             facts=_facts(fit, shots),
             changes={"gamma": tuple(fit.gamma.tolist())},
             warnings=_warnings(fit, shots),
@@ -77,38 +65,18 @@ class GammaPart(Part):
             headline="" if refusal else f"Gamma is known to ±{100 * fit.worst:.2g} % (95 %).",
         )
 
-    def sections(self) -> Mapping[str, str]:
+    def sections(self, evidence: Evidence) -> Mapping[str, str]:
         """Show the charts; gamma with its intervals, how well it fits, and its estimates; luminance, and what is left of it."""
         if self.fit is None:
             return {}
-        sections = {"Chart": "".join(map(_chart, self.shots)), "Gamma (Eq. 7)": self._estimates(self.fit)}
-        fits = [(shot.name, fit, shot.chart is not None and fit is shot.fits[0]) for shot in self.shots for fit in shot.fits]
-        bars = next((figure(_residuals_plot(fit, self.patch_colours), name) for name, fit, chart in fits if chart), "")
-        luminance = figure(_luminance_plot(fits, self.patch_colours))
-        return sections | {"Luminance, measured and predicted": f'<div class="pair">{luminance}{bars}</div>'}
-
-    def _estimates(self, fit: GammaFit) -> str:
-        rows = [
-            (letter, f"{value:.4f}", f"{value - half:.4f} to {value + half:.4f}", f"±{100 * half / value:.2g} %")
-            for letter, value, half in zip(self.channels, fit.gamma, fit.half_width, strict=True)
-        ]
-        shots = [
-            (
-                shot.name,
-                "chart" if shot.chart and number == 0 else "scene",
-                four_digits(each.gamma),
-                four_digits(each.half_width),
-                f"{int(each.used.sum())} of {each.used.size}",
-            )
-            for shot in self.shots
-            for number, each in enumerate(shot.fits)
-        ]
-        facts = (
-            f"Condition number of the colours: {fit.condition:.1f}, 1 is ideal. Residuals: {fit.spread:.2f} times what noise "
-            f"explains. Offset of the panchromatic samples: {fit.off:+.1f} standard errors."
-        )
-        head = ("shot", "measured on", "gamma", "± (95 %)", "places used")
-        return table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + table(head, shots)
+        shots, colours = evidence.seen.shots, css_colours(xyz_to_lab(evidence.chart_colours))
+        fits = [(shot.name, fit, shot.chart is not None and fit is shot.fits[0]) for shot in shots for fit in shot.fits]
+        bars = next((figure(_residuals_plot(fit, colours), name) for name, fit, chart in fits if chart), "")
+        return {
+            "Chart": "".join(map(_chart, shots)),
+            "Gamma (Eq. 7)": _estimates(self.fit, evidence),
+            "Luminance, measured and predicted": f'<div class="pair">{figure(_luminance_plot(fits, colours))}{bars}</div>',
+        }
 
 
 def gamma_of(evidence: Evidence) -> GammaFit | None:
@@ -216,6 +184,31 @@ def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
         if left_out > 0:
             warnings.append(f"{shot.name}: {left_out} patches do not fit the others and were left out (reflections, dust?)")
     return warnings
+
+
+def _estimates(fit: GammaFit, evidence: Evidence) -> str:
+    """List gamma, and the estimates that it was combined from."""
+    rows = [
+        (letter, f"{value:.4f}", f"{value - half:.4f} to {value + half:.4f}", f"±{100 * half / value:.2g} %")
+        for letter, value, half in zip(evidence.channels, fit.gamma, fit.half_width, strict=True)
+    ]
+    shots = [
+        (
+            shot.name,
+            "chart" if shot.chart and number == 0 else "scene",
+            four_digits(each.gamma),
+            four_digits(each.half_width),
+            f"{int(each.used.sum())} of {each.used.size}",
+        )
+        for shot in evidence.seen.shots
+        for number, each in enumerate(shot.fits)
+    ]
+    facts = (
+        f"Condition number of the colours: {fit.condition:.1f}, 1 is ideal. Residuals: {fit.spread:.2f} times what noise explains. "
+        f"Offset of the panchromatic samples: {fit.off:+.1f} standard errors."
+    )
+    head = ("shot", "measured on", "gamma", "± (95 %)", "places used")
+    return table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + table(head, shots)
 
 
 def _chart(shot: ShotMeasurement) -> str:

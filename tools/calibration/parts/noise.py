@@ -23,12 +23,11 @@ _MOST_POINTS = 150  # per plane, in the plot: more only make the file larger
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NoisePart(Part):
-    """The noise of each plane. noise: what was measured, None = nothing; planes: letters."""
+    """The noise of each plane. noise: what was measured, None = nothing."""
 
     name, place = "noise", 40
 
     noise: NoiseResult | None = None
-    planes: str = ""
 
     @classmethod
     def concluded(cls, evidence: Evidence) -> Self | None:
@@ -57,7 +56,6 @@ class NoisePart(Part):
         read_error = [np.hypot(full_scale * line.read_error, error * line.read) for line in noise.lines]
         return cls(
             noise=noise,
-            planes=evidence.channels + "W",
             facts={
                 "from": noise.source,
                 "shot_error": rounded(np.array(shot_error)),
@@ -67,9 +65,9 @@ class NoisePart(Part):
             warnings=[*warnings, *_warnings(noise, seen.dark)],
         )
 
-    def sections(self) -> Mapping[str, str]:
+    def sections(self, evidence: Evidence) -> Mapping[str, str]:
         """Plot variance and mean, and list gain and read noise per plane."""
-        if self.noise is None or not (plot := _plot(self.noise, self.planes)):
+        if self.noise is None or not (plot := _plot(self.noise, evidence.planes)):
             return {}
         rows = [
             (
@@ -79,7 +77,7 @@ class NoisePart(Part):
                 f"{line.read:.3g} ± {SIGMAS * line.read_error:.1g}",
                 f"{line.read / line.shot:.2f}" if line.shot > 0 else "",
             )
-            for letter, line in zip(self.planes, self.noise.lines, strict=True)
+            for letter, line in zip(evidence.planes, self.noise.lines, strict=True)
         ]
         head = ("plane", "variance / mean", "electrons at full scale", "read noise, part of full scale", "read noise, electrons")
         caption = f"From {self.noise.source}; one line per filter colour, without the effect of rounding to codes."

@@ -1,7 +1,6 @@
 """Shading, from flat frames."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from html import escape
 from typing import Any, Self
 
@@ -9,18 +8,13 @@ import numpy as np
 
 from ..page import table
 from ..part import Evidence, Part
-from ..shading import ShadingResult
 from .gamma import black_error
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
 class ShadingPart(Part):
-    """How light falls off, for each plane. found: what the flat frames show; planes: letters."""
+    """How light falls off, for each plane."""
 
     name, place = "shading", 70
-
-    found: ShadingResult
-    planes: str
 
     @classmethod
     def concluded(cls, evidence: Evidence) -> Self | None:
@@ -39,13 +33,15 @@ class ShadingPart(Part):
         if gain:
             facts |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
             facts |= {"residual": gain.residual, "focal_length": gain.focal_length}
-        return cls(found=found, planes=evidence.channels + "W", facts=facts, changes={"shading": gain}, warnings=warnings)
+        return cls(facts=facts, changes={"shading": gain}, warnings=warnings)
 
-    def sections(self) -> Mapping[str, str]:
+    def sections(self, evidence: Evidence) -> Mapping[str, str]:
         """List the gain of each plane in the corners, and how well it is known."""
-        words = f"<p>{escape(self.found.words.capitalize())}.</p>"
-        if self.found.shading is None:
+        if (found := evidence.seen.shading) is None:
+            return {}
+        words = f"<p>{escape(found.words.capitalize())}.</p>"
+        if found.shading is None:
             return {"Shading": words}
-        corners = self.found.shading.sketch[:, [0, 0, -1, -1], [0, -1, 0, -1]]
-        rows = [(letter, *(f"{gain:.3f}" for gain in gains)) for letter, gains in zip(self.planes, corners, strict=True)]
+        corners = found.shading.sketch[:, [0, 0, -1, -1], [0, -1, 0, -1]]
+        rows = [(letter, *(f"{gain:.3f}" for gain in gains)) for letter, gains in zip(evidence.planes, corners, strict=True)]
         return {"Shading": table(("plane", "gain top left", "top right", "bottom left", "bottom right"), rows) + words}
