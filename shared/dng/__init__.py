@@ -3,7 +3,7 @@
 from .codec import Layout, decode_dng, decode_preview, encode_dng
 from .exif import exif_block, metadata_directory
 from .exif_reading import metadata_from, read_metadata
-from .file import read_digest_kind, read_dng, read_preview, verify_dng, write_dng
+from .file import read_dng, read_preview, verify_dng, write_dng
 from .picture import PART, EncodedPart, encode_part, encode_picture_dng, join_parts
 
 __all__ = [
@@ -19,7 +19,6 @@ __all__ = [
     "join_parts",
     "metadata_directory",
     "metadata_from",
-    "read_digest_kind",
     "read_dng",
     "read_metadata",
     "read_preview",

@@ -1,7 +1,6 @@
 """Encode a mosaic as the bytes of a DNG file and decode it (Adobe, Digital Negative Specification 1.4.0.0)."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import IO, Literal
 
 import imagecodecs
@@ -22,7 +21,6 @@ from .record import Record, decode_record, encode_record, is_record, preview_dig
 from .tags import CFA_CODES, LONGEST_CFA_PERIOD, MAKER, PICTURE_PLANES, Photometric, Tag
 
 Layout = Literal["auto", "cfa", "linear"]
-DigestKind = Literal["shot", "samples"]
 
 _RECTANGULAR = 1
 _SMALL_PREVIEW = 1 << 20  # pixels that are harmless, however small the shot
@@ -73,74 +71,47 @@ def decode_dng(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Mosa
 
 
 def _mosaic(dng: DngReader, max_pixels: int) -> tuple[Mosaic, Record]:
-    record = _record(dng)
+    stored = dng.stored(Tag.DNG_PRIVATE_DATA)
+    if not is_record(stored):
+        raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
+    record = decode_record(stored)
     _check_cfa(dng, record.pattern)
     samples = dng.samples(max_pixels)
     _check_digest(dng, samples)
-    if record.shape is not None:
-        if samples.shape != record.shape:
-            rows, columns = record.shape
-            raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} were written")
-        if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST).hex() != record.samples:
-            raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
+    if samples.shape != record.shape:
+        rows, columns = record.shape
+        raise damaged(f"the samples are {samples.shape[1]} x {samples.shape[0]} pixels, {columns} x {rows} were written")
+    if dng.stored(Tag.NEW_RAW_IMAGE_DIGEST).hex() != record.samples:
+        raise damaged("the record of pattern and calibration (DNGPrivateData) is that of another shot")
     _check_identity(dng, record.id)
     return Mosaic(samples, record.pattern, record.calibration, dng.metadata()), record
 
 
-def _record(dng: DngReader) -> Record:
-    stored = dng.stored(Tag.DNG_PRIVATE_DATA)
-    if not is_record(stored):
-        raise ForeignFileError("not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW or a picture")
-    return decode_record(stored)
+def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
+    """Check a DNG of Panchroma, mosaic or rendered picture, completely; returns its (rows, columns).
 
-
-@dataclass(frozen=True)
-class Verified:
-    """What `verify` found.
-
-    shape: (rows, columns).
-    digest: "shot" = one digest binds size, samples, pattern and calibration together; "samples" = the file is of an earlier
-        version, whose digests do not cover the size, nor that the samples and the record belong together.
-    """
-
-    shape: tuple[int, int]
-    digest: DigestKind
-
-
-def digest_kind(data: bytes | IO[bytes]) -> DigestKind:
-    """Which digest a mosaic has (see `Verified`); its samples are not read. Raises InputError as `decode_dng` does."""
-    with opened(data) as dng:
-        return "samples" if _record(dng).shape is None else "shot"
-
-
-def verify(data: bytes | IO[bytes], *, max_pixels: int = MAX_PIXELS) -> Verified:
-    """Check a DNG of Panchroma, mosaic or rendered picture, completely.
-
-    The samples, their size, the private record and the mosaic's preview are compared with their digests. Any preview must be
-    decodable. Raises InputError for any other file and for a damaged one.
+    One digest binds size, samples, pattern and calibration of a mosaic together; one of a picture size and samples. The mosaic's
+    preview is compared with its digest, and any preview must be decodable. Raises InputError for any other file and a damaged one.
     """
     with opened(data) as dng:
         rendered = not is_record(dng.stored(Tag.DNG_PRIVATE_DATA)) and dng.value(Tag.NEW_RAW_IMAGE_DIGEST) is not None
-        preview = ""
         if rendered and dng.raw().samplesperpixel == PICTURE_PLANES:
-            samples = dng.samples(max_pixels, PICTURE_PLANES)
+            samples, preview = dng.samples(max_pixels, PICTURE_PLANES), None
             _check_digest(dng, samples)
             _check_identity(dng, picture_id(samples.shape, dng.stored(Tag.NEW_RAW_IMAGE_DIGEST)))
-            bound = bool(dng.stored(Tag.RAW_DATA_UNIQUE_ID))
         else:
             mosaic, record = _mosaic(dng, max_pixels)
-            samples, bound = mosaic.codes, record.shape is not None
-            preview = record.preview
+            samples, preview = mosaic.codes, record.preview
         jpeg = dng.preview()
         _check_preview(jpeg, samples.shape[0] * samples.shape[1])
-        if preview and preview != preview_digest(jpeg):
+        if preview not in (None, preview_digest(jpeg)):
             raise damaged("the preview is not the one that was written")
-        return Verified((samples.shape[0], samples.shape[1]), "shot" if bound else "samples")
+        return samples.shape[0], samples.shape[1]
 
 
 def _check_identity(dng: DngReader, identity: str) -> None:
-    """Raise InputError if the file states another identity; files of earlier versions state none."""
-    if dng.stored(Tag.RAW_DATA_UNIQUE_ID) not in (b"", identity.encode()):
+    """Raise InputError if the file states another identity."""
+    if dng.stored(Tag.RAW_DATA_UNIQUE_ID) != identity.encode():
         raise damaged("its parts are not all from the same file (RawDataUniqueID)")
 
 

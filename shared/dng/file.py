@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..mosaic import Mosaic
 from ..reading import MAX_PIXELS, opened_file
 from ..writing import write_durably
-from .codec import DigestKind, Layout, Verified, decode_dng, decode_preview, digest_kind, encode_dng, verify
+from .codec import Layout, decode_dng, decode_preview, encode_dng, verify
 
 _LARGEST_FILE = 1 << 32  # TIFF has 32-bit offsets
 _KIND = "a DNG of Panchroma"
@@ -57,16 +57,10 @@ def read_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Mosaic:
         return decode_dng(file, max_pixels=max_pixels)
 
 
-def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> Verified:
-    """Check a DNG of Panchroma completely, as `codec.verify` does. Raises InputError if it is damaged."""
+def verify_dng(path: Path | str, *, max_pixels: int = MAX_PIXELS) -> tuple[int, int]:
+    """Check a DNG of Panchroma completely, see `codec.verify`; returns (rows, columns). Raises InputError if it is damaged."""
     with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
         return verify(file, max_pixels=max_pixels)
-
-
-def read_digest_kind(path: Path | str) -> DigestKind:
-    """Which digest a shot has (see `codec.Verified`). Raises InputError as `read_dng` does."""
-    with _naming(path), opened_file(path, _LARGEST_FILE, _KIND) as file:
-        return digest_kind(file)
 
 
 def read_preview(path: Path | str) -> bytes:

@@ -20,7 +20,7 @@ from .tags import MAKER
 SCHEMA = 1
 # DNG requires a NUL-terminated ASCII text that begins with the name of the maker; our bytes follow it.
 RECORD_ID = f"{MAKER} mosaic".encode() + b"\0"
-_BESIDE = ("neutral_estimated", *LENS)  # fields of the calibration that came later than the record
+_BESIDE = ("neutral_estimated", *LENS)  # fields of the calibration that stand beside it in the record
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Record:
 
     pattern, calibration: of the mosaic.
     id: digest of all of it, 16 hexadecimal digits; RawDataUniqueID repeats it, so that no other record takes its place.
-    shape: (rows, columns) of the samples the record belongs to; None in files of earlier versions, which do not say.
+    shape: (rows, columns) of the samples the record belongs to.
     samples: NewRawImageDigest of these samples, hexadecimal.
     preview: digest of the JPEG preview, hexadecimal.
     """
@@ -37,9 +37,9 @@ class Record:
     pattern: CfaPattern
     calibration: SensorCalibration
     id: str
-    shape: tuple[int, int] | None = None
-    samples: str = ""
-    preview: str = ""
+    shape: tuple[int, int]
+    samples: str
+    preview: str
 
 
 def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
@@ -55,7 +55,6 @@ def encode_record(mosaic: Mosaic, samples: bytes, preview: bytes) -> bytes:
         "samples": samples.hex(),
         "preview": preview_digest(preview),
         "pattern": {"tile": pattern.tile, "period": pattern.period, "origin": pattern.origin, "channels": pattern.channels},
-        # Beside the calibration: earlier versions refuse a calibration with a field that they do not know.
         **{name: calibration.pop(name) for name in _BESIDE if name in calibration},
         "calibration": calibration,
         "calibration_id": mosaic.calibration.id,
@@ -91,15 +90,13 @@ def decode_record(data: bytes) -> Record:
         row, column = (whole_number("origin", place) for place in given["origin"])
         pattern = CfaPattern(tuple(given["tile"]), (row, column), given["channels"])
         known = {**document["calibration"], **{name: document[name] for name in _BESIDE & document.keys()}}
-        shape, samples, preview = (document.get(name, "") for name in ("shape", "samples", "preview"))
-        if shape:
-            rows, columns = (whole_number("shape", length) for length in shape)
-            shape = rows, columns
+        rows, columns = (whole_number("shape", length) for length in document["shape"])
+        samples, preview = document["samples"], document["preview"]
         if not (isinstance(samples, str) and isinstance(preview, str)):
             raise TypeError
     except (ValueError, AttributeError, KeyError, TypeError):  # the digest is right, but no version of ours wrote this
         raise _changed() from None
-    return Record(pattern, SensorCalibration.from_json(known), digest, shape or None, samples, preview)
+    return Record(pattern, SensorCalibration.from_json(known), digest, (rows, columns), samples, preview)
 
 
 def _changed() -> InputError:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
-from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.sensor import simulate_sensor
 from tools.camera.lens import lens_aberration, lens_shading
 
@@ -34,13 +33,3 @@ def test_files_keep_it(part: str, tmp_path: Path) -> None:
     assert getattr(camera.calibration, part) == KNOWN[part]
     assert getattr(camera.calibrated(replace(taken, calibration=BARE)).calibration, part) == KNOWN[part]
     assert getattr(Camera(BARE).calibrated(taken).calibration, part) == KNOWN[part]  # what the camera file does not know
-
-
-@pytest.mark.parametrize("part", KNOWN)
-def test_earlier_versions_read_the_record(part: str) -> None:
-    taken = shot(part)
-    record = encode_record(taken, b"", b"")
-    document = json.loads(record[len(RECORD_ID) :])
-    assert part in document
-    assert part not in document["calibration"]  # which they would refuse
-    assert decode_record(record).calibration == taken.calibration

@@ -21,11 +21,10 @@ from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.signals import Stopping
-from tools.live.source import open_source
 from tools.pictures.previews import preview_maker
 
-from .frame_options import add_source
-from .options import add, camera_of, count
+from .frame_options import add_source, source_of
+from .options import add, count
 
 _DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
 
@@ -47,7 +46,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError("--frames does not go with --burst: it counts single shots")
     if arguments.wait and arguments.source.startswith("builtin:"):
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
-    source = open_source(arguments, *camera_of(arguments))
+    source = source_of(arguments)
     if arguments.burst:
         _check_memory(arguments.burst, source.sensor.layout)
     folder = output_folder(arguments.output)

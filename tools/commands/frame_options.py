@@ -1,10 +1,12 @@
 """The options of `capture` and `view` that describe the frames of a camera."""
 
 import argparse
+from dataclasses import fields
 
 from device.capture.frames import FORMATS
+from tools.live.source import FrameSource, SourceOptions, open_source
 
-from .options import add
+from .options import add, camera_of
 
 
 def add_source(parser: argparse.ArgumentParser) -> None:
@@ -43,3 +45,9 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     )
     frames.add_argument("--new", action="store_true", help="skip frames that are in the folder already")
     add(parser.add_argument_group("the camera"), "camera", "pattern", "period", "origin")
+
+
+def source_of(arguments: argparse.Namespace) -> FrameSource:
+    """The source that these options describe. Raises InputError if there is none."""
+    given = SourceOptions(**{each.name: getattr(arguments, each.name) for each in fields(SourceOptions)})
+    return open_source(given, *camera_of(arguments))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
-from shared.dng import read_digest_kind, read_preview, verify_dng
+from shared.dng import read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
@@ -25,7 +25,6 @@ from tools.host.work import Threads
 
 from .options import add, add_shots
 
-_EARLIER = "were saved by an earlier version: their digests do not cover the size, nor that samples and calibration belong together"
 _COLUMN = 14  # characters for the name of a row
 
 
@@ -49,7 +48,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         if Path(job.source).suffix.lower() == ".json":
             return _camera(job.source)
         mosaic = read_dng(job.source, max_pixels=arguments.max_pixels)
-        facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": read_digest_kind(job.source)}
+        facts = _facts(mosaic, len(read_preview(job.source))) | {"digest": "shot"}
         return Outcome(facts, (job.source, *_table(facts)))
 
     code = run_jobs([Job(source.name, found=source.found) for source in found.sources], work, console)
@@ -66,7 +65,7 @@ def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Cons
         except Exception:
             found[job.source] = "damaged" if _is_readable(job.source) else "unread"
             raise
-        found[job.source] = "earlier" if facts.get("digest") == "samples" else "whole"
+        found[job.source] = "whole"
         return Outcome(facts)
 
     files = list(dict.fromkeys(sources))  # one that is named twice is checked once
@@ -75,8 +74,6 @@ def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Cons
     damaged, unread = ([file for file in files if found[file] == wrong] for wrong in ("damaged", "unread"))
     count = f"{len(files) - len(damaged) - len(unread)} whole, {len(damaged)} damaged"
     console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))
-    if earlier := list(found.values()).count("earlier"):
-        console.say(f"{earlier} of the whole files {_EARLIER}")
     return code
 
 
@@ -84,8 +81,8 @@ def _verified(file: str, max_pixels: int) -> dict[str, Any]:
     """Facts about an undamaged file. Raises InputError for any other."""
     if file.lower().endswith(".json"):
         return {"calibration_id": read_camera(file).calibration.id}
-    found = verify_dng(file, max_pixels=max_pixels)
-    return {"width": found.shape[1], "height": found.shape[0], "digest": found.digest}
+    rows, columns = verify_dng(file, max_pixels=max_pixels)
+    return {"width": columns, "height": rows, "digest": "shot"}
 
 
 def _is_readable(file: str) -> bool:
@@ -167,11 +164,7 @@ def _table(facts: dict[str, Any]) -> list[str]:
     pattern, calibration = facts["pattern"], facts["calibration"]
     name = f"{pattern['name']}, " if pattern["name"] else ""
     rows = [
-        (
-            "size",
-            f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"
-            + ("" if facts["digest"] == "shot" else ", which is an earlier version's and does not cover the size"),
-        ),
+        ("size", f"{facts['width']} x {facts['height']} pixels, {facts['bits']} bits; samples match their digest"),
         ("pattern", f"{name}period {pattern['period']}, {pattern['light_efficiency']:.2f} times the light of a Bayer sensor"),
         *(("", " ".join(row)) for row in pattern["letters"]),
         ("network", facts["learned"] or "none for this pattern: rendered without learned colour"),

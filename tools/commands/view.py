@@ -18,12 +18,11 @@ from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.server import ViewfinderServer
 from tools.live.showing import show_frames
-from tools.live.source import open_source
 from tools.live.viewfinder import Viewfinder
 from tools.pictures.previews import preview_maker
 
-from .frame_options import add_source
-from .options import add, camera_of
+from .frame_options import add_source, source_of
+from .options import add
 
 _WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
@@ -41,7 +40,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     """Serve the page until the source ends or the user does; returns the exit code."""
     if arguments.latest and arguments.output is None:
         raise InputError("--latest needs -o DIR: without a folder there are no shots")
-    source = open_source(arguments, *camera_of(arguments))
+    source = source_of(arguments)
     sensor = source.sensor
     shots = None
     if arguments.output is not None:

@@ -1,14 +1,14 @@
 """Sources of frames."""
 
-import argparse
 import fcntl
 import os
 import re
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from io import FileIO
 from pathlib import Path
 
 from device.capture import Sensor
@@ -25,9 +25,41 @@ from tools.scenes.drawn.builtin import builtin_scene
 _STREAM, _BUILTIN = "-", "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
 
-Frames = Callable[[Callable[[], bool], Callable[[InputError], None], Callable[[str], None]], Iterator[RawFrame]]
-"""Opens a source. Arguments: `stopped()`, polled between frames; `refused(error)`, called for each file that is not a frame;
-`note(remark)`, called when the first frame does not show whether its description is right."""
+Stopped = Callable[[], bool]
+"""Polled between frames: whether to end."""
+Refused = Callable[[InputError], None]
+"""Called for each file that is not a frame."""
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """The description of a source of frames, as a user gives it.
+
+    source: "-" (standard input), a folder that is watched, or builtin:WIDTHxHEIGHT@FPS, a simulated sensor.
+    width, height, pixel_format, stride: see `FrameLayout` and `format_named`; None = not given.
+    sensor_bits: bits of a sample; None = those of the pixel format, or of the camera file.
+    black: black level, code; None = that of the camera file, or a sixteenth of the range.
+    covered: the lens is covered, see `FrameCheck`.
+    unchecked: frames are not compared with this description.
+    new: files that are in the folder already are skipped.
+    """
+
+    source: str
+    width: int | None = None
+    height: int | None = None
+    pixel_format: str | None = None
+    stride: int = 0
+    sensor_bits: int | None = None
+    black: int | None = None
+    covered: bool = False
+    unchecked: bool = False
+    new: bool = False
+
+    def refuse(self, names: Iterable[str], reason: str) -> None:
+        """Raise InputError if one of these is given, though it does not go with the source."""
+        for each in fields(self):
+            if each.name in names and getattr(self, each.name) != each.default:
+                raise InputError(f"`{each.name}` does not go with {self.source}: {reason}")
 
 
 @dataclass(frozen=True)
@@ -35,100 +67,97 @@ class FrameSource:
     """A source of frames from a known sensor.
 
     sensor: layout of the frames, pattern and calibration.
-    frames: opens the source.
+    opened: opens the source.
     waits: whether the source waits for a slow consumer (a recording does, a sensor does not).
-    notes: remarks for the user on how the options were interpreted.
+    notes: remarks for the user on how the description was interpreted.
+    checks: whether the first frames are compared with the description.
+    covered: see `FrameCheck`.
     """
 
     sensor: Sensor
-    frames: Frames
+    opened: Callable[[Stopped, Refused], Iterator[RawFrame]]
     waits: bool
     notes: tuple[str, ...] = ()
+    checks: bool = False
+    covered: bool = False
+
+    def frames(self, stopped: Stopped, refused: Refused, note: Callable[[str], None]) -> Iterator[RawFrame]:
+        """The frames; note: called when the first of them do not show whether the description is right."""
+        raw = self.opened(stopped, refused)
+        return checked(raw, self.sensor, note, covered=self.covered) if self.checks else raw
 
 
-def open_source(arguments: argparse.Namespace, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
+def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
     """Open the requested source of frames of this camera.
 
-    Raises InputError if there is no such source, or if an option does not go with it.
+    Raises InputError if there is no such source, or if a part of its description does not go with it.
     """
-    source: str = arguments.source
-    is_builtin, is_stream = source.startswith(_BUILTIN), source == _STREAM
-    _refuse(arguments, is_builtin or is_stream, "new", "only a folder can already contain frames")
-    if is_builtin:
-        for option in ("width", "height", "pixel_format", "stride", "sensor_bits", "black", "covered", "unchecked"):
-            _refuse(arguments, True, option, "the built-in sensor has its own")
-        return _builtin(source, camera, pattern)
-    _refuse(arguments, arguments.unchecked, "covered", "with `unchecked` no frame is looked at; leave one of the two out")
-    if not is_stream and not Path(source).is_dir():
-        raise InputError(f"{source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
-    sensor, notes = _described(arguments, camera, pattern)
-    layout = sensor.layout
-    if is_stream:
-        if sys.stdin is None or sys.stdin.isatty():
-            raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
-        status = os.fstat(sys.stdin.fileno())
-        # A pipe may come from a sensor, which does not wait.
-        waits = stat.S_ISREG(status.st_mode)
-        if waits and not arguments.unchecked:
-            layout.check_recording(status.st_size)
+    if given.source == _STREAM or given.source.startswith(_BUILTIN):
+        given.refuse(["new"], "only a folder can already contain frames")
+    if given.source.startswith(_BUILTIN):
+        given.refuse([each.name for each in fields(given)[1:]], "the built-in sensor has its own")
+        return _builtin(given.source, camera, pattern)
+    if given.unchecked:
+        given.refuse(["covered"], "with `unchecked` no frame is looked at; leave one of the two out")
+    folder = Path(given.source)
+    if given.source != _STREAM and not folder.is_dir():
+        raise InputError(f"{given.source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
+    sensor, notes = _described(given, camera, pattern)
+    how = {"notes": notes, "checks": not given.unchecked, "covered": given.covered}
+    if given.source == _STREAM:
+        length = _recording()
+        if length is not None and not given.unchecked:
+            sensor.layout.check_recording(length)
+        return FrameSource(sensor, lambda *_: read_frames(_standard_input(), sensor.layout), length is not None, **how)
 
-        def opened(stopped: Callable[[], bool], refused: Callable[[InputError], None]) -> Iterator[RawFrame]:
-            _enlarge_pipe(sys.stdin.fileno())
-            # Unbuffered: a buffered reader that is interrupted in a read would keep the interpreter from ending.
-            return read_frames(open(sys.stdin.fileno(), "rb", buffering=0, closefd=False), layout)
-    else:
-        folder, waits = Path(source), True
+    def watched(stopped: Stopped, refused: Refused) -> Iterator[RawFrame]:
+        return watch_folder(folder, sensor.layout, refused, only_new=given.new, stopped=stopped)
 
-        def opened(stopped: Callable[[], bool], refused: Callable[[InputError], None]) -> Iterator[RawFrame]:
-            return watch_folder(folder, layout, refused, only_new=arguments.new, stopped=stopped)
-
-    def frames(
-        stopped: Callable[[], bool], refused: Callable[[InputError], None], note: Callable[[str], None]
-    ) -> Iterator[RawFrame]:
-        raw = opened(stopped, refused)
-        return raw if arguments.unchecked else checked(raw, sensor, note, dark=arguments.covered)
-
-    return FrameSource(sensor, frames, waits, notes)
+    return FrameSource(sensor, watched, True, **how)
 
 
-def _enlarge_pipe(descriptor: int) -> None:
-    """Let a pipe hold a part of a frame that takes the writer a while: each time it is full costs two changes of process."""
+def _recording() -> int | None:
+    """Bytes of the recording on standard input; None for a pipe, which may come from a sensor that does not wait."""
+    if sys.stdin is None or sys.stdin.isatty():
+        raise InputError("-: no frames can come on standard input; pipe a camera into it: rpicam-raw -t 0 -o - | panchroma ...")
+    status = os.fstat(sys.stdin.fileno())
+    return status.st_size if stat.S_ISREG(status.st_mode) else None
+
+
+def _standard_input() -> FileIO:
+    """Standard input without a buffer: a buffered reader that is interrupted in a read would keep the interpreter from ending."""
+    descriptor = sys.stdin.fileno()
     with suppress(OSError, AttributeError):  # no pipe; the user has too many; not Linux
+        # Room for a part of a frame that takes the writer a while: each time it is full costs two changes of process.
         fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
+    return open(descriptor, "rb", buffering=0, closefd=False)
 
 
-def _refuse(arguments: argparse.Namespace, unfit: bool, option: str, reason: str) -> None:
-    given = getattr(arguments, option)
-    if unfit and (given or (given is not None and option == "black")):  # --black 0 is a black level
-        raise InputError(f"`{option}` does not go with {arguments.source}: {reason}")
-
-
-def _described(arguments: argparse.Namespace, camera: Camera | None, pattern: CfaPattern) -> tuple[Sensor, tuple[str, ...]]:
-    """Return the sensor that the options describe, and notes."""
-    missing = [f"`{option}`" for option in ("width", "height", "pixel_format") if getattr(arguments, option) is None]
-    if missing:
+def _described(given: SourceOptions, camera: Camera | None, pattern: CfaPattern) -> tuple[Sensor, tuple[str, ...]]:
+    """Return the sensor that is described, and notes."""
+    width, height, pixel_format = given.width, given.height, given.pixel_format
+    if width is None or height is None or pixel_format is None:
+        missing = [f"`{name}`" for name in ("width", "height", "pixel_format") if getattr(given, name) is None]
         raise InputError(
-            f"{arguments.source}: frames have no header; describe them with {', '.join(missing)} (and `stride`). "
+            f"{given.source}: frames have no header; describe them with {', '.join(missing)} (and `stride`). "
             "rpicam-raw prints these values when it starts"
         )
-    name, bits = format_named(arguments.pixel_format)
-    layout = FrameLayout(arguments.width, arguments.height, name, arguments.stride)
-    if arguments.camera and arguments.sensor_bits:
-        raise InputError("`sensor_bits` does not go with `camera`: the camera file says it")
-    if arguments.camera and arguments.black is not None:
-        raise InputError("`black` does not go with `camera`: the camera file says it")
+    name, bits = format_named(pixel_format)
+    layout = FrameLayout(width, height, name, given.stride)
     if camera:
+        for said in ("sensor_bits", "black"):
+            if getattr(given, said) is not None:
+                raise InputError(f"`{said}` does not go with `camera`: the camera file says it")
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(
-        arguments.sensor_bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
+        given.sensor_bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
     )
-    if arguments.black is not None:
-        calibration = _with_black(calibration, arguments.black)
+    if given.black is not None:
+        calibration = _with_black(calibration, given.black)
     black, white = calibration.black_level[0], calibration.white_level
-    assumed = f"black level {black:.0f} and white level {white} are" if arguments.black is None else f"white level {white} is"
-    note = f"no `camera`: {assumed} assumed, and the white balance is estimated"
-    return Sensor(layout, pattern, calibration), (note,)
+    assumed = f"black level {black:.0f} and white level {white} are" if given.black is None else f"white level {white} is"
+    return Sensor(layout, pattern, calibration), (f"no `camera`: {assumed} assumed, and the white balance is estimated",)
 
 
 def _with_black(calibration: SensorCalibration, black: int) -> SensorCalibration:
@@ -161,9 +190,9 @@ def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSo
         calibration = replace(calibration, noise=typical_noise(calibration))
     sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
 
-    def frames(*_: object) -> Iterator[RawFrame]:
+    def moving(*_: object) -> Iterator[RawFrame]:
         from .simulated_sensor import moving_scene
 
         return moving_scene(sensor, rate)
 
-    return FrameSource(sensor, frames, waits=False)
+    return FrameSource(sensor, moving, waits=False)

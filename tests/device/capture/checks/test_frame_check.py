@@ -351,7 +351,7 @@ def look_at_dark(code: CodeArray, bits: int, name: str = "u16") -> list[str]:
     layout = FrameLayout(SIZE[1], SIZE[0], name)
     frames = [RawFrame.now(pack(code, name, layout.stride))] * 2
     notes: list[str] = []
-    assert len(list(checked(frames, sensor(layout, bits=bits), notes.append, dark=True))) == 2
+    assert len(list(checked(frames, sensor(layout, bits=bits), notes.append, covered=True))) == 2
     return notes
 
 
@@ -371,7 +371,7 @@ def test_what_is_lit_or_too_large_is_not_dark() -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
     packed = RawFrame.now((pack(dark_codes(70), "raw10") * 2)[: layout.frame_bytes])
     with pytest.raises(InputError, match="another `pixel_format`"):  # packed words, read as other ones
-        list(checked([packed], sensor(layout), print, dark=True))
+        list(checked([packed], sensor(layout), print, covered=True))
 
 
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
