@@ -97,7 +97,6 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "holes.json": (b"{", 2 * GIGABYTE),
         "deep.json": (b"[" * 4_000_000, 0),
         "digits.json": (b'{"schema": ' + b"9" * 1_000_000 + b"}", 0),
-        "holes.onnx": (b"\x08\x08", 2 * GIGABYTE),
         "blanks.ti3": (b"CTI3\nBEGIN_DATA_FORMAT" + b" " * 4_000_000, 0),
         "holes.ti3": (b"CTI3\n", 2 * GIGABYTE),
         **codec_bombs(),
