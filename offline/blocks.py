@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import BORDER, BoolArray, DoubleArray, FloatArray, IndexArray
+from shared.block_grid import BlockGrid
 from shared.calibration import NoiseModel
 from shared.mosaic import Mosaic
-from shared.pattern import BlockGrid, CfaPattern
+from shared.pattern import CfaPattern
 
 from .kernels.outliers import surroundings
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shared.arrays import BORDER, FloatArray, IndexArray
-from shared.pattern import BlockGrid
+from shared.block_grid import BlockGrid
 
 HALO = 2
 """Patches around a core that are solved with it. Fields are then off by at most 0.007, by 1e-4 rms (photographs): a tenth of the

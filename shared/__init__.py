@@ -1,12 +1,13 @@
 """The camera itself: filter pattern, calibration, mosaic, sensor model and file format. README.md in this folder explains them."""
 
 from .aberration import Aberration
+from .block_grid import BlockGrid
 from .calibration import NoiseModel, SensorCalibration
 from .camera import Camera, read_camera
 from .dng import read_dng, write_dng
 from .metadata import CaptureMetadata
 from .mosaic import Mosaic
-from .pattern import BlockGrid, CfaPattern
+from .pattern import CfaPattern
 from .shading import Shading
 
 __all__ = [

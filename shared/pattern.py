@@ -12,7 +12,8 @@ from math import lcm
 
 import numpy as np
 
-from .arrays import BoolArray, ByteArray, FloatArray, IndexArray
+from .arrays import BoolArray, ByteArray
+from .block_grid import BlockGrid
 from .errors import InputError
 from .spelling import meant
 from .tiles import EXPECTED, TILES, letters_of, name_of
@@ -195,7 +196,7 @@ class CfaPattern:
         """The pattern of a mosaic cut out at pixel (top, left) of this one."""
         return CfaPattern(self.tile, (self.origin[0] - top, self.origin[1] - left), self.channels)
 
-    def grid(self, shape: tuple[int, int]) -> "BlockGrid":
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
         """The blocks and K x K patches of a frame of `shape`. Raises InputError when no whole block lies inside."""
         return BlockGrid(self.period, self.block_origin, self.block_shape, shape)
 
@@ -234,103 +235,6 @@ class CfaPattern:
                 f"pattern: no panchromatic pixel (W) within {_FARTHEST} pixels of the colour site in row {row + 1}, column "
                 f"{column + 1} of the tile: luminance there would be a guess"
             )
-
-
-@dataclass(frozen=True)
-class BlockGrid:
-    """The coarse grid of blocks, and the K x K patches between them, over one frame.
-
-    A patch begins in the middle of a block, so that its four corners lie in four blocks, or next to them if these are not 2 x 2
-    (Fig. 2). Patches cover the frame; the frame mirrored out to whole patches is the *domain*. Block [0, 0] is at the top left
-    corner of the first patch. Blocks that lie partly or wholly outside the frame measure nothing and take the values of the
-    nearest whole one.
-
-    period: K.
-    block_origin: (row, column) of the top left pixel of a block in the frame, each 0 to K - 1.
-    block_shape: (rows, columns) of a block.
-    frame: (rows, columns) of the frame.
-    Raises InputError when no whole block lies inside the frame.
-
-    >>> from shared import CfaPattern
-    >>> grid = CfaPattern.bayer(6).grid((13, 20))
-    >>> grid.shape, grid.patches  # blocks and patches, (down, across)
-    ((4, 6), (3, 5))
-    >>> grid.rows.tolist(), grid.whole_rows.tolist()  # the first and the last row of blocks do not fit into the frame
-    ([-6, 0, 6, 12], [0, 6])
-    """
-
-    period: int
-    block_origin: tuple[int, int]
-    block_shape: tuple[int, int]
-    frame: tuple[int, int]
-
-    def __post_init__(self) -> None:
-        if not self.inside.any():
-            raise InputError(
-                f"a frame of {self.frame[1]} x {self.frame[0]} pixels holds no whole colour block of this pattern "
-                f"(period {self.period}); {2 * self.period} x {2 * self.period} pixels always do"
-            )
-
-    @cached_property
-    def padding(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Pixels ((above, below), (left, right)) by which the frame is mirrored out to whole patches."""
-        above, left = (
-            -(origin + size // 2) % self.period for origin, size in zip(self.block_origin, self.block_shape, strict=True)
-        )
-        return (above, -(above + self.frame[0]) % self.period), (left, -(left + self.frame[1]) % self.period)
-
-    @cached_property
-    def patches(self) -> tuple[int, int]:
-        """Number of patches (down, across); the domain has K times as many rows and columns."""
-        rows, columns = ((size + sum(pad)) // self.period for size, pad in zip(self.frame, self.padding, strict=True))
-        return rows, columns
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of blocks (down, across): the corners of the patches."""
-        return self.patches[0] + 1, self.patches[1] + 1
-
-    @cached_property
-    def rows(self) -> IndexArray:
-        """Frame row of the first pixel of each block row; may lie outside the frame."""
-        return self._origins(0)
-
-    @cached_property
-    def columns(self) -> IndexArray:
-        """Frame column of the first pixel of each block column; may lie outside the frame."""
-        return self._origins(1)
-
-    @cached_property
-    def inside(self) -> BoolArray:
-        """Mask of the blocks that lie wholly inside the frame; bool `shape`."""
-        down, across = (
-            (origins >= 0) & (origins + block <= size)
-            for origins, block, size in zip((self.rows, self.columns), self.block_shape, self.frame, strict=True)
-        )
-        return down[:, None] & across[None, :]
-
-    @property
-    def whole_rows(self) -> IndexArray:
-        """The `rows` of whole blocks: frame row of the first pixel of each block row that lies inside the frame."""
-        return self.rows[self.inside.any(axis=1)]
-
-    @property
-    def whole_columns(self) -> IndexArray:
-        """The `columns` of whole blocks: frame column of the first pixel of each block column that lies inside the frame."""
-        return self.columns[self.inside.any(axis=0)]
-
-    def extend(self, measured: FloatArray) -> FloatArray:
-        """Extend values of the whole blocks, (whole rows, whole columns, ...), to all blocks: the others copy the nearest one."""
-        return np.ascontiguousarray(np.pad(measured, (*self._outside, *[(0, 0)] * (measured.ndim - 2)), mode="edge"))
-
-    @cached_property
-    def _outside(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        down, across = (np.flatnonzero(self.inside.any(axis=axis)) for axis in (1, 0))
-        return (int(down[0]), self.shape[0] - 1 - int(down[-1])), (int(across[0]), self.shape[1] - 1 - int(across[-1]))
-
-    def _origins(self, axis: int) -> IndexArray:
-        first = -self.padding[axis][0] - self.block_shape[axis] // 2
-        return first + self.period * np.arange(self.shape[axis])
 
 
 def _span(occupied: BoolArray) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """The interface of a preview graph, for `Preview` and for any other runtime: names, types, versions, metadata.
 
-**Geometry.** The graph takes any number of whole K x K patches (`shared.pattern.BlockGrid`), with a halo of further pixels on each
-side, and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
+**Geometry.** The graph takes any number of whole K x K patches (`shared.block_grid`), with a halo of further pixels on each side,
+and returns the picture of the patches. The tile in it begins at the first pixel of a patch, so that one graph serves every
 origin of a pattern. It also serves all cameras with that pattern: everything that differs between cameras is an input.
 
 Inputs, for a pattern of C channels; all but the first are float32:

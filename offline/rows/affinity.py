@@ -12,7 +12,8 @@ tolerance does.
 import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray
-from shared.pattern import BlockGrid, CfaPattern
+from shared.block_grid import BlockGrid
+from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
 from ..kernels.compile import threads

@@ -61,12 +61,14 @@ class Described:
         """The description after a user has followed a refusal; None if that names nothing to try."""
         advice = message.partition("; likely ")[2].partition(". If the description is right")[0]
         changes: dict[str, object] = {}
-        for name, value in re.findall(r"--(format|order) (\w+(?: or [A-Z]{4})?)", advice):
-            changes[name] = random.choice(value.split(" or "))
-        for name, value in re.findall(r"--(width|stride|period|bits) (\d+)", advice):
-            changes[name] = int(value)
-        if found := re.search(r"--origin (\d+) (\d+)", advice):
+        for name, value in re.findall(r"`(width|stride|period|sensor_bits)=(\d+)`", advice):
+            changes[name.removeprefix("sensor_")] = int(value)
+        if found := re.search(r"`pixel_format=(\w+)`", advice):
+            changes["format"] = found[1]
+        if found := re.search(r"`origin=(\d+) (\d+)`", advice):
             changes["origin"] = (int(found[1]), int(found[2]))
+        if found := re.search(r"blocks (\w{4}) or (\w{4})", advice):
+            changes["order"] = random.choice(found.groups())
         return replace(self, **changes) if changes else None  # type: ignore[arg-type]
 
 

@@ -86,6 +86,7 @@ def test_no_wrong_description_of_a_stream_passes_silently() -> None:
     found = [descriptions.case(2014, number) for number in range(len(descriptions.WRONG) + 1)]
     assert {wrong for wrong, _ in found} == {*descriptions.WRONG, descriptions.RIGHT}
     assert [(number, *each) for number, each in enumerate(found) if descriptions.is_fault(*each)] == []
+    assert descriptions.MENDED in {outcome for _, outcome in found}  # the advice is understood
 
 
 def test_a_description_that_passes_silently_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,7 +101,7 @@ def test_advice_that_leads_astray_is_caught(monkeypatch: pytest.MonkeyPatch) -> 
     def advises(frames: object, sensor: object, note: object) -> object:
         asked.append(sensor)
         if len(asked) % 2:
-            raise InputError("the frame is not as described: so it is; likely --origin 0 1. If the description is right, add")
+            raise InputError("the frame is not as described: so it is; likely `origin=0 1`. If the description is right, add")
         return frames
 
     monkeypatch.setattr(descriptions, "checked", advises)

@@ -5,8 +5,9 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+from shared.block_grid import BlockGrid
 from shared.errors import InputError
-from shared.pattern import BAYER_ORDERS, PERIODS, BlockGrid, CfaPattern
+from shared.pattern import BAYER_ORDERS, PERIODS, CfaPattern
 from tests.reference import geometry
 
 FIVE = ("RGB", "XWY")  # six pixels, five channels, and a hole in the block

@@ -103,17 +103,20 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
     if given.source != _STREAM and not folder.is_dir():
         raise InputError(f"{given.source}: is not a folder; SOURCE is a folder of raw frames, - or builtin:WIDTHxHEIGHT@FPS")
     sensor, notes = _described(given, camera, pattern)
-    how = {"notes": notes, "checks": not given.unchecked, "covered": given.covered}
-    if given.source == _STREAM:
-        length = _recording()
-        if length is not None and not given.unchecked:
-            sensor.layout.check_recording(length)
-        return FrameSource(sensor, lambda *_: read_frames(_standard_input(), sensor.layout), length is not None, **how)
 
     def watched(stopped: Stopped, refused: Refused) -> Iterator[RawFrame]:
         return watch_folder(folder, sensor.layout, refused, only_new=given.new, stopped=stopped)
 
-    return FrameSource(sensor, watched, True, **how)
+    def piped(*_: object) -> Iterator[RawFrame]:
+        return read_frames(_standard_input(), sensor.layout)
+
+    opened, waits = watched, True
+    if given.source == _STREAM:
+        length = _recording()
+        if length is not None and not given.unchecked:
+            sensor.layout.check_recording(length)
+        opened, waits = piped, length is not None
+    return FrameSource(sensor, opened, waits, notes, checks=not given.unchecked, covered=given.covered)
 
 
 def _recording() -> int | None:
