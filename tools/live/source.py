@@ -110,7 +110,8 @@ def open_source(given: SourceOptions, camera: Camera | None, pattern: CfaPattern
     def piped(*_: object) -> Iterator[RawFrame]:
         return read_frames(_standard_input(), sensor.layout)
 
-    opened, waits = watched, True
+    opened: Callable[[Stopped, Refused], Iterator[RawFrame]] = watched
+    waits = True
     if given.source == _STREAM:
         length = _recording()
         if length is not None and not given.unchecked:
