@@ -10,23 +10,17 @@ none is saved. SIGINT and SIGTERM end the command after the current file (exit c
 """
 
 import argparse
-from itertools import islice
 
-from device.capture import Refused, Saved, capture, capture_burst
-from device.capture.frame_queue import FrameQueue
-from device.capture.frames import FrameLayout
-from device.capture.shots import ShotFolder
 from shared.errors import InputError, OutputError
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.signals import Stopping
-from tools.pictures.previews import preview_maker
+from tools.live.recorder import Recorder
+from tools.live.source import FrameSource
 
 from .frame_options import add_source, source_of
 from .options import add, count
-
-_DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,10 +42,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         raise InputError(f"--wait does not go with {arguments.source}: a sensor does not wait")
     source = source_of(arguments)
     if arguments.burst:
-        _check_memory(arguments.burst, source.sensor.layout)
-    folder = output_folder(arguments.output)
-    shots = ShotFolder(folder, arguments.latest)
-    preview = preview_maker(source.sensor, threads=arguments.threads)
+        _check_memory(arguments.burst, source)
+    recorder = Recorder(
+        source,
+        output_folder(arguments.output),
+        arguments.latest,
+        burst=arguments.burst,
+        wait=arguments.wait,
+        threads=arguments.threads,
+    )
     for note in source.notes:
         console.note(note)
     saved = failed = 0
@@ -63,22 +62,13 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         console.record(source=arguments.source, ok=False, error=reason)
 
     with Stopping() as stopping:
-        frames = source.frames(stopping, lambda error: refused(str(error)), console.note)
-        if arguments.burst:  # all frames may wait: none is dropped, and no more are read
-            frames = islice(frames, arguments.burst)
-        queue = FrameQueue(frames, arguments.burst or _DEPTH, wait=source.waits or arguments.wait, stopped=stopping)
         try:
-            if arguments.burst:
-                outcomes = capture_burst(queue, arguments.burst, source.sensor, preview, shots)
-            else:
-                outcomes = capture(queue, source.sensor, preview, shots)
-            for each in outcomes:
-                if isinstance(each, Refused):
-                    if not (arguments.burst and stopping()):  # then the user has ended it
-                        refused(each.reason)
-                    continue
+            for shot in recorder.saved(stopping, refused, console.note):
                 saved += 1
-                _report(each, queue.dropped, arguments.source, console)
+                preview, write, dropped = shot.preview * 1e3, shot.write * 1e3, recorder.dropped
+                console.say(f"{shot.path}: preview {preview:.0f} ms, write {write:.0f} ms, dropped {dropped}")
+                facts = {"preview_ms": round(preview, 1), "write_ms": round(write, 1), "dropped": dropped}
+                console.record(source=arguments.source, ok=True, output=str(shot.path), **facts)
                 if saved == arguments.frames or stopping():
                     break
             else:
@@ -87,23 +77,16 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         except (InputError, OutputError) as error:  # the stream broke off, or the disk is full: saved shots stay good
             refused(str(error))
         # Frames that still wait at the end are lost too, unless --frames shots were all that was wanted.
-        lost = queue.dropped + (len(queue) if stopping() else 0)
+        lost = recorder.dropped + (recorder.waiting if stopping() else 0)
     if arguments.burst and stopping():
         lost = arguments.burst - saved
     console.note(f"{saved} saved, {lost} dropped" + (f", {failed} failed" if failed else ""))
     return stopping.code or (FAILED if failed else 0)
 
 
-def _report(shot: Saved, dropped: int, source: str, console: Console) -> None:
-    preview, write = shot.preview * 1e3, shot.write * 1e3
-    console.say(f"{shot.path}: preview {preview:.0f} ms, write {write:.0f} ms, dropped {dropped}")
-    console.record(
-        source=source, ok=True, output=str(shot.path), preview_ms=round(preview, 1), write_ms=round(write, 1), dropped=dropped
-    )
-
-
-def _check_memory(frames: int, layout: FrameLayout) -> None:
+def _check_memory(frames: int, source: FrameSource) -> None:
     """Raise InputError unless that many frames, as bytes of the camera or as samples, fit into most of the free memory."""
+    layout = source.sensor.layout
     needed, free = (frames + 1) * max(layout.frame_bytes, 2 * layout.width * layout.height), allowed_memory(None)
     if needed > free:
         raise InputError(

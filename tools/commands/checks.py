@@ -127,13 +127,13 @@ def _preview() -> Iterator[Finding]:
     try:
         import numpy as np
 
-        from device import Preview
         from shared import CfaPattern, SensorCalibration
         from shared.sensor import simulate_additive
+        from tools.pictures.previews import Previews
 
         wall = np.full((24, 24, 3), 0.3, np.float32)
         mosaic = simulate_additive(wall, CfaPattern.bayer(6), SensorCalibration(), 0.0, np.random.default_rng(0))
-        picture = Preview.for_mosaic(mosaic, threads=1).run(mosaic)
+        picture = Previews(threads=1)(mosaic)
         right = picture.shape == (24, 24, 3) and np.ptp(picture.astype(int)) <= 1
         found = "runs" if right else "makes a wrong picture"
     except Exception as error:  # whatever it is, this check exists to find it

@@ -10,6 +10,7 @@ from shared import CfaPattern, read_dng
 from shared.errors import InputError
 from shared.writing import write_durably
 from tools.host.console import Console
+from tools.pictures.previews import preview_graph
 
 from .options import add, names_pattern, pattern_of
 
@@ -29,12 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write the graph; returns the exit code."""
-    from device.preview.graph import build_preview
-
     path = Path(arguments.output)
     if path.suffix != ".onnx":
         raise InputError(f"{arguments.output}: a graph has a name that ends in .onnx; write {path.stem}.onnx")
-    graph = build_preview(_pattern(arguments), arguments.scale, linear=arguments.space == "camera")
+    graph = preview_graph(_pattern(arguments), arguments.scale, linear=arguments.space == "camera")
     write_durably(path, graph, overwrite=arguments.overwrite)
     console.say(f"{path}: {len(graph)} bytes")
     return 0

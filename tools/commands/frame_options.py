@@ -3,8 +3,7 @@
 import argparse
 from dataclasses import fields
 
-from device.capture.frames import FORMATS
-from tools.live.source import FrameSource, SourceOptions, open_source
+from tools.live.source import PIXEL_FORMATS, FrameSource, SourceOptions, open_source
 
 from .options import add, camera_of
 
@@ -20,7 +19,7 @@ def add_source(parser: argparse.ArgumentParser) -> None:
     frames.add_argument(
         "--pixel-format",
         metavar="NAME",
-        help=f"{', '.join(FORMATS)}, or its name in V4L2 or libcamera, such as SRGGB10_CSI2P, pRCC, RG16 or Y12P",
+        help=f"{', '.join(PIXEL_FORMATS)}, or its name in V4L2 or libcamera, such as SRGGB10_CSI2P, pRCC, RG16 or Y12P",
     )
     frames.add_argument(
         "--stride", type=int, default=0, metavar="BYTES", help="bytes from one line to the next (default: no padding)"

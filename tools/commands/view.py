@@ -8,23 +8,15 @@ can, and with -o they can save shots too. The preview in a shot is the picture t
 import argparse
 import threading
 
-from device.capture.frame_queue import FrameQueue
-from device.capture.shots import ShotFolder
-from device.preview.geometry import Geometry
-from shared import CfaPattern
 from shared.errors import InputError
-from tools.host.console import Console
+from tools.host.console import Console, fault
 from tools.host.jobs import FAILED, output_folder
 from tools.host.signals import Stopping
 from tools.live.server import ViewfinderServer
-from tools.live.showing import show_frames
-from tools.live.viewfinder import Viewfinder
-from tools.pictures.previews import preview_maker
+from tools.live.showing import LiveView
 
 from .frame_options import add_source, source_of
 from .options import add
-
-_WIDEST = 1440  # pixels: a wider picture does not fit a phone or a page, and costs the camera time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,12 +33,8 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if arguments.latest and arguments.output is None:
         raise InputError("--latest needs -o DIR: without a folder there are no shots")
     source = source_of(arguments)
-    sensor = source.sensor
-    shots = None
-    if arguments.output is not None:
-        shots = ShotFolder(output_folder(arguments.output), arguments.latest)
-    scale = _scale(sensor.layout.width, sensor.pattern) if arguments.scale is None else arguments.scale
-    preview = preview_maker(sensor, scale=scale, threads=arguments.threads)
+    folder = None if arguments.output is None else output_folder(arguments.output)
+    view = LiveView(source, folder, arguments.latest, scale=arguments.scale, threads=arguments.threads)
     for note in source.notes:
         console.note(note)
     failed = False
@@ -56,23 +44,15 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         failed = True
         console.error(str(error))
 
-    with Stopping() as stopping:
-        queue = FrameQueue(source.frames(stopping, refused, console.note), 1, stopped=stopping)
-        finder = Viewfinder(lambda: queue.dropped, shots)
-        with ViewfinderServer((arguments.bind, arguments.port), finder) as server:
-            threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
-            console.say(f"the viewfinder is at {server.url}")
-            try:
-                show_frames(queue, sensor, preview, finder, refused)
-            except InputError as error:  # the stream broke off
-                refused(error)
-            finally:
-                finder.close()
-                server.shutdown()
+    address = arguments.bind, arguments.port
+    with Stopping() as stopping, ViewfinderServer(address, view.finder, lambda error: console.error(fault(error))) as server:
+        threading.Thread(target=server.serve_forever, args=(0.1,), name="viewfinder", daemon=True).start()
+        console.say(f"the viewfinder is at {server.url}")
+        try:
+            view.show(stopping, refused, console.note)
+        except InputError as error:  # the stream broke off
+            refused(error)
+        finally:
+            view.finder.close()
+            server.shutdown()
     return stopping.code or (FAILED if failed else 0)
-
-
-def _scale(width: int, pattern: CfaPattern) -> int:
-    """The smallest scale of the pattern at which the picture is no wider than _WIDEST, or its largest scale."""
-    scales = Geometry.scales(pattern)
-    return next((scale for scale in scales if width <= _WIDEST * scale), scales[-1])

@@ -7,6 +7,7 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
 from functools import cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
@@ -16,7 +17,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from shared.errors import InputError, OutputError, PanchromaError
-from tools.host.console import fault, to_stderr
 
 from .viewfinder import Viewfinder
 
@@ -48,7 +48,7 @@ class ViewfinderServer(ThreadingTCPServer):
 
     address: (host, port); port 0 takes any free port.
     finder: the viewfinder.
-
+    report: called with each error that is not a client's; they end one answer, not the server.
     Raises InputError if the host is not an IP address, OutputError if the port cannot be used.
     """
 
@@ -56,8 +56,8 @@ class ViewfinderServer(ThreadingTCPServer):
     daemon_threads = True
     block_on_close = False
 
-    def __init__(self, address: tuple[str, int], finder: Viewfinder) -> None:
-        self.finder = finder
+    def __init__(self, address: tuple[str, int], finder: Viewfinder, report: Callable[[BaseException], None]) -> None:
+        self.finder, self._report = finder, report
         _page()  # read while descriptors are free
         self.seats = threading.BoundedSemaphore(_VIEWERS)
         try:
@@ -85,10 +85,10 @@ class ViewfinderServer(ThreadingTCPServer):
             raise
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignore disconnects and timeouts of clients; report everything else in one line."""
+        """Ignore disconnects and timeouts of clients; report everything else."""
         error = sys.exception()
         if error is not None and not isinstance(error, ConnectionError | TimeoutError):
-            to_stderr(f"panchroma: {fault(error)}")
+            self._report(error)
 
 
 class _Handler(BaseHTTPRequestHandler):

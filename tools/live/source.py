@@ -14,14 +14,12 @@ from pathlib import Path
 from device.capture import Sensor
 from device.capture.checks.frame_check import checked
 from device.capture.frame_folder import watch_folder
-from device.capture.frames import FrameLayout, RawFrame, format_named, read_frames
+from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import Camera, CfaPattern, SensorCalibration
 from shared.errors import InputError
-from shared.sensor import typical_noise
-from tools.camera.filters import filters_for
-from tools.camera.simulated_camera import SimulatedCamera
-from tools.scenes.drawn.builtin import builtin_scene
+from tools.camera.built_in import built_in_sensor, usual_gamma
 
+PIXEL_FORMATS = tuple(FORMATS)
 _STREAM, _BUILTIN = "-", "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
 
@@ -155,7 +153,7 @@ def _described(given: SourceOptions, camera: Camera | None, pattern: CfaPattern)
         return Sensor(layout, pattern, camera.calibration), ()
     # A sensor clips at its highest code, and most put black a sixteenth above zero.
     calibration = SensorCalibration.of_bits(
-        given.sensor_bits or bits, headroom=False, channels=pattern.channels, gamma=_ideal_gamma(pattern)
+        given.sensor_bits or bits, headroom=False, channels=pattern.channels, gamma=usual_gamma(pattern)
     )
     if given.black is not None:
         calibration = _with_black(calibration, given.black)
@@ -171,32 +169,20 @@ def _with_black(calibration: SensorCalibration, black: int) -> SensorCalibration
     return replace(calibration, black_level=(float(black),) * len(calibration.black_level))
 
 
-def _ideal_gamma(pattern: CfaPattern) -> tuple[float, ...]:
-    """Gamma of filters that are mixtures of red, green and blue; otherwise 1 for each channel."""
-    try:
-        return filters_for(pattern, builtin_scene(1, 1)).gamma
-    except InputError:
-        return (1.0,) * len(pattern.channels)
-
-
 def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSource:
     found = re.fullmatch(r"builtin:(\d{1,5})x(\d{1,5})@(\d{1,4}(?:\.\d{1,3})?)", source)
     rate = float(found[3]) if found else 0.0
     if not found or not rate:
         raise InputError(f"{source!r} is not a built-in sensor; write builtin:WIDTHxHEIGHT@FPS, for example builtin:1200x800@10")
-    scene = builtin_scene(1, 1)
     try:
-        filters = filters_for(pattern, scene)
+        calibration = built_in_sensor(pattern, camera)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
-    calibration = SimulatedCamera.of(pattern, camera).before(scene, filters)
-    if calibration.noise is None:
-        calibration = replace(calibration, noise=typical_noise(calibration))
     sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
 
     def moving(*_: object) -> Iterator[RawFrame]:
-        from .simulated_sensor import moving_scene
+        from .simulated_sensor import moving_frames
 
-        return moving_scene(sensor, rate)
+        return moving_frames(sensor, rate)
 
     return FrameSource(sensor, moving, waits=False)

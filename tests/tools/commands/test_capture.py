@@ -22,7 +22,7 @@ from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import PROGRAM, Outcome, file_limit, names, spawn, start
 from tests.tools.command import run as command
-from tools.commands import capture as verb
+from tools.live import recorder
 from tools.scenes.drawn.builtin import builtin_scene
 
 SIZE = (20, 30)
@@ -184,7 +184,7 @@ def test_a_signal_waits_for_the_frame_in_hand(
             time.sleep(0)
         return np.zeros((*mosaic.shape, 3), np.uint8)
 
-    monkeypatch.setattr(verb, "preview_maker", lambda *_, **__: interrupted)
+    monkeypatch.setattr(recorder, "preview_maker", lambda *_, **__: interrupted)
     before = signal.getsignal(number)
     assert run("builtin:64x48@50", "-o", out).code == code
     assert len(shots(out)) == 1
@@ -200,7 +200,7 @@ def test_a_second_signal_does_not_wait(out: Path, monkeypatch: pytest.MonkeyPatc
             time.sleep(0.01)
         raise AssertionError("the second signal was ignored")
 
-    monkeypatch.setattr(verb, "preview_maker", lambda *_, **__: impatient)
+    monkeypatch.setattr(recorder, "preview_maker", lambda *_, **__: impatient)
     assert run("builtin:64x48@50", "-o", out).code == 130
     assert list(out.iterdir()) == []
 
@@ -353,7 +353,7 @@ def test_a_signal_leaves_whole_frames_of_a_burst(
             os.kill(os.getpid(), number)
         return np.zeros((*mosaic.shape, 3), np.uint8)
 
-    monkeypatch.setattr(verb, "preview_maker", lambda *_, **__: interrupted)
+    monkeypatch.setattr(recorder, "preview_maker", lambda *_, **__: interrupted)
     outcome = run("builtin:64x48@100", "-o", out, "--burst", "5")
     assert outcome.code == code
     assert len([read_dng(path) for path in shots(out)]) == 2

@@ -1,0 +1,81 @@
+"""From the frames of a source to shots in a folder, with the camera's preview in each."""
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import cast
+
+from device import Preview
+from device.capture import PreviewMaker, Saved, Sensor, capture, capture_burst
+from device.capture.frame_queue import FrameQueue
+from device.capture.shots import ShotFolder
+from shared.arrays import ByteArray
+from shared.errors import InputError
+
+from .source import FrameSource, Stopped
+
+_DEPTH = 2  # frames that may wait: one covers a slow write, a second a pause of the disk; more would only be older
+
+
+def preview_maker(sensor: Sensor, *, scale: int = 1, threads: int | None = None) -> PreviewMaker:
+    """A camera's preview as a function, ready before the first frame arrives; for the arguments and errors see `Preview`."""
+    preview = Preview(sensor.pattern, scale, threads=threads)
+    return lambda mosaic: cast(ByteArray, preview.run(mosaic))
+
+
+class Recorder:
+    """Saves frames as shots.
+
+    source: where they come from.
+    folder: an existing folder.
+    latest: see `ShotFolder`.
+    burst: number of frames that are taken as fast as they come, and saved under one name; None = each on its own.
+    wait: the source waits instead of dropping frames, as a recording does.
+    threads: of the preview; None = one per core.
+    Raises InputError and OutputError as `ShotFolder` does.
+    """
+
+    def __init__(
+        self, source: FrameSource, folder: Path, latest: Path | None, *, burst: int | None, wait: bool, threads: int | None
+    ) -> None:
+        self._source, self._burst, self._wait = source, burst, wait or source.waits
+        self._shots = ShotFolder(folder, latest)
+        self._preview = preview_maker(source.sensor, threads=threads)
+        self._queue: FrameQueue | None = None
+
+    @property
+    def dropped(self) -> int:
+        """Number of frames that came too fast to be saved."""
+        return self._queue.dropped if self._queue else 0
+
+    @property
+    def waiting(self) -> int:
+        """Number of frames that have come and are not saved yet; of a burst, only those that nobody has taken."""
+        return len(self._queue) if self._queue else 0
+
+    def saved(self, stopped: Stopped, refused: Callable[[str], None], note: Callable[[str], None]) -> Iterator[Saved]:
+        """Save frames until they end, and yield each.
+
+        stopped: polled between frames: whether to end.
+        refused: called with the reason for each frame that is not saved.
+        note: called with remarks on the first frames.
+        Raises InputError when the stream breaks off, OutputError when a file cannot be written.
+        """
+
+        def refuse(error: InputError) -> None:
+            refused(str(error))
+
+        frames, sensor, burst = self._source.frames(stopped, refuse, note), self._source.sensor, self._burst
+        if burst:  # all frames may wait: none is dropped, and no more are read
+            frames = islice(frames, burst)
+        self._queue = queue = FrameQueue(frames, burst or _DEPTH, wait=self._wait, stopped=stopped)
+        outcomes = (
+            capture_burst(queue, burst, sensor, self._preview, self._shots)
+            if burst
+            else capture(queue, sensor, self._preview, self._shots)
+        )
+        for outcome in outcomes:
+            if isinstance(outcome, Saved):
+                yield outcome
+            elif not (burst and stopped()):  # then the user has ended it
+                refused(outcome.reason)
