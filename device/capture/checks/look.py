@@ -97,12 +97,12 @@ class Look:
 
     @cached_property
     def likely_place(self) -> tuple[int, int] | None:
-        """Where a tile of scattered sites begins, by its colours; None where the frame does not tell."""
+        """Where a tile of scattered sites begins, by its colours; None where the frame does not show it."""
         return likely_place(self.codes, self.pattern, self.found.places) if self.found else None
 
     @cached_property
     def greens(self) -> bool | None:
-        """Whether the two greens of a block are on their diagonal; None where the frame does not tell."""
+        """Whether the two greens of a block are on their diagonal; None where the frame does not show it."""
         black = float(np.mean(self.calibration.black_level))
         return greens_are_on_their_diagonal(self.codes, self.pattern, black, self.calibration.white_level)
 
