@@ -9,11 +9,11 @@ import pytest
 
 from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.sensor import simulate_sensor
-from tools.camera.lens import lens_aberration, lens_shading
+from tests.scenes import darker_corners, displaced_channels
 
 SHAPE = (61, 90)
 BARE = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8))
-KNOWN = {"shading": lens_shading(2, 0.15, 4, SHAPE), "aberration": lens_aberration(1.5, -1.0, 3, SHAPE)}
+KNOWN = {"shading": darker_corners(SHAPE), "aberration": displaced_channels(SHAPE)}
 
 
 def shot(part: str) -> Mosaic:

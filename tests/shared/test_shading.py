@@ -11,10 +11,10 @@ from shared.errors import InputError
 from shared.sensor import sample, simulate_additive, simulate_sensor
 from shared.shading import basis
 from shared.white_balance import estimate_neutral
-from tools.camera.lens import lens_shading
+from tests.scenes import darker_corners
 
 SHAPE = (61, 90)
-LENS = lens_shading(2, 0.15, 4, SHAPE)
+LENS = darker_corners(SHAPE)
 PATTERN = CfaPattern.bayer(6, origin=(4, 1))
 CALIBRATION = SensorCalibration.of_bits(16, gamma=(0.9, 1.1, 0.8), shading=LENS)
 BARE = replace(CALIBRATION, shading=None)
@@ -70,7 +70,7 @@ def test_evenly_shaded_frames_keep_what_panchromatic_pixels_read() -> None:
 
 def test_the_neutral_is_estimated_without_it() -> None:
     grey = np.full((120, 180, 3), (0.4, 0.6, 0.5), np.float32)
-    lens = replace(BARE, shading=lens_shading(2, 0.3, 4, (120, 180)))
+    lens = replace(BARE, shading=darker_corners((120, 180), colour=0.3))
     shot = simulate_sensor(grey, PATTERN, lens, 1.0, np.random.default_rng(0))
     assert estimate_neutral(shot) == pytest.approx((0.4 / 0.6, 1, 0.5 / 0.6), rel=0.02)
 

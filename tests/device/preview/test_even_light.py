@@ -9,17 +9,16 @@ from device import Preview
 from device.preview.even_light import even_light
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.sensor import simulate_additive
-from tools.camera.lens import lens_shading
-from tools.scenes.drawn.builtin import builtin_scene
+from tests.scenes import darker_corners, leaves
 
 SHAPE = (240, 360)
-LENS = lens_shading(2, 0.15, 4, SHAPE)
+LENS = darker_corners(SHAPE)
 PATTERN = CfaPattern.bayer(6)
 
 
 def shot(bits: int, shading: bool, light: float = 1.0) -> Mosaic:
     calibration = SensorCalibration.of_bits(bits, shading=LENS if shading else None)
-    rgb = builtin_scene(SHAPE[1], SHAPE[0]).rgb * np.float32(light)
+    rgb = leaves(*SHAPE) * np.float32(light)
     taken = simulate_additive(rgb, PATTERN, calibration, 0.0, np.random.default_rng(0))
     return Mosaic(taken.codes, PATTERN, taken.calibration)
 

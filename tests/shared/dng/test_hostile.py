@@ -1,11 +1,8 @@
 """Files that are torn, flipped, foreign, or made to do harm: each is refused, or read as it was written."""
 
-import hashlib
-import json
 import struct
 import time
 import tracemalloc
-import zlib
 from itertools import product
 
 import numpy as np
@@ -14,7 +11,7 @@ import pytest
 from shared import CfaPattern, Mosaic
 from shared.dng import codec, decode_dng, decode_preview, encode_dng, encode_picture_dng
 from shared.dng.container import main_directory, raw_digest, raw_directory
-from shared.dng.record import RECORD_ID, decode_record, encode_record
+from shared.dng.record import decode_record, encode_record, record_id
 from shared.dng.tags import Photometric, Tag
 from shared.errors import InputError
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
@@ -30,8 +27,14 @@ def tampered(raw_fields: Fields, strips: list[bytes] | None = None) -> bytes:
     raw.fields.update(raw_fields)
     raw.strips = raw.strips if strips is None else strips
     digest = raw_digest(original.codes)
-    main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
-    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(original, digest, main.strips[0])
+    return sealed(original, main_directory(preview(), METADATA, "Panchroma", raw, digest), digest)
+
+
+def sealed(original: Mosaic, main: Directory, digest: bytes) -> bytes:
+    """A file of these directories with the record of a shot, and its identity."""
+    record = encode_record(original, digest, main.strips[0])
+    main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, record
+    main.fields[Tag.RAW_DATA_UNIQUE_ID] = FieldType.BYTE, record_id(record).encode()
     return encode_tiff(main)
 
 
@@ -121,14 +124,6 @@ def test_the_callers_limit_counts() -> None:
         decode_dng(data, max_pixels=599)
 
 
-def test_a_deflate_bomb_is_refused() -> None:
-    bomb = zlib.compress(bytes(200_000_000), 9)
-    fields = {**sides(10000, 10000), Tag.COMPRESSION: (FieldType.SHORT, [8])}
-    assert_refused_cheaply(tampered(fields, [bomb]), "compression 8; a mosaic is lossless JPEG or uncompressed")
-    foreign = Directory({**sides(60000, 60000), Tag.COMPRESSION: (FieldType.SHORT, [8])}, strips=[bomb])
-    assert_refused_cheaply(encode_tiff(foreign), "not a mosaic of Panchroma")
-
-
 def test_a_jpeg_that_declares_more_than_it_holds_is_refused() -> None:
     original = mosaic(CfaPattern.bayer(9))
     (jpeg,) = raw_directory(original.codes, 12, Photometric.LINEAR_RAW).strips
@@ -210,9 +205,8 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
         raw.strips = [original.codes.tobytes()]
         digest = raw_digest(original.codes)
         main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
-        main.fields[Tag.DNG_PRIVATE_DATA] = FieldType.BYTE, encode_record(original, digest, main.strips[0])
-        with pytest.raises(InputError, match="damaged"):
-            decode_dng(encode_tiff(main))
+        with pytest.raises(InputError, match=r"damaged: (the samples are|the file|its parts)"):
+            decode_dng(sealed(original, main, digest))
 
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
@@ -230,18 +224,6 @@ def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
 
 def _entry(tag: int, value: int) -> bytes:
     return struct.pack("<HHII", tag, FieldType.LONG, 1, value)
-
-
-@pytest.mark.parametrize("name", ["shape", "samples", "preview"])
-def test_a_record_that_does_not_say_what_it_belongs_to_is_damaged(name: str) -> None:
-    original = mosaic(CfaPattern.bayer(9))
-    data = encode_dng(original, preview())
-    assert codec.verify(data) == original.shape
-    document = json.loads(encode_record(original, b"", b"").removeprefix(RECORD_ID))
-    del document[name], document["digest"]
-    digest = hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]
-    with pytest.raises(InputError, match="damaged: the record"):
-        decode_record(RECORD_ID + json.dumps({**document, "digest": digest}).encode())
 
 
 def test_an_exchanged_preview_is_told_by_verify_only() -> None:

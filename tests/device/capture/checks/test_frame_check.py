@@ -15,7 +15,7 @@ from shared.arrays import CodeArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tests.device.packer import pack, random_codes
-from tools.scenes.drawn.builtin import builtin_scene
+from tests.scenes import leaves
 
 SIZE = (192, 256)
 PATTERN = CfaPattern.bayer(6, origin=(2, 1))
@@ -26,8 +26,8 @@ OPEN = "the frame does not show whether size, format and pattern are right"
 def codes(
     pattern: CfaPattern = PATTERN, bits: int = 12, light: float = 1.0, sigma: float = 0.01, size: tuple[int, int] = SIZE
 ) -> CodeArray:
-    """The built-in scene through a sensor."""
-    scene = np.minimum(builtin_scene(size[1], size[0]).rgb * light, 1.0).astype(np.float32)
+    """A scene through a sensor."""
+    scene = np.minimum(leaves(*size) * light, 1.0).astype(np.float32)
     calibration = SensorCalibration.of_bits(bits, headroom=False)
     return simulate_additive(scene, pattern, calibration, sigma, np.random.default_rng(0)).codes
 
@@ -197,7 +197,7 @@ def test_the_green_diagonal() -> None:
 
 
 def test_greens_that_a_scene_without_colour_does_not_show_are_told_and_looked_at_again() -> None:
-    grey = np.repeat(builtin_scene(SIZE[1], SIZE[0]).rgb.mean(axis=2, keepdims=True), 3, axis=2).astype(np.float32)
+    grey = np.repeat(leaves(*SIZE).mean(axis=2, keepdims=True), 3, axis=2).astype(np.float32)
     calibration = SensorCalibration.of_bits(12, headroom=False)
     frame = pack(simulate_additive(grey, PATTERN, calibration, 0.01, np.random.default_rng(0)).codes, "raw12")
     layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
@@ -241,7 +241,7 @@ def test_samples_that_are_shifted_up(bits: int, light: float) -> None:
 
 
 def test_sensors_of_another_kind() -> None:
-    scene = builtin_scene(SIZE[1], SIZE[0]).rgb
+    scene = leaves(*SIZE)
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
     bayer = np.empty(SIZE)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
@@ -312,7 +312,7 @@ def test_scattered_patterns_at_another_place() -> None:
 
 
 def test_colours_that_a_scene_does_not_show_are_told() -> None:
-    grey = np.repeat(builtin_scene(SIZE[1], SIZE[0]).rgb.mean(axis=2, keepdims=True), 3, axis=2).astype(np.float32)
+    grey = np.repeat(leaves(*SIZE).mean(axis=2, keepdims=True), 3, axis=2).astype(np.float32)
     calibration = SensorCalibration.of_bits(12, headroom=False)
     frame = pack(simulate_additive(grey, KODAK, calibration, 0.01, np.random.default_rng(0)).codes, "raw12")
     layout = FrameLayout(SIZE[1], SIZE[0], "raw12")
@@ -336,7 +336,7 @@ def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
     assert "a sensor without colour filters, or another `pattern`, `period` or `origin`" in refusal(
         pack(codes(), "u16"), sensor(layout, KODAK)
     )
-    scene, bayer = builtin_scene(SIZE[1], SIZE[0]).rgb, np.empty(SIZE)
+    scene, bayer = leaves(*SIZE), np.empty(SIZE)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
         bayer[row::2, column::2] = scene[row::2, column::2, channel]
     with suppress(InputError):  # its greens are where panchromatic pixels would be
