@@ -25,6 +25,7 @@ from shared.dng import encode_dng, verify_dng
 from shared.errors import InputError
 from shared.tiff import Directory, FieldType, encode_tiff
 from tests.fuzz.codec_bombs import codec_bombs
+from tests.fuzz.forged import LONG, entries_of, exr, longs, npy, png, tiff
 from tests.fuzz.piece_bombs import piece_bombs
 from tests.shared.dng.examples import mosaic, preview
 from tools.calibration.reference import read_reference
@@ -80,20 +81,20 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "text.tif": (_many(270, GIGABYTE, kind=2), GIGABYTE + 1000),
         "deflate.tif": (_deflated(deflate), 0),
         "chain.tif": (_chain(300_000), 0),
-        "header.png": (_png(60000, 8), 0),
-        "header16.png": (_png(60000, 16), 0),
-        "deflate.png": (_png(16000, 8, deflate), 0),
-        "deflate16.png": (_png(9000, 16, deflate), 0),
-        "holes.png": (_png(10, 16), 4 * GIGABYTE),
+        "header.png": (png(side=60000, colour=2, samples=b""), 0),
+        "header16.png": (png(side=60000, bits=16, colour=2, samples=b""), 0),
+        "deflate.png": (png(side=16000, colour=2, samples=deflate), 0),
+        "deflate16.png": (png(side=9000, bits=16, colour=2, samples=deflate), 0),
+        "holes.png": (png(side=10, bits=16, colour=2, samples=b""), 4 * GIGABYTE),
         "frame.jpg": (_jpeg(65500, 65500), 0),
-        "chunk.png": (_png(10, 8, claimed=(1 << 31) - 1), 4 * GIGABYTE),
-        "chunk16.png": (_png(10, 16, claimed=(1 << 31) - 1), 100 << 20),
+        "chunk.png": (_chunk(8), 4 * GIGABYTE),
+        "chunk16.png": (_chunk(16), 100 << 20),
         "holes.webp": (b"RIFF" + struct.pack("<I", (1 << 32) - 10) + b"WEBPVP8 " + struct.pack("<I", 1 << 31), 4 * GIGABYTE),
         "window.exr": (_exr(), 0),
         "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
         "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),
-        "shape.npy": (_npy((20000, 20000, 3)), 0),
-        "holes.npy": (_npy((40000, 40000, 3)), 20 * GIGABYTE),
+        "shape.npy": (npy((20000, 20000, 3)), 0),
+        "holes.npy": (npy((40000, 40000, 3)), 20 * GIGABYTE),
         "holes.json": (b"{", 2 * GIGABYTE),
         "deep.json": (b"[" * 4_000_000, 0),
         "digits.json": (b'{"schema": ' + b"9" * 1_000_000 + b"}", 0),
@@ -114,12 +115,9 @@ def _sides(shot: bytes, rows: int, columns: int) -> bytes:
     return data
 
 
-def _many(tag: int, count: int, kind: int = 4) -> bytes:
+def _many(tag: int, count: int, kind: int = LONG) -> bytes:
     """A TIFF of one pixel in which the field `tag` claims `count` values."""
-    fields = {256: (4, 1, 1), 257: (4, 1, 1), 258: (3, 1, 8), 259: (3, 1, 1), 262: (3, 1, 1), 273: (4, 1, 8), 277: (3, 1, 1)}
-    fields |= {279: (4, 1, 1), tag: (kind, count, 1000)}
-    table = b"".join(struct.pack("<HHII", code, *entry) for code, entry in sorted(fields.items()))
-    return b"II*\0" + struct.pack("<IH", 8, len(fields)) + table + bytes(4)
+    return tiff({**longs({256: 1, 257: 1, 258: 8, 259: 1, 262: 1, 273: 8, 277: 1, 279: 1}), tag: (kind, count, 1000)})
 
 
 def _deflated(strip: bytes) -> bytes:
@@ -133,21 +131,16 @@ def _chain(length: int) -> bytes:
     buffer = io.BytesIO()
     tifffile.imwrite(buffer, np.zeros((4, 4), np.uint8))
     data = bytearray(buffer.getvalue())
-    (first,) = struct.unpack_from("<I", data, 4)
-    (count,) = struct.unpack_from("<H", data, first)
+    end = max(place for *_, place in entries_of(data).values()) + 12  # where the offset of the next page is
     data += bytes(len(data) % 2)
-    struct.pack_into("<I", data, first + 2 + 12 * count, len(data))
+    struct.pack_into("<I", data, end, len(data))
     start = len(data)
     return bytes(data) + b"".join(struct.pack("<HI", 0, start + 6 * (page + 1)) for page in range(length)) + bytes(6)
 
 
-def _png(side: int, bits: int, pixels: bytes = b"", claimed: int = 0) -> bytes:
-    """A PNG that says it is a square of RGB samples. claimed: length of an unknown chunk that follows the header."""
-    chunks = [(b"IHDR", struct.pack(">IIBBBBB", side, side, bits, 2, 0, 0, 0)), (b"IDAT", pixels), (b"IEND", b"")]
-    whole = b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
-    )
-    return whole[: 8 + 25] + struct.pack(">I", claimed) + b"zzZz" if claimed else whole
+def _chunk(bits: int) -> bytes:
+    """The beginning of a PNG with a chunk of two gigabytes behind the header."""
+    return png(side=10, bits=bits, colour=2, samples=b"")[: 8 + 25] + struct.pack(">I", (1 << 31) - 1) + b"zzZz"
 
 
 def _jpeg(rows: int, columns: int) -> bytes:
@@ -156,19 +149,10 @@ def _jpeg(rows: int, columns: int) -> bytes:
 
 def _exr() -> bytes:
     """A picture of 8 x 8 pixels that claims 30000 x 30000."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "a.exr")
-        OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": np.zeros((8, 8, 3), np.float32)}).write(path)
-        data = Path(path).read_bytes()
+    data = exr(OpenEXR.Part({"type": OpenEXR.scanlineimage}, {"RGB": np.zeros((8, 8, 3), np.float32)}, "a"))
     own, claimed = struct.pack("<4i", 0, 0, 7, 7), struct.pack("<4i", 0, 0, 29999, 29999)
     assert data.count(own) == 2
     return data.replace(own, claimed)
-
-
-def _npy(shape: tuple[int, ...]) -> bytes:
-    buffer = io.BytesIO()
-    np.lib.format.write_array_header_1_0(buffer, {"descr": "<f4", "fortran_order": False, "shape": shape})
-    return buffer.getvalue()
 
 
 _bombs = lru_cache(bombs)

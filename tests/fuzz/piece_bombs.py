@@ -1,19 +1,16 @@
 """Small files in needlessly many pieces, or in pieces that are holes: what a reader does that takes them one at a time."""
 
-import io
 import struct
 import zlib
 
-import numpy as np
-from PIL import Image
+from tests.fuzz.forged import Entries, chunk, longs, picture, png, tiff
 
-_SIDE = 64
 _LINEAR_RAW, _DNG_VERSION = 34892, 50706
 
 
 def piece_bombs() -> dict[str, tuple[bytes, int]]:
     """File name -> (first bytes, length), as in `bombs`."""
-    jpeg = _jpeg()
+    jpeg = picture("JPEG")
     rows = zlib.compress(bytes(120), 9)
     return {
         "segments.jpg": (jpeg[:2] + b"\xff\xe3\0\2" * 3_000_000 + jpeg[2:], 0),
@@ -22,8 +19,8 @@ def piece_bombs() -> dict[str, tuple[bytes, int]]:
         "filling.jpg": (jpeg[:2] + b"\xff" * 10_000_000 + jpeg[2:], 0),
         "filled-scan.jpg": (jpeg[:-2] + b"\xff" * 20_000_000 + jpeg[-2:], 0),
         "filled-end.jpg": (jpeg[:-2] + b"\xff" * 20_000_000, 0),
-        "chunks.png": (_png(b"zzZz"), 0),
-        "samples.png": (_png(b"IDAT"), 0),
+        "chunks.png": (png(chunk(b"zzZz", b"") * 3_000_000), 0),
+        "samples.png": (png(chunk(b"IDAT", b"") * 3_000_000), 0),
         "rows.tif": (_strips(65536, rows, 65536), 0),
         "rows.nef": (_strips(65536, rows, 65536, linear=True), 0),
         "overlap.nef": (_strips(60_000, rows + bytes(400_000), 1, linear=True), 0),
@@ -32,33 +29,10 @@ def piece_bombs() -> dict[str, tuple[bytes, int]]:
     }
 
 
-def _jpeg() -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(np.zeros((_SIDE, _SIDE, 3), np.uint8)).save(buffer, "JPEG")
-    return buffer.getvalue()
-
-
-def _png(name: bytes) -> bytes:
-    """A PNG with three million empty chunks of this name before its samples."""
-    header = struct.pack(">IIBBBBB", _SIDE, _SIDE, 8, 0, 0, 0, 0)
-    samples = zlib.compress(bytes(_SIDE * (1 + _SIDE)))
-    first, *rest = (
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in ((b"IHDR", header), (name, b""), (b"IDAT", samples), (b"IEND", b""))
-    )
-    return b"\x89PNG\r\n\x1a\n" + first + rest[0] * 3_000_000 + b"".join(rest[1:])
-
-
-def _tiff(entries: dict[int, tuple[int, int, int]]) -> bytes:
-    """A little-endian TIFF of one directory. entries: tag -> (type, count, value or offset)."""
-    table = b"".join(struct.pack("<HHII", tag, *entry) for tag, entry in sorted(entries.items()))
-    return b"II*\0" + struct.pack("<IH", 8, len(entries)) + table + bytes(4)
-
-
-def _fields(width: int, height: int, compression: int, rows: int) -> dict[int, tuple[int, int, int]]:
+def _fields(width: int, height: int, compression: int, rows: int) -> Entries:
     """Fields of a linear DNG without the places of its strips, nor BitsPerSample, which are three numbers elsewhere."""
     values = {254: 0, 256: width, 257: height, 259: compression, 262: _LINEAR_RAW, 277: 3, 278: rows, 284: 1}
-    return {tag: (4, 1, value) for tag, value in values.items()} | {_DNG_VERSION: (1, 4, 0x0401)}
+    return longs(values) | {_DNG_VERSION: (1, 4, 0x0401)}
 
 
 def _strips(count: int, strip: bytes, different: int, *, linear: bool = False) -> bytes:
@@ -67,27 +41,27 @@ def _strips(count: int, strip: bytes, different: int, *, linear: bool = False) -
     if not linear:
         del entries[_DNG_VERSION]
         entries[262] = 4, 1, 2
-    start = len(_tiff(entries)) + 3 * 12
+    start = len(tiff(entries)) + 3 * 12
     entries |= {258: (3, 3, start), 273: (4, count, start + 6), 279: (4, count, start + 6 + 4 * count)}
     data = start + 6 + 8 * count
     places = [data + len(strip) * (number % different) for number in range(count)]
     numbers = struct.pack("<3H", 16, 16, 16) + struct.pack(f"<{2 * count}I", *places, *[len(strip)] * count)
-    return _tiff(entries) + numbers + strip * different
+    return tiff(entries) + numbers + strip * different
 
 
 def _hole(side: int) -> tuple[bytes, int]:
     """A linear DNG whose samples, not compressed, are a hole in the file."""
     entries, length = _fields(side, side, 1, side), side * side * 6
-    start = len(_tiff(entries)) + 3 * 12
+    start = len(tiff(entries)) + 3 * 12
     entries |= {258: (3, 3, start), 273: (4, 1, start + 6), 279: (4, 1, length)}
-    return _tiff(entries) + struct.pack("<3H", 16, 16, 16), start + 6 + length
+    return tiff(entries) + struct.pack("<3H", 16, 16, 16), start + 6 + length
 
 
 def _grey(side: int) -> bytes:
     """A grey TIFF that inflates to 200 times its size, and as a scene to twelve times as much again."""
     values = {256: side, 257: side, 258: 8, 259: 8, 262: 1, 277: 1, 278: side}
-    entries = {tag: (4, 1, value) for tag, value in values.items()}
+    entries = longs(values)
     strip = zlib.compress(bytes(side * side), 9).ljust(side * side // 199, b"\0")
-    start = len(_tiff(entries)) + 2 * 12
+    start = len(tiff(entries)) + 2 * 12
     entries |= {273: (4, 1, start), 279: (4, 1, len(strip))}
-    return _tiff(entries) + strip
+    return tiff(entries) + strip

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from device import Preview
 from device.capture import Refused, Saved, Sensor, capture, capture_burst
 from device.capture.frame_queue import FrameQueue
 from device.capture.frames import FrameLayout, RawFrame
@@ -89,6 +88,8 @@ def test_a_burst_is_in_memory_before_the_first_frame_is_saved(tmp_path: Path) ->
 
 def test_of_a_burst_with_a_frame_that_does_not_fit_nothing_is_saved(tmp_path: Path) -> None:
     short = RawFrame(b"12", TAKEN, 0.0, "frames/7.raw")
+    (outcome,) = capture_burst(map(frame, range(3)), 4, SENSOR, grey, ShotFolder(tmp_path))
+    assert outcome == Refused("the frames ended after 3 of 4 of the burst; none of them is saved")
     (outcome,) = capture_burst([frame(0), short, frame(1)], 3, SENSOR, grey, ShotFolder(tmp_path))
     assert isinstance(outcome, Refused)
     assert outcome.reason.startswith("frames/7.raw: 2 bytes are not a frame")
@@ -135,13 +136,6 @@ def test_a_sensor_that_contradicts_itself(
 
 def test_words_may_use_fewer_bits() -> None:
     assert Sensor(FrameLayout(32, 26, "u16"), CfaPattern.bayer(), CALIBRATION).dark().codes.max() == 64
-
-
-def test_with_the_camera_s_preview(tmp_path: Path) -> None:
-    preview = Preview.for_mosaic(SENSOR.dark(), threads=1)
-    (saved,) = capture([frame(5)], SENSOR, lambda mosaic: np.asarray(preview.run(mosaic), np.uint8), ShotFolder(tmp_path))
-    assert isinstance(saved, Saved)
-    assert read_preview(saved.path).startswith(b"\xff\xd8")
 
 
 def test_memory_does_not_grow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,6 +117,7 @@ def test_a_wrong_format(right: str, wrong: str) -> None:
     frame = pack(codes(bits=min(FORMATS[right].bits, 12)), right, 544)
     message = refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], wrong)))
     assert f"`pixel_format={right}` `stride=544`." in message
+    assert f", and its samples are packed as {right}, not as {wrong}; likely" in message
 
 
 @pytest.mark.parametrize("place", [(0, 0), (2, 1), (5, 4)])

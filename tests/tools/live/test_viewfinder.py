@@ -1,0 +1,347 @@
+import errno
+import json
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from http.client import HTTPConnection, HTTPResponse, RemoteDisconnected
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import imagecodecs
+import numpy as np
+import pytest
+
+from device.capture import PreviewMaker, Sensor
+from device.capture.frames import FrameLayout, RawFrame
+from device.capture.shots import ShotFolder
+from shared import CfaPattern, Mosaic, SensorCalibration, read_dng
+from shared.arrays import ByteArray
+from shared.dng import read_preview
+from shared.errors import InputError, OutputError
+from tests.device.packer import random_codes
+from tools.live import server
+from tools.live.server import ViewfinderServer
+from tools.live.showing import fitting_scale, show_frames
+from tools.live.viewfinder import Viewfinder
+
+SIZE = (20, 30)
+
+
+SENSOR = Sensor(
+    FrameLayout(SIZE[1], SIZE[0], "u16"), CfaPattern.bayer(), SensorCalibration(black_level=(0.0,) * 4, white_level=1023)
+)
+
+
+def grey(mosaic: Mosaic) -> ByteArray:
+    return np.repeat((mosaic.codes >> 2).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+def noise(mosaic: Mosaic) -> ByteArray:
+    """A large picture, for a small frame: some 4 MB of JPEG."""
+    return np.random.default_rng(int(mosaic.codes[0, 0])).integers(0, 256, (1500, 2000, 3)).astype(np.uint8)
+
+
+def codes(number: int) -> Any:
+    return random_codes(SIZE, 10, number)
+
+
+def show(finder: Viewfinder, number: int, preview: PreviewMaker = grey) -> None:
+    frame = RawFrame.now(codes(number).tobytes())
+    mosaic = SENSOR.mosaic(frame)
+    finder.show(preview(mosaic), mosaic, frame.taken, frame.arrived)
+
+
+class Served:
+    """A viewfinder at work."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self.finder = Viewfinder(lambda: 7, ShotFolder(folder) if folder else None)
+        self.faults: list[BaseException] = []
+        self.server = ViewfinderServer(("127.0.0.1", 0), self.finder, self.faults.append)
+        self.port = int(self.server.server_address[1])
+        threading.Thread(target=self.server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def ask(self, path: str, method: str = "GET", **headers: str) -> HTTPResponse:
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection.request(method, path, headers=headers)
+        return connection.getresponse()
+
+    def facts(self, path: str, method: str = "GET", **headers: str) -> tuple[int, dict[str, Any]]:
+        answer = self.ask(path, method, **headers)
+        return answer.status, json.loads(answer.read())
+
+    def close(self) -> None:
+        self.finder.close()
+        self.server.shutdown()
+        self.server.server_close()
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    running = Served(tmp_path)
+    yield running
+    running.close()
+
+
+def pictures(stream: HTTPResponse) -> Iterator[bytes]:
+    """The JPEG files of a multipart stream (RFC 2046)."""
+    kind = stream.headers["Content-Type"]
+    found = re.fullmatch(r"multipart/x-mixed-replace; boundary=(\w+)", kind)
+    assert found, kind
+    assert stream.readline() == b"--" + found[1].encode() + b"\r\n"
+    while True:
+        head = {}
+        while line := stream.readline().strip():
+            name, _, value = line.partition(b": ")
+            head[name] = value
+        assert head[b"Content-Type"] == b"image/jpeg"
+        yield stream.read(int(head[b"Content-Length"]))
+        assert stream.readline() == b"\r\n"
+        assert stream.readline() == b"--" + found[1].encode() + b"\r\n"
+
+
+def test_the_stream_shows_each_picture(served: Served) -> None:
+    show(served.finder, 0)
+    stream = pictures(served.ask("/stream.mjpg"))
+    for number in range(3):
+        picture = imagecodecs.jpeg8_decode(next(stream))
+        assert picture.shape == (*SIZE, 3)
+        expected = codes(number)[..., None] / 4
+        assert abs(picture - expected).mean() < 12  # JPEG of noise; another frame is off by 85
+        assert abs(picture - codes(number + 1)[..., None] / 4).mean() > 60
+        show(served.finder, number + 1)
+
+
+def test_frames_are_shown_in_their_order_by_threads_of_any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    finder, seen, refused = Viewfinder(lambda: 0), list[int](), list[InputError]()
+    first = [int(codes(number)[0, 0]) for number in range(6)]
+
+    def preview(mosaic: Mosaic) -> ByteArray:
+        time.sleep(0.02 * (int(mosaic.codes[0, 0]) == first[2]))
+        seen.append(int(mosaic.codes[0, 0]))
+        return grey(mosaic)
+
+    shown = []
+    monkeypatch.setattr(finder, "show", lambda picture, mosaic, taken, arrived: shown.append(int(mosaic.codes[0, 0])))
+    show_frames((RawFrame.now(codes(number).tobytes()) for number in range(6)), SENSOR, preview, finder, refused.append)
+    assert shown == seen == first
+    assert refused == []
+
+
+def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_stream_breaks() -> None:
+    def frames() -> Iterator[RawFrame]:
+        for number in range(5):
+            yield RawFrame.now(codes(number).tobytes()[: None if number != 2 else -1])
+        raise InputError("the stream broke")
+
+    finder, refused = Viewfinder(lambda: 0), list[InputError]()
+    with pytest.raises(InputError, match="the stream broke"):
+        show_frames(frames(), SENSOR, grey, finder, refused.append)
+    assert finder.status()["frames"] == 4
+    assert len(refused) == 1
+
+
+def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
+    for number in range(5):
+        show(served.finder, number)
+    first = next(pictures(served.ask("/stream.mjpg")))
+    view = served.finder.after(0)
+    assert view is not None
+    assert first == view.jpeg
+    assert view.number == 5
+
+
+def test_the_figures(served: Served) -> None:
+    status, facts = served.facts("/status")
+    assert status == 200
+    assert facts == {"frames": 0, "fps": 0.0, "latency_ms": 0.0, "dropped": 7, "width": 0, "height": 0, "can_save": True}
+    for number in range(3):
+        show(served.finder, number)
+    _, facts = served.facts("/status")
+    assert facts["frames"] == 3
+    assert facts["fps"] > 0
+    assert facts["latency_ms"] > 0
+    assert (facts["width"], facts["height"]) == (30, 20)
+
+
+def test_the_button_saves_the_frame_that_is_shown_and_its_picture(served: Served, tmp_path: Path) -> None:
+    for number in range(3):
+        show(served.finder, number, lambda mosaic: np.full((5, 7, 3), int(mosaic.codes[0, 0]) >> 2, np.uint8))
+    for _ in range(2):
+        status, facts = served.facts("/capture", "POST", Origin=f"http://127.0.0.1:{served.port}")
+        assert status == 200
+        assert np.array_equal(read_dng(tmp_path / facts["file"]).codes, codes(2))
+        picture = imagecodecs.jpeg8_decode(read_preview(tmp_path / facts["file"]))
+        assert picture.shape == (5, 7, 3)
+        assert abs(picture - codes(2)[0, 0] / 4).max() < 3
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_cannot_be_saved_is_told(served: Served, tmp_path: Path, full_disk: Callable[[], None]) -> None:
+    assert served.facts("/capture", "POST") == (409, {"error": "there is no frame: the camera has not begun, or has ended"})
+    show(served.finder, 0)
+    full_disk()
+    status, facts = served.facts("/capture", "POST")
+    assert status == 507
+    assert "the disk is full" in facts["error"]
+    assert str(tmp_path) not in facts["error"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_folder_nothing_is_saved() -> None:
+    running = Served(None)
+    show(running.finder, 0)
+    assert running.facts("/status")[1]["can_save"] is False
+    assert running.facts("/capture", "POST") == (409, {"error": "no folder for shots: start with -o DIR"})
+    running.close()
+
+
+def test_the_page_and_nothing_else(served: Served, tmp_path: Path) -> None:
+    for path, kind in (("/", "text/html"), ("/?again", "text/html"), ("/style.css", "text/css"), ("/script.js", "text/javascript")):
+        answer = served.ask(path)
+        assert answer.status == 200
+        assert answer.headers["Content-Type"].startswith(kind)
+        assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+        assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+        assert len(answer.read()) == int(answer.headers["Content-Length"])
+    (tmp_path / "secret").touch()
+    for path in ("/index.html", "/../server.py", "/%2e%2e/server.py", "//etc/passwd", "/page/style.css", "/secret", "*"):
+        assert served.ask(path).status == 404
+    show(served.finder, 0)
+    assert served.ask("/capture").status == 404  # looking changes nothing
+    assert served.ask("/stream.mjpg", "POST").status == 404
+    assert served.ask("/capture", "PUT").status == 501
+    assert [path.name for path in tmp_path.iterdir()] == ["secret"]
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "localhost.evil.example", "127.0.0.1.evil.example", "", "[::1"]
+)
+@pytest.mark.parametrize("path", ["/", "/status", "/stream.mjpg", "/capture"])
+def test_another_site_s_name_is_refused(served: Served, tmp_path: Path, host: str, path: str) -> None:
+    """DNS rebinding: the attacker's page reaches this server under the attacker's name."""
+    show(served.finder, 0)
+    method = "POST" if path == "/capture" else "GET"
+    assert served.ask(path, method, Host=host.format(port=served.port)).status == 421
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "localhost:8000", "LOCALHOST", "[::1]:8000", "192.168.1.7:8000", socket.gethostname()]
+)
+def test_the_camera_s_own_names_are_welcome(served: Served, host: str) -> None:
+    assert served.ask("/status", Host=host).status == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"])
+def test_another_site_s_page_takes_no_shots(served: Served, tmp_path: Path, origin: str) -> None:
+    show(served.finder, 0)
+    assert served.ask("/capture", "POST", Origin=origin.format(port=served.port)).status == 403
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_watcher_that_does_not_read_holds_up_nobody() -> None:
+    running = Served(None)
+    sleeper = socket.create_connection(("127.0.0.1", running.port))
+    sleeper.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    sleeper.sendall(b"GET /stream.mjpg HTTP/1.0\r\nHost: localhost\r\n\r\n")
+    assert sleeper.recv(12) == b"HTTP/1.0 200"
+    awake = pictures(running.ask("/stream.mjpg"))
+    for number in range(5):
+        show(running.finder, number, noise)
+        view = running.finder.after(number)
+        assert view is not None
+        assert next(awake) == view.jpeg
+    assert running.facts("/status")[1]["frames"] == 5
+    sleeper.close()
+    running.close()
+
+
+def test_seats_are_few_and_come_free(served: Served) -> None:
+    show(served.finder, 0)
+    watchers = [served.ask("/stream.mjpg") for _ in range(8)]
+    assert [watcher.status for watcher in watchers] == [200] * 8
+    status, facts = served.facts("/stream.mjpg")
+    assert status == 503
+    assert "8 people look" in facts["error"]
+    watchers.pop().close()
+    for number in range(1000):  # the server notices when it sends
+        show(served.finder, number)
+        if (status := served.ask("/stream.mjpg").status) == 200:
+            break
+    assert status == 200
+
+
+def test_closing_ends_the_streams_and_waits_for_the_shot_in_hand(tmp_path: Path) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+
+    class Slow(ShotFolder):
+        def save(self, mosaic: Mosaic, picture: ByteArray, taken: datetime) -> Path:
+            begun.set()
+            assert go_on.wait(60)
+            return super().save(mosaic, picture, taken)
+
+    finder = Viewfinder(lambda: 0, Slow(tmp_path))
+    show(finder, 0)
+    ended: list[object] = []
+    watcher = threading.Thread(target=lambda: ended.append(finder.after(1)))
+    watcher.start()
+    shooter = threading.Thread(target=finder.shoot)
+    shooter.start()
+    assert begun.wait(60)
+    threading.Timer(0.2, go_on.set).start()
+    finder.close()
+    assert len(list(tmp_path.glob("*.dng"))) == 1
+    watcher.join(60)
+    assert ended == [None]
+    with pytest.raises(InputError, match="has ended"):
+        finder.shoot()
+    shooter.join(60)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "192.0.2.1"])
+def test_an_address_that_is_taken_or_not_ours(served: Served, host: str) -> None:
+    with pytest.raises(OutputError, match=f"{host} port {served.port}: nothing can be served there"):
+        ViewfinderServer((host, served.port), served.finder, print)
+
+
+@pytest.mark.parametrize(
+    ("width", "period", "scale"),
+    [(1440, 6, 1), (1441, 6, 2), (4056, 6, 3), (4608, 6, 6), (4056, 4, 4), (9000, 7, 7), (9000, 4, 4), (3000, 9, 3)],
+)
+def test_the_picture_fits_the_page_where_the_pattern_allows(width: int, period: int, scale: int) -> None:
+    assert fitting_scale(width, CfaPattern.bayer(period)) == scale
+
+
+def test_without_descriptors_it_waits_quietly_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Connections are accepted again a few times a second, not without end, and the page needs no file."""
+    refused: list[socket.socket] = []
+    pauses: list[float] = []
+    running = Served(tmp_path)
+    real = socket.socket.accept
+
+    def accept(self: socket.socket) -> Any:
+        if len(refused) < 3:
+            refused.append(self)
+            raise OSError(errno.EMFILE, "Too many open files")
+        return real(self)
+
+    monkeypatch.setattr(server, "time", SimpleNamespace(sleep=pauses.append))
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    monkeypatch.setattr(Path, "read_bytes", lambda _: pytest.fail("opened a file"))
+    assert running.ask("/").status == 200
+    assert pauses == [server._PAUSE] * 3
+    running.close()
+
+
+def test_what_goes_wrong_in_a_handler_is_reported(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Viewfinder, "status", lambda _: 1 / 0)
+    with pytest.raises((RemoteDisconnected, ConnectionError)):
+        served.ask("/status")
+    assert [type(each) for each in served.faults] == [ZeroDivisionError]
