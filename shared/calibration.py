@@ -285,7 +285,7 @@ class SensorCalibration:
         if not isinstance(document, dict):
             raise InputError(f"calibration: expected a JSON object, found {type(document).__name__}")
         given = dict(document)
-        if (schema := given.pop("schema", None)) != SCHEMA:
+        if (schema := given.pop("schema", None)) != SCHEMA or schema is True:
             raise InputError(f"calibration: schema is {schema!r}, this version reads {SCHEMA}")
         if unknown := sorted(set(given) - {field.name for field in fields(cls)}):
             raise InputError(f"calibration: unknown field {unknown[0]!r}")

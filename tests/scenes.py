@@ -6,15 +6,16 @@ from shared import Aberration, Shading
 from shared.arrays import FloatArray
 
 
-def leaves(height: int, width: int, seed: int = 0) -> FloatArray:
+def leaves(height: int, width: int, seed: int = 1) -> FloatArray:
     """Fallen leaves: discs of many sizes and colours that hide each other, as photographs have them, (H, W, 3), 0.02 to 0.95."""
     random = np.random.default_rng(seed)
     rows, columns = np.arange(height)[:, None], np.arange(width)
     picture = np.full((height, width, 3), 0.3)
-    for radius in np.sort(2.5 * (1 - random.random(2000)) ** (-1 / 2))[::-1]:  # two thirds of the discs are small
+    for radius in np.sort(9 * (1 - random.random(400)) ** (-1 / 2))[::-1]:
         row, column = random.uniform(0, height), random.uniform(0, width)
         within = (rows - row) ** 2 + (columns - column) ** 2 < min(radius, height / 3) ** 2
-        picture[within] = random.uniform(0.05, 0.9) * random.uniform(0.3, 1, 3)
+        warm = (1 + np.sin(6 * column / width + 3 * row / height)) / 2  # what lies together has similar colours
+        picture[within] = random.uniform(0.05, 0.6) * (np.array((warm, 0.2, 1 - warm)) + random.uniform(0, 0.3, 3))
     picture *= 1.1 - 0.4 * (rows / height + columns / width)[..., None] / 2
     picture += random.normal(0, 0.01, (height, width, 1))
     return picture.clip(0.02, 0.95).astype(np.float32)

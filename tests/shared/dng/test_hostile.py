@@ -205,7 +205,7 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
         raw.strips = [original.codes.tobytes()]
         digest = raw_digest(original.codes)
         main = main_directory(preview(), METADATA, "Panchroma", raw, digest)
-        with pytest.raises(InputError, match=r"damaged: (the samples are|the file|its parts)"):
+        with pytest.raises(InputError, match="damaged: the samples"):
             decode_dng(sealed(original, main, digest))
 
 
