@@ -4,6 +4,7 @@ When a worker is lost the scheduler gives its pieces to another one. A worker do
 `dask worker --nthreads 1`. Only workers that run the source of this program get work.
 """
 
+import hashlib
 import json
 import logging
 import math
@@ -25,7 +26,6 @@ from typing import Any, NoReturn, TypeVar
 from shared.errors import InputError, PanchromaError
 from shared.reading import read_text
 
-from .code_digest import digest
 from .console import OUR_PACKAGES, one_line
 from .progress import Note, StageProgress
 from .signals import raise_lost_signal
@@ -62,7 +62,16 @@ class Program:
 def program() -> Program:
     """The program of this process."""
     versions = ((name, package_version(name)) for name in _PACKAGES)
-    return Program(digest(*OUR_PACKAGES), (("Python", platform.python_version()), *versions))
+    return Program(source_digest(Path(__file__).parents[2]), (("Python", platform.python_version()), *versions))
+
+
+def source_digest(root: Path) -> str:
+    """Digest of all files of our packages below a folder, but of texts (*.md) and compiled code: 16 hexadecimal digits."""
+    total = hashlib.sha256()
+    for path in sorted(path for package in OUR_PACKAGES for path in (root / package).rglob("*") if path.is_file()):
+        if path.suffix != ".md" and "__pycache__" not in path.parts:
+            total.update(path.relative_to(root).as_posix().encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()[:16]
 
 
 @contextmanager

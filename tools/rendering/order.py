@@ -26,7 +26,7 @@ class Order:
 
     folder: the output folder, home of the journal.
     kind: format, bits and colour space of the pictures.
-    preset: "best", "unlearned" (best without its network) or "paper".
+    preset: a key of `offline.PRESETS`.
     exposure: gain of a display picture, stops.
     camera: replaces the calibration in the shots.
     run: name of this run in the journal.

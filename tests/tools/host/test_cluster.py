@@ -16,7 +16,7 @@ from tests.data import ROOT
 from tests.tools.command import assert_refused, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import cluster as module
-from tools.host.cluster import Program, program
+from tools.host.cluster import Program, program, source_digest
 from tools.host.progress import StageProgress
 
 pytest.importorskip("distributed")
@@ -129,6 +129,20 @@ class _Client:
 
     def run(self, function: object, *, workers: list[str], on_error: str) -> dict[str, object]:
         return {address: self.answers[address] for address in workers}
+
+
+def test_the_digest_of_the_source_is_that_of_every_file_that_runs(tmp_path: Path) -> None:
+    def changed(name: str) -> bool:
+        before = source_digest(tmp_path)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name + before)
+        return source_digest(tmp_path) != before
+
+    for name in ("shared/a.py", "shared/a.py", "offline/models/a.onnx", "tools/host/b.py", "device/a.py"):
+        assert changed(name)
+    assert not any(changed(name) for name in ("tools/README.md", "offline/__pycache__/a.pyc", "tests/a.py"))
+    (tmp_path / "shared/a.py").rename(tmp_path / "shared/c.py")
+    assert changed("shared/a.py")
 
 
 def test_workers_are_judged_by_what_they_run() -> None:

@@ -75,7 +75,7 @@ def test_every_setting_of_the_render_changes_the_key(monkeypatch: pytest.MonkeyP
     settings = dict(one_field_changed(offline.BEST))
     assert {each.name for each in fields(offline.BEST)} == {name.partition(".")[0] for name in settings}
     for other in settings.values():
-        monkeypatch.setattr(offline, "BEST", other)
+        monkeypatch.setitem(offline.PRESETS, "best", other)
         keys.add(key(Order(**WHOLE)))
     assert len(keys) == len(settings) + 1
 

@@ -94,7 +94,7 @@ def test_another_algorithm_or_preset_makes_all_of_them_anew(shots: Path, out: Pa
     render(shots, out)
     monkeypatch.setattr("offline.version.ALGORITHM", -1)
     assert current(render(shots, out, "--resume")) == set()
-    monkeypatch.setattr(offline, "PAPER", replace(offline.PAPER, luminance=replace(offline.PAPER.luminance, iterations=20)))
+    monkeypatch.setitem(offline.PRESETS, "paper", replace(offline.PAPER, luminance=replace(offline.PAPER.luminance, iterations=20)))
     assert current(render(shots, out, "--resume", "--preset", "paper")) == set()
     assert current(render(shots, out, "--resume", "--preset", "paper")) == {"a.tif", "b.tif", "c.tif"}
 
