@@ -191,6 +191,8 @@ def do_jobs(jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], cons
     well, waiting = True, list(jobs)
     with console.progress(title) if told else StageProgress() as progress:
         for work, workers in passes:
+            if not waiting:
+                break
             postponed = []
             for job, result in follow(workers, work, waiting, progress, "files"):
                 if isinstance(result, Outcome) and result.state == "postponed":
