@@ -15,6 +15,7 @@ from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, do_jobs, identity, output_folder, possible_jobs
 from tools.host.memory import reuse_memory
+from tools.host.progress import StageProgress
 from tools.rendering.burst import BurstOrder
 from tools.rendering.compilation import limit_threads
 from tools.rendering.run import Resources, passes
@@ -80,5 +81,5 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     job = Job(names[0], tuple(outputs), all(each.found for each in found.sources), tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
     resources = Resources.of(order, jobs, 1, arguments.threads, arguments.max_memory)
-    made = do_jobs(jobs, passes(order, resources, console, 1), console)
-    return 0 if made and possible else FAILED
+    states = do_jobs(jobs, passes(order, resources, console, 1), console, StageProgress())
+    return 0 if possible and not states["failed"] else FAILED

@@ -70,7 +70,8 @@ def _verify(sources: Sequence[str], arguments: argparse.Namespace, console: Cons
 
     files = list(dict.fromkeys(sources))  # one that is named twice is checked once
     threads = Threads(arguments.workers or processors(), console.note)
-    code = run_jobs([Job(file) for file in files], work, console, title="verify", workers=threads)
+    with console.progress("verify") as progress:
+        code = run_jobs([Job(file) for file in files], work, console, workers=threads, progress=progress)
     damaged, unread = ([file for file in files if found[file] == wrong] for wrong in ("damaged", "unread"))
     count = f"{len(files) - len(damaged) - len(unread)} whole, {len(damaged)} damaged"
     console.say(count + (f", {len(unread)} that cannot be read" if unread else ""), *(f"  {file}" for file in (*damaged, *unread)))

@@ -13,11 +13,12 @@ from shared.errors import InputError
 from shared.writing import sweep
 from tools.host.console import Console
 from tools.host.folders import DNGS, plan, search
-from tools.host.jobs import FAILED, Job, do_jobs, possible_jobs
+from tools.host.jobs import FAILED, Job, counted, do_jobs, possible_jobs
 from tools.host.memory import reuse_memory
+from tools.host.progress import StageProgress
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
-from tools.rendering.run import Resources, passes
+from tools.rendering.run import Pass, Resources, passes
 from tools.rendering.shard import Shard
 
 from .options import add, add_shots, uses_scheduler
@@ -58,8 +59,18 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     else:
         workers = 1 if order.dry_run else arguments.workers
         resources = Resources.of(order, jobs, workers, arguments.threads, arguments.max_memory)
-        all_made = do_jobs(jobs, passes(order, resources, console, len(jobs)), console, "render")
+        all_made = _made(jobs, passes(order, resources, console, len(jobs)), console)
     return 0 if all_made and all_possible and searched else FAILED
+
+
+def _made(jobs: Sequence[Job], through: Sequence[Pass], console: Console) -> bool:
+    """Make the pictures, and count them if there are several. Returns whether none has failed."""
+    several = len(jobs) > 1
+    with console.progress("render") if several else StageProgress() as progress:
+        states = do_jobs(jobs, through, console, progress)
+    if several:
+        console.note(counted(states))
+    return not states["failed"]
 
 
 def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Namespace, console: Console) -> bool:
@@ -70,7 +81,7 @@ def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Names
     try:
         with connected(arguments.scheduler, arguments.scheduler_file) as client:
             through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
-            return do_jobs(jobs, through, console, "render")
+            return _made(jobs, through, console)
     except SchedulerGoneError as error:
         console.error(str(error))
         return False

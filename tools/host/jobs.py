@@ -137,20 +137,20 @@ def run_jobs(
     console: Console,
     *,
     overwrite: bool = False,
-    title: str = "",
     workers: JobWorkers | None = None,
+    progress: StageProgress | None = None,
 ) -> int:
     """Do each job that would replace nothing that must stay. A job that fails costs one line, and the others go on.
 
     overwrite: results that exist may be replaced.
-    title: names the work; "" = one without a bar over all jobs.
     workers: how the work is done; None = one job after the other, here.
+    progress: shows how far all jobs are.
 
     Returns the exit code, 0 or 1.
     """
     possible, all_possible = possible_jobs(jobs, console, overwrite=overwrite)
-    all_done = do_jobs(possible, [(work, workers or Here(lambda _: StageProgress(note=console.note)))], console, title)
-    return 0 if all_possible and all_done else FAILED
+    passes = [(work, workers or Here(lambda _: StageProgress(note=console.note)))]
+    return 0 if do_jobs(possible, passes, console, progress or StageProgress())["failed"] == 0 and all_possible else FAILED
 
 
 def possible_jobs(
@@ -180,31 +180,31 @@ def possible_jobs(
     return possible, all_well
 
 
-def do_jobs(jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], console: Console, title: str = "") -> bool:
-    """Do jobs, with a line and a record for each. Returns whether none has failed.
+def do_jobs(
+    jobs: Sequence[Job], passes: Sequence[tuple[Work, JobWorkers]], console: Console, progress: StageProgress
+) -> Counter[State]:
+    """Do jobs, with a line and a record for each. Returns how many ended in which state; each failed frame counts as failed too.
 
     passes: each gets the jobs that the one before it has postponed.
-    title: names the work. With it, several jobs have a bar over all of them, and a line that counts their results in the end.
+    progress: shows how far all jobs are.
     """
     states: Counter[State] = Counter()
-    told = bool(title) and len(jobs) > 1
-    well, waiting = True, list(jobs)
-    with console.progress(title) if told else StageProgress() as progress:
-        for work, workers in passes:
-            if not waiting:
-                break
-            postponed = []
-            for job, result in follow(workers, work, waiting, progress, "files"):
-                if isinstance(result, Outcome) and result.state == "postponed":
-                    postponed.append(job)
-                    continue
-                state = _report(job, result, console)
-                states[state] += 1
-                well = well and state != "failed" and not (isinstance(result, Outcome) and result.errors)
-            waiting = postponed
-    if told and any(job.outputs for job in jobs):
-        console.note(", ".join(f"{states[state]} {words}" for state, words in _WORDS.items() if states[state]))
-    return well
+    waiting = list(jobs)
+    for work, workers in passes:
+        postponed = []
+        for job, result in follow(workers, work, waiting, progress):
+            if isinstance(result, Outcome) and result.state == "postponed":
+                postponed.append(job)
+            else:
+                states[_report(job, result, console)] += 1
+                states["failed"] += len(result.errors) if isinstance(result, Outcome) else 0
+        waiting = postponed
+    return states
+
+
+def counted(states: Counter[State]) -> str:
+    """The states of jobs in words, for example "3 made, 1 failed"."""
+    return ", ".join(f"{states[state]} {words}" for state, words in _WORDS.items() if states[state])
 
 
 def _report(job: Job, result: Outcome | Exception, console: Console) -> State:

@@ -107,7 +107,7 @@ class BarProgress(StageProgress):
     def stage(self, name: str, steps: int) -> None:
         """Restart the bar under this name."""
         super().stage(name, steps)
-        self._display.reset(self._task, total=steps, description=f"{self._title}: {name}")
+        self._display.reset(self._task, total=steps, description=self._label())
 
     def remark(self, text: str) -> None:
         """Show the remark beside the bar."""

@@ -82,14 +82,16 @@ def follow(
     work: Callable[[P, StageProgress], R],
     pieces: Sequence[P],
     progress: StageProgress,
-    name: str,
+    name: str = "",
     length: Callable[[P], float] = lambda _: 1.0,
 ) -> Iterator[tuple[P, R | Exception]]:
     """As `workers(work, pieces)`, while `progress` shows how far the whole is, and how long the rest will take.
 
-    name: of the stage.
+    name: of the stage; "" = it has none.
     length: a piece's share of the work, in any unit.
     """
+    if not pieces:
+        return
     countdown = Countdown(sum(map(length, pieces)), len(pieces))
     progress.stage(name, round(_PARTS * sum(map(length, pieces))))
     for piece, result in workers(work, pieces):

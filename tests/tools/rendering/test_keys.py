@@ -53,7 +53,8 @@ def key(order: Order) -> str:
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_every_field_that_changes_a_picture_changes_its_key(order: Order) -> None:
+def test_every_field_that_changes_a_picture_changes_its_key(order: Order, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(offline.PRESETS, "changed", offline.PAPER)  # whose name it is
     changed = dict(one_field_changed(order))
     assert {"camera.calibration.shading.focal_length", "camera.measured", "kind.quality", "white.kind"} <= changed.keys()
     whole = key(order)
