@@ -8,7 +8,7 @@ With --burst it simulates a hand-held series instead, merges it, and compares th
 
 import argparse
 import itertools
-from collections.abc import Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shared import CfaPattern, Mosaic, read_dng, write_dng
+from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.dng import read_preview
 from shared.errors import InputError
@@ -75,111 +76,102 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace, console: Console) -> int:
     """Write the results and show the comparison; returns the exit code."""
-    sigma: float = arguments.sigma
-    frames: int | None = arguments.burst
+    noise, frames = PaperProtocol(arguments.sigma), arguments.burst
     if frames is not None and frames < 2:
         raise InputError(f"--burst is {frames}, expected 2 frames or more")
-    results = (
-        _RESULTS if frames is None else (*_BURST_RESULTS, *(f"{frame_name('frame', n + 1, frames)}.dng" for n in range(frames)))
-    )
+    shots = [f"{frame_name('frame', number + 1, frames)}.dng" for number in range(frames or 0)]
+    results = (*_BURST_RESULTS, *shots) if shots else _RESULTS
     names = (_FOLDER if number == 1 else f"{_FOLDER}-{number}" for number in itertools.count(1))
     unused = next(name for name in names if not Path(name).exists())
     folder = output_folder(unused if arguments.output is None else arguments.output)
+    demo = _Demo(folder, noise, console, arguments.overwrite)
 
     def work(job: Job, listener: StageProgress) -> Outcome:
-        (_demonstrate if frames is None else _demonstrate_burst)(job.outputs, sigma, console, overwrite=arguments.overwrite)
-        return Outcome(lines=(f"{folder}: {', '.join(results)}",))
+        return Outcome(lines=(*(demo.burst(shots) if shots else demo.shot()), f"{folder}: {', '.join(results)}"))
 
     job = Job("demo", tuple(folder / name for name in results))
     return run_jobs([job], work, console, overwrite=arguments.overwrite)
 
 
-def _demonstrate(results: Sequence[Path], sigma: float, console: Console, *, overwrite: bool) -> None:
-    """Run the chain, write `results` (in the order of _RESULTS) and show the table."""
-    shot, preview, render_png, render_tif, truth_tif, overview_png, comparison_png = results
-    scene = builtin_scene(_WIDTH, _HEIGHT)
-    taken = _photograph(scene, None, sigma, _SEED)
-    write_dng(shot, taken, Previews()(taken), overwrite=overwrite)
-    write_durably(preview, read_preview(shot), overwrite=overwrite)
-    mosaic = read_dng(shot)  # from here on only what the file holds
+@dataclass(frozen=True)
+class _Demo:
+    """The chain from a scene to files in a folder, and to a table."""
 
-    from offline import BEST, PAPER, render
-    from tools.pictures.illustrations import comparison, overview
+    folder: Path
+    noise: PaperProtocol
+    console: Console
+    overwrite: bool
 
-    with console.progress("demo") as progress, announced_compilation(progress):
-        compile_ahead([PAPER, BEST], processors(), progress)
-        paper, best = render(mosaic, PAPER, progress), render(mosaic, BEST, progress)
-    bayer = demosaic_bilinear(PaperProtocol(sigma).bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
-    for path, rgb, kind in (
-        (render_png, best.rgb, PictureKind.of("png")),
-        (render_tif, best.rgb, _MEASURED),
-        (truth_tif, scene.rgb, _MEASURED),
-    ):
-        development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
-        write_picture(path, [rgb], development, overwrite=overwrite)
-    shown = ColourTransform.to_space(mosaic.calibration)
-    displayed = {name: shown.apply(rgb) for name, rgb in ((_TRUTH, scene.rgb), (_BAYER, bayer), (_BEST, best.rgb))}
-    drawn = overview(mosaic, best.luminance, best.rgb, _OVERVIEW), comparison(displayed, _CROPS)
-    for path, figure in zip((overview_png, comparison_png), drawn, strict=True):
-        _write_figure(path, figure, overwrite=overwrite)
-    compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
-    console.say(*_table({name: quality(rgb, scene.rgb).median for name, rgb in compared.items()}, sigma))
+    def shot(self) -> list[str]:
+        """Run the chain for one shot, write _RESULTS, and return the table."""
+        scene = builtin_scene(_WIDTH, _HEIGHT)
+        mosaic = self._photographed(scene, SimulatedFrame(scene.rgb), "shot.dng", _SEED)
+        write_durably(self.folder / "preview.jpg", read_preview(self.folder / "shot.dng"), overwrite=self.overwrite)
 
+        from offline import BEST, PAPER, render
+        from tools.pictures.illustrations import overview
 
-def _demonstrate_burst(results: Sequence[Path], sigma: float, console: Console, *, overwrite: bool) -> None:
-    """Simulate a burst, merge it, write `results` (in the order of _BURST_RESULTS, then the frames) and show the table."""
-    frame_png, burst_png, burst_tif, truth_tif, comparison_png, *shots = results
-    scene, previews = builtin_scene(*_DRAWN), Previews()
-    burst = burst_frames(scene.rgb, SimulatedBurst(len(shots), *_MOTION), np.random.default_rng(_SEED), _PIXEL)
-    frames = list(burst)
-    truth = frames[0].rgb
-    for number, (shot, frame) in enumerate(zip(shots, frames, strict=True)):
-        mosaic = _photograph(scene, frame, sigma, number)
-        write_dng(shot, mosaic, previews(mosaic), overwrite=overwrite)
-    mosaics = [read_dng(shot) for shot in shots]
+        with self.console.progress("demo") as progress, announced_compilation(progress):
+            compile_ahead([PAPER, BEST], processors(), progress)
+            paper, best = render(mosaic, PAPER, progress), render(mosaic, BEST, progress)
+        bayer = demosaic_bilinear(self.noise.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
+        self._save(mosaic, {"render.png": best.rgb, "render.tif": best.rgb, "truth.tif": scene.rgb})
+        self._draw("overview.png", overview(mosaic, best.luminance, best.rgb, _OVERVIEW))
+        self._compare(mosaic, {_TRUTH: scene.rgb, _BAYER: bayer, _BEST: best.rgb}, _CROPS)
+        compared = {_BAYER: bayer, _PAPER: paper.rgb, _BEST: best.rgb}
+        return self._table({name: quality(rgb, scene.rgb).median for name, rgb in compared.items()})
 
-    from offline import BEST, render
-    from offline.burst import merge_burst, render_burst_bands
-    from tools.pictures.illustrations import comparison
+    def burst(self, names: list[str]) -> list[str]:
+        """Simulate a burst, merge it, write _BURST_RESULTS and the shots of these names, and return the table."""
+        scene = builtin_scene(*_DRAWN)
+        frames = list(burst_frames(scene.rgb, SimulatedBurst(len(names), *_MOTION), np.random.default_rng(_SEED), _PIXEL))
+        truth = frames[0].rgb
+        mosaics = [self._photographed(scene, *each, number) for number, each in enumerate(zip(frames, names, strict=True))]
 
-    with console.progress("demo") as progress, announced_compilation(progress):
-        compile_ahead([BEST], processors(), progress)
-        one = render(mosaics[0], BEST, progress).rgb
-        merged = merge_burst(mosaics, BEST, progress, reference=0)
-        rgb = np.concatenate(list(render_burst_bands(merged, BEST, progress)))
-    for path, picture, kind in (
-        (frame_png, one, PictureKind.of("png")),
-        (burst_png, rgb, PictureKind.of("png")),
-        (burst_tif, rgb, _MEASURED),
-        (truth_tif, truth, _MEASURED),
-    ):
-        development = Development(kind, mosaics[0].shape, mosaics[0].calibration, mosaics[0].metadata)
-        write_picture(path, [picture], development, overwrite=overwrite)
-    shown = ColourTransform.to_space(mosaics[0].calibration)
-    name = f"Burst of {len(shots)} frames"
-    displayed = {title: shown.apply(picture) for title, picture in ((_TRUTH, truth), (_ONE, one), (name, rgb))}
-    _write_figure(comparison_png, comparison(displayed, _BURST_CROPS), overwrite=overwrite)
-    medians = {title: quality(picture, truth).median for title, picture in ((_ONE, one), (name, rgb))}
-    gain = tuple(after - before for before, after in zip(*medians.values(), strict=True))
-    console.say(*_table(medians | {"Gain": gain}, sigma))
+        from offline import BEST, render
+        from offline.burst import merge_burst, render_burst_bands
 
+        with self.console.progress("demo") as progress, announced_compilation(progress):
+            compile_ahead([BEST], processors(), progress)
+            one = render(mosaics[0], BEST, progress).rgb
+            merged = merge_burst(mosaics, BEST, progress, reference=0)
+            rgb = np.concatenate(list(render_burst_bands(merged, BEST, progress)))
+        self._save(mosaics[0], {"frame.png": one, "burst.png": rgb, "burst.tif": rgb, "truth.tif": truth})
+        compared = {_ONE: one, f"Burst of {len(names)} frames": rgb}
+        self._compare(mosaics[0], {_TRUTH: truth, **compared}, _BURST_CROPS)
+        medians = {title: quality(picture, truth).median for title, picture in compared.items()}
+        gain = tuple(after - before for before, after in zip(*medians.values(), strict=True))
+        return self._table(medians | {"Gain": gain})
 
-def _write_figure(path: Path, figure: "Image", *, overwrite: bool) -> None:
-    buffer = BytesIO()
-    figure.save(buffer, "PNG", optimize=True)
-    write_durably(path, buffer.getvalue(), overwrite=overwrite)
+    def _photographed(self, scene: Scene, frame: SimulatedFrame, name: str, seed: int) -> Mosaic:
+        """A shot of a frame, as its file holds it."""
+        camera = SimulatedCamera.of(CfaPattern.bayer(), protocol=self.noise)
+        mosaic, path = camera.shoot(scene, np.random.default_rng(seed), frame).mosaic, self.folder / name
+        write_dng(path, mosaic, Previews()(mosaic), overwrite=self.overwrite)
+        return read_dng(path)
 
+    def _save(self, mosaic: Mosaic, pictures: dict[str, FloatArray]) -> None:
+        """Write pictures of a shot by the names of their files: PNG for people, TIFF as measured."""
+        for name, rgb in pictures.items():
+            kind = PictureKind.of("png") if name.endswith(".png") else _MEASURED
+            development = Development(kind, mosaic.shape, mosaic.calibration, mosaic.metadata)
+            write_picture(self.folder / name, [rgb], development, overwrite=self.overwrite)
 
-def _photograph(scene: Scene, frame: SimulatedFrame | None, sigma: float, seed: int) -> Mosaic:
-    """A shot of a scene, or of one frame of a burst of it."""
-    camera = SimulatedCamera.of(CfaPattern.bayer(), protocol=PaperProtocol(sigma))
-    return camera.shoot(scene, np.random.default_rng(seed), frame).mosaic
+    def _compare(self, mosaic: Mosaic, pictures: dict[str, FloatArray], crops: dict[str, tuple[int, int]]) -> None:
+        from tools.pictures.illustrations import comparison
 
+        shown = ColourTransform.to_space(mosaic.calibration)
+        self._draw("comparison.png", comparison({name: shown.apply(rgb) for name, rgb in pictures.items()}, crops))
 
-def _table(medians: dict[str, tuple[float, float, float]], sigma: float) -> list[str]:
-    """Median PSNR of each method."""
-    lines = [
-        f"Median PSNR over all 10 x 10 patches, dB, at sigma {sigma:g}",
-        f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
-    ]
-    return lines + [f"{name:18}{rgb:8.1f}{light:12.1f}{colour:13.1f}" for name, (rgb, light, colour) in medians.items()]
+    def _draw(self, name: str, figure: "Image") -> None:
+        buffer = BytesIO()
+        figure.save(buffer, "PNG", optimize=True)
+        write_durably(self.folder / name, buffer.getvalue(), overwrite=self.overwrite)
+
+    def _table(self, medians: dict[str, tuple[float, ...]]) -> list[str]:
+        """Median PSNR of each method."""
+        lines = [
+            f"Median PSNR over all 10 x 10 patches, dB, at sigma {self.noise.level:g}",
+            f"{'':18}{'RGB':>8}{'luminance':>12}{'chrominance':>13}",
+        ]
+        return lines + [f"{name:18}{rgb:8.1f}{light:12.1f}{colour:13.1f}" for name, (rgb, light, colour) in medians.items()]
