@@ -18,8 +18,8 @@ from ..study import Study
 from ..verdict import STROKES, capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
 from .exhibits import exhibit_html, is_ours
 from .gallery import WHY_PATTERNS, Exhibit
+from .noise_section import noise_section
 from .pattern_section import pattern_section
-from .sections import noise_section, period_section
 
 _HERE = files("tools.evaluation.page")
 
@@ -35,8 +35,6 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
     if figures.strokes:
         sections.append(("strokes", "Strokes", strokes_section(figures)))
-    if len(figures.study.periods) > 1 and figures.study.ours:
-        sections.append(("period", "Period", period_section(figures)))
     of_patterns = [each for each in exhibits if each.crop.why == WHY_PATTERNS]
     if len(figures.study.tiles) > 1 and figures.study.ours:
         sections.append(("patterns", "Patterns", pattern_section(figures, of_patterns)))

@@ -15,7 +15,7 @@ from ..tiles import Tile
 from ..verdict import capital, heading
 from .exhibits import exhibit_html
 from .gallery import Exhibit
-from .plots import Lead, lead_plot, legend
+from .plots import Series, legend, line_plot
 from .tile_picture import tile_picture
 
 _COLOURS = 9  # of the style sheet
@@ -66,10 +66,9 @@ def _card(study: Study, tile: Tile) -> str:
     )
 
 
-def _plots(group: SetFigures) -> tuple[str, list[Lead]]:
+def _plots(group: SetFigures) -> tuple[str, list[Series]]:
     """A plot for each criterion over noise, and its lines."""
     study = group.study
-    labels, places, axis = [level.tick for level in study.levels], study.protocol.places(study.levels), study.levels[0].axis
     drawn, lines = [], []
     for index in COMPARED:
         columns = [group.by_pattern(level, index) for level in study.levels]
@@ -77,18 +76,18 @@ def _plots(group: SetFigures) -> tuple[str, list[Lead]]:
             continue
         sign, own = CRITERIA[index].sign, study.tile
         lines = [
-            Lead(
+            Series(
                 f"pattern-{place}",
                 tile.name,
                 f"var(--r{place % _COLOURS})",
-                tuple(sign * (each[tile] - each[own]) if tile in each and own in each else None for each in columns),
+                [sign * (each[tile] - each[own]) if tile in each and own in each else None for each in columns],
                 dashed=place >= _COLOURS,
             )
             for place, tile in enumerate(study.tiles)
         ]
         unit = "%" if index == HUE else "dB"
         title = f"{capital(CRITERIA[index].title)}, {unit}"
-        drawn.append(lead_plot(title, places, labels, lines, axis))
+        drawn.append(line_plot(title, study.levels, lines, "lead"))
     return "".join(drawn), lines
 
 

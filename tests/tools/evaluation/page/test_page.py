@@ -14,8 +14,8 @@ from tests.tools.evaluation.examples import alone, measured, study_of
 from tools.evaluation.figures import Figures
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import render_gallery
+from tools.evaluation.page.noise_section import noise_section
 from tools.evaluation.page.page import build_page
-from tools.evaluation.page.sections import noise_section
 from tools.evaluation.tiles import Tile, chosen_tiles
 
 FAILURE = "<b>odd</b>.png: cannot be read"
