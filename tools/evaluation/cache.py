@@ -2,17 +2,15 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
-
-from shared.arrays import DoubleArray
 from shared.errors import InputError, OutputError
 from shared.writing import own_file, write_durably
 
-from .measures import Measures
+T = TypeVar("T")
 
 FOLDER = "results"
 
@@ -37,37 +35,18 @@ class Cache:
 
     folder: Path
 
-    def get(self, name: str) -> Measures | None:
-        """The result of this name; None when there is no such file or it is damaged."""
+    def get(self, name: str, decode: Callable[[bytes], T]) -> T | None:
+        """What `decode` makes of the file of this name; None when there is no such file, or it is damaged (`decode` raises)."""
         try:
-            with own_file(self._path(name), "rb") as file:
-                return Measures.decode(file.read())
-        except (OSError, InputError):
+            with own_file(self.folder / name, "rb") as file:
+                return decode(file.read())
+        except (OSError, ValueError, TypeError, InputError):
             return None
 
-    def numbers(self, name: str, shape: tuple[int, ...]) -> DoubleArray | None:
-        """The numbers kept under this name; None when there is no such file, or it does not hold so many finite ones."""
-        try:
-            with own_file(self._path(name, "json"), "rb") as file:
-                found: DoubleArray = np.array(json.loads(file.read()), float)
-        except (OSError, ValueError, TypeError):
-            return None
-        return found if found.shape == shape and np.isfinite(found).all() else None
-
-    def put_numbers(self, name: str, numbers: DoubleArray) -> None:
-        """Keep numbers, like `put`."""
-        self._write(self._path(name, "json"), json.dumps(numbers.tolist()).encode())
-
-    def put(self, name: str, measures: Measures) -> None:
+    def put(self, name: str, data: bytes) -> None:
         """Keep a result; the file is complete or absent. Raises OutputError as `write_durably` does."""
-        self._write(self._path(name), measures.encode())
-
-    def _write(self, path: Path, data: bytes) -> None:
         try:
             self.folder.mkdir(exist_ok=True)
         except OSError as error:
             raise OutputError(f"{self.folder}: the folder cannot be made ({error.strerror or error})") from None
-        write_durably(path, data, overwrite=True)
-
-    def _path(self, name: str, ending: str = "npz") -> Path:
-        return self.folder / f"{name}.{ending}"
+        write_durably(self.folder / name, data, overwrite=True)

@@ -5,8 +5,9 @@ colour (the channels minus their mean) that a method shows inside the strokes, a
 that lies along the true one is measured: 1 = all of it, 0 = grey.
 """
 
+import json
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from shared.errors import PanchromaError
 from tools.camera.protocols import Protocol
 from tools.scenes.scene import RGB
 
-from .cache import FOLDER, Cache, key
+from .cache import FOLDER, Cache
 from .cameras import CameraPair
 from .methods import choose, methods
 from .metrics import BORDER
@@ -90,57 +91,44 @@ def kept(rendered: FloatArray) -> Kept:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Piece:
-    """One result to find or make. folder: of the study; for the others see `Strokes`."""
-
-    method: str
-    level: Protocol
-    tile: Tile | None
-    seed: int
-    folder: Path
-
-    @property
-    def name(self) -> str:
-        """Name of the result in the cache."""
-        return key(
-            scene=f"strokes {VERSION}",
-            protocol=[self.level.name, self.level.version],
-            level=self.level.level,
-            seed=self.seed if self.level.noisy else 0,
-            pattern=(self.tile.letters, self.tile.pattern.channels) if self.tile else None,
-            **methods()[self.method].identity,
-        )
-
-
 def measure_strokes(study: Study, folder: Path, team: Team) -> tuple[list[Strokes], list[str]]:
     """What every method of a study keeps at every level with every pattern, and a line for each result that failed.
 
     folder: of the study; results are kept there, and made once.
     """
     pieces = [
-        Piece(method.name, level, tile, study.seed, folder)
+        (method.name, level, tile)
         for level in study.levels
         for method in choose(list(study.methods))
         for tile in study.cameras(method)
         if can_photograph(tile, RGB)
     ]
-    found = team.together("strokes", measure, pieces, drawing()[1].size)
-    both = list(zip(pieces, found, strict=True))
-    made = [Strokes(piece.method, piece.level, piece.tile, each) for piece, each in both if not isinstance(each, str)]
+    found = team.together("strokes", partial(measure, study, Cache(folder / FOLDER)), pieces, drawing()[1].size)
+    made = [Strokes(*piece, each) for piece, each in zip(pieces, found, strict=True) if not isinstance(each, str)]
     return made, [each for each in found if isinstance(each, str)]
 
 
-def measure(piece: Piece) -> Kept | str:
-    """The result of a piece, from the cache or made now; a line of text if it failed. Raises OutputError if it cannot be kept."""
-    cache = Cache(piece.folder / FOLDER)
-    if (known := cache.numbers(piece.name, (len(COLOURS), len(WIDTHS)))) is not None:
-        return tuple(map(tuple, known.tolist()))
-    tile = piece.tile or Tile.of_period(6)
-    cameras = CameraPair(piece.level, piece.seed, drawing()[0], tile.pattern, (1.0,) * len(RGB))
+def measure(study: Study, cache: Cache, piece: tuple[str, Protocol, Tile | None]) -> Kept | str:
+    """What a method keeps at a level with a pattern, from the cache or made now; a line of text if it failed.
+
+    Raises OutputError if it cannot be kept.
+    """
+    name, level, tile = piece
+    file = f"{study.result(methods()[name], level, tile, scene=f'strokes {VERSION}')}.json"
+    if (known := cache.get(file, _decoded)) is not None:
+        return known
+    cameras = CameraPair(level, study.seed, drawing()[0], (tile or study.tile).pattern, (1.0,) * len(RGB))
     try:
-        found = kept(methods()[piece.method].render(cameras))
+        found = kept(methods()[name].render(cameras))
     except (PanchromaError, MemoryError) as error:
-        return f"strokes: {piece.method}, {piece.level.text}: {error or 'not enough memory'}"
-    cache.put_numbers(piece.name, np.array(found))
+        return f"strokes: {name}, {level.text}: {error or 'not enough memory'}"
+    cache.put(file, json.dumps(found).encode())
     return found
+
+
+def _decoded(data: bytes) -> Kept:
+    """The result in a file. Raises ValueError or TypeError for anything else."""
+    found = np.array(json.loads(data), float)
+    if found.shape != (len(COLOURS), len(WIDTHS)) or not np.isfinite(found).all():
+        raise ValueError(found.shape)
+    return tuple(map(tuple, found.tolist()))

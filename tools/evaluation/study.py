@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from shared.arrays import FloatArray
 from shared.errors import InputError, PanchromaError
@@ -125,17 +126,20 @@ class Study:
 
     def cell(self, scene: SceneInfo, level: Protocol, method: Method, tile: Tile | None) -> Cell:
         """One result, with its name in the cache. tile: None for a Bayer camera's method."""
-        name = key(
-            scene=scene.digest,
-            channels=scene.channels,
-            neutral=scene.neutral if method.balanced else None,
+        neutral = scene.neutral if method.balanced else None
+        name = self.result(method, level, tile, scene=scene.digest, channels=scene.channels, neutral=neutral)
+        return Cell(scene, level, method.name, tile, f"{name}.npz")
+
+    def result(self, method: Method, level: Protocol, tile: Tile | None, **scene: Any) -> str:
+        """Name of a kept result, without an ending. scene: JSON values that tell scenes apart."""
+        return key(
             protocol=[level.name, level.version],
             level=level.level,
             seed=self.seed if level.noisy else 0,  # without noise any seed is the same
             pattern=asdict(tile.pattern) if tile else None,
             **method.identity,
+            **scene,
         )
-        return Cell(scene, level, method.name, tile, name)
 
 
 def can_photograph(tile: Tile | None, channels: str) -> bool:
@@ -174,7 +178,7 @@ def tasks(study: Study, folder: Path) -> tuple[list[Task], int]:
     distinct: dict[str, Cell] = {}
     for cell in study.cells():
         distinct.setdefault(cell.name, cell)
-    missing = [cell for cell in distinct.values() if cache.get(cell.name) is None]
+    missing = [cell for cell in distinct.values() if cache.get(cell.name, Measures.decode) is None]
     todo: dict[tuple[str, Protocol, str], list[Cell]] = {}
     for cell in missing:
         shared = "bm3d" if methods()[cell.method].denoise else cell.name
@@ -196,7 +200,7 @@ def work(task: Task) -> list[str]:
         except MemoryError:
             failures.append(f"{cell.scene.source}: {cell.method}: not enough memory for a picture of this size")
         else:
-            cache.put(cell.name, measures)
+            cache.put(cell.name, measures.encode())
     return failures
 
 
@@ -213,5 +217,5 @@ def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:
     """All results that are there, in the order of the report."""
     cache = Cache(folder / FOLDER)
-    found = ((cell, cache.get(cell.name)) for cell in study.cells())
+    found = ((cell, cache.get(cell.name, Measures.decode)) for cell in study.cells())
     return {cell: measures for cell, measures in found if measures is not None}

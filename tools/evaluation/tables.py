@@ -82,15 +82,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
             "scenes_cut_to_multiples_of": CROP,
         },
         "scenes": [
-            {
-                "source": scene.source,
-                "name": scene.name,
-                "group": scene.group,
-                "rows": scene.rows,
-                "columns": scene.columns,
-                "channels": scene.channels,
-                "notes": scene.notes,
-            }
+            {name: getattr(scene, name) for name in ("source", "name", "group", "rows", "columns", "channels", "notes")}
             for scene in study.scenes
         ],
         "methods": {

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
 from tools.host.console import Console
@@ -97,7 +98,7 @@ class Team:
             return []
         ended: dict[T, R | PanchromaError | MemoryError] = {}
         with self.console.progress("evaluate") as progress:
-            for piece, result in follow(self._workers(pixels), _Alone(each), pieces, progress, title, length):
+            for piece, result in follow(self._workers(pixels), partial(_alone, each), pieces, progress, title, length):
                 if isinstance(result, Exception) and not isinstance(result, PanchromaError | MemoryError):
                     raise result
                 ended[piece] = result
@@ -117,11 +118,6 @@ class Team:
         return line
 
 
-@dataclass(frozen=True)
-class _Alone(Generic[T, R]):
+def _alone(each: Callable[[T], R], piece: T, listener: StageProgress) -> R:
     """A function of a piece, as work that has nothing to say."""
-
-    each: Callable[[T], R]
-
-    def __call__(self, piece: T, listener: StageProgress) -> R:
-        return self.each(piece)
+    return each(piece)
