@@ -23,7 +23,6 @@ from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 from tools.host.versions import program_version
-from tools.pictures.html import encode_page
 
 from .options import add, add_protocol, count, protocol_of, uses_scheduler
 
@@ -108,7 +107,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     write_durably(folder / _CSV, encode_csv(figures), overwrite=arguments.overwrite)
     if arguments.page:
         page = build_page(figures, render_gallery(figures, team), program, [*failures, *left_out])
-        write_durably(folder / _PAGE, encode_page(page), overwrite=arguments.overwrite)
+        write_durably(folder / _PAGE, page, overwrite=arguments.overwrite)
     console.say(*plain_text(figures).split("\n"))
     console.say(", ".join(str(path) for path in outputs))
     for scene in study.scenes:

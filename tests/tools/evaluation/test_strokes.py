@@ -62,8 +62,8 @@ def test_every_method_level_and_pattern_once(tmp_path: Path, monkeypatch: pytest
     wide = [replace(each, kept=((1.0,) * len(WIDTHS),) * len(COLOURS)) for each in found]
     table = stroke_lines(Figures(study, figures.results, [*found[:1], *wide[1:]]))[1:]
     assert len({len(line) for line in table}) == 1  # columns stand below their titles
-    assert 'id="strokes"' in build_page(figures, [], "", [])
-    assert 'id="strokes"' not in build_page(Figures(study, figures.results), [], "", [])
+    assert 'id="strokes"' in build_page(figures, [], "", []).decode()
+    assert 'id="strokes"' not in build_page(Figures(study, figures.results), [], "", []).decode()
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from importlib.resources import files
 from string import Template
 
 from tools.pictures.html import bullets, cell, row, row_title, table
+from tools.pictures.page import page
 
 from ..claims import claims
 from ..criteria import CRITERIA
@@ -24,8 +25,8 @@ from .pattern_section import pattern_section
 _HERE = files("tools.evaluation.page")
 
 
-def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> str:
-    """The HTML text.
+def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
+    """The content of its file.
 
     figures: all results.
     exhibits: the gallery; empty = no gallery.
@@ -45,7 +46,6 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     sections.append(("method", "How it was measured", _method_section(figures)))
     slider = "vendor/img-comparison-slider"
     parts = {
-        "css": _read("page.css") + _read(f"{slider}/styles.css"),
         "lede": _lede(figures),
         "navigation": " ".join(f'<a href="#{name}">{escape(label)}</a>' for name, label, _ in sections),
         "sections": "\n".join(f'<section id="{name}">{text}</section>' for name, _, text in sections),
@@ -54,7 +54,8 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
         "slider": _read(f"{slider}/index.js"),
         "script": _read("page.js"),
     }
-    return Template(_read("page.html")).substitute(parts)
+    css, body = _read("page.css") + _read(f"{slider}/styles.css"), Template(_read("page.html")).substitute(parts)
+    return page("Panchroma: is this camera better?", css, body)
 
 
 def _read(name: str) -> str:

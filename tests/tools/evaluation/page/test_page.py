@@ -27,7 +27,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("page")
     figures = measured(study_of(folder, tiles=chosen_tiles([4, 6], [KODAK]), methods=("paper", "bilinear", "dlmmse", "ea")), folder)
     path = folder / "evaluation.html"
-    path.write_text(build_page(figures, render_gallery(figures, alone()), "panchroma 1", [FAILURE]), "utf-8")
+    path.write_bytes(build_page(figures, render_gallery(figures, alone()), "panchroma 1", [FAILURE]))
     return path
 
 

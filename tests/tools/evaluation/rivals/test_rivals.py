@@ -8,15 +8,12 @@ import rawpy
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from tests.data import photograph
 from tools.camera.bayer import ORDER, sample_bayer
 from tools.evaluation.methods import methods
-from tools.evaluation.metrics import psnr, quality
+from tools.evaluation.metrics import psnr
 from tools.evaluation.rivals.denoising import denoise_bayer
 from tools.evaluation.rivals.integers import Levels
 from tools.evaluation.rivals.libraw import ALGORITHMS, demosaic_libraw, encode_bayer_dng
-from tools.evaluation.scene_sets import cut
-from tools.scenes.load import load_scene
 
 # colour-demosaicing 0.2 imports from a namespace that SciPy is going to drop.
 pytestmark = pytest.mark.filterwarnings("ignore:Please import:DeprecationWarning")
@@ -103,19 +100,3 @@ def test_denoising_lowers_noise_and_keeps_the_light() -> None:
     assert np.std(after - truth) < 0.5 * np.std(before - truth)
     assert np.mean(after - truth) == pytest.approx(np.mean(before - truth), abs=1e-3)
     np.testing.assert_array_equal(denoise_bayer(truth, 0.0, 0.0), truth)
-
-
-# Established by an independent implementation: medians of RGB, luminance, chrominance of the small scenes, without noise.
-MENON = {
-    "raw/rose.dng": (48.7, 52.4, 51.1),
-    "linear/intel_tau_003.png": (48.4, 51.8, 51.1),
-    "linear/intel_tau_011.png": (42.6, 45.9, 45.4),
-}
-TOLERANCE = 0.15  # dB
-
-
-@pytest.mark.parametrize("scene", MENON)
-def test_established_figures_of_menon_come_out(scene: str) -> None:
-    truth = cut(load_scene(str(photograph(scene))).rgb)
-    found = quality(demosaic("menon", sample_bayer(truth)), truth).median
-    assert found == pytest.approx(MENON[scene], abs=TOLERANCE)
