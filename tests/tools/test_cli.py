@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -184,20 +183,6 @@ def test_an_interrupt_leaves_nothing_half_done(stage: str, shots: Path, out: Pat
     assert outcome.out == ""
     assert outcome.errors == ["panchroma: interrupted; finished files are complete, and no partial file is left"]
     assert names(out) == set()
-
-
-def test_an_interrupt_while_writing_removes_the_part(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    parts: list[str] = []
-
-    def interrupted(_: int) -> None:
-        if threading.current_thread() is threading.main_thread():  # the journal is written by another at the same time
-            parts.extend(name for name in names(tmp_path) if name.endswith(".part"))
-            signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr(os, "fsync", interrupted)
-    assert run("render", shots / SHOT, "-o", tmp_path).code == 130
-    assert len(parts) == 1
-    assert results(tmp_path) == {"shots"}
 
 
 def test_an_interrupt_while_the_program_loads_is_no_traceback() -> None:
