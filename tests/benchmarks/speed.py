@@ -8,6 +8,7 @@ down cancels. With several sizes: how time and memory grow, from a DNG to a TIFF
 """
 
 import argparse
+import math
 import multiprocessing
 import os
 import platform
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
@@ -25,8 +26,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from shared import Mosaic, read_dng, write_dng
-from shared.arrays import FloatArray
+from shared import read_dng, write_dng
 from shared.dng import decode_dng, encode_dng
 from shared.progress import Progress
 from tests.benchmarks.frame import Frame
@@ -38,7 +38,6 @@ _PRESETS = "paper", "best"
 
 _PREVIEW_MEGAPIXELS, _SCALES = 12.0, (1, 3)
 _TOGETHER, _MOST_RUNS = 25.0, 7  # megapixels rendered for each size at least, so that small ones are not left to chance
-_WARM = (60, 90)  # rows, columns of the piece that is rendered first: kernels are loaded when they are first called
 _PACKAGES = ("numpy", "numba", "imagecodecs", "onnxruntime", "rawpy", "colour-demosaicing", "opencv-contrib-python-headless")
 
 
@@ -147,46 +146,32 @@ def speeds(frame: Frame, rounds: int, folder: Path) -> None:
             line(f"  {stage}", parts[-rounds:])
 
 
-def render_file(shot: Path, preset: str, rows: int | None = None, columns: int | None = None) -> float:
-    """Render a DNG, or its corner, to a TIFF of 16 bits beside it; returns the seconds in which bands were made."""
+def render_file(shot: Path, preset: str) -> None:
+    """Render a DNG to a TIFF of 16 bits beside it."""
     from offline import PRESETS, render_bands, threads
     from tools.pictures.development import Development
     from tools.pictures.kind import PictureKind
     from tools.pictures.writing import write_picture
 
-    mosaic, spent = read_dng(shot), 0.0
-    mosaic = Mosaic(mosaic.samples[:rows, :columns], mosaic.pattern, mosaic.calibration, mosaic.metadata)
-    bands = render_bands(mosaic, PRESETS[preset])
-
-    def timed() -> Iterator[FloatArray]:
-        nonlocal spent
-        start = time.perf_counter()
-        for band in bands:
-            spent += time.perf_counter() - start
-            yield band
-            start = time.perf_counter()
-
+    mosaic = read_dng(shot)
     development = Development(PictureKind.of("tif"), mosaic.shape, mosaic.calibration, mosaic.metadata)
-    write_picture(shot.with_suffix(".tif"), timed(), development, overwrite=True, threads=threads())
-    return spent
+    bands = render_bands(mosaic, PRESETS[preset])
+    write_picture(shot.with_suffix(".tif"), bands, development, overwrite=True, threads=threads())
 
 
 def growth(shot: Path, preset: str, threads: int) -> str:
     """In a new process: time and memory from a DNG to a TIFF, medians of several runs."""
-    from offline import use_threads
+    from offline import PRESETS, render_bands, use_threads
 
     use_threads(threads)
     pixels = read_dng(shot).samples.size
-    render_file(shot, preset, *_WARM)
-    whole, rendering = list[float](), list[float]()
-    while not whole or (len(whole) < _MOST_RUNS and pixels * len(whole) < _TOGETHER * 1e6):
-        start = time.perf_counter()
-        rendering.append(render_file(shot, preset))
-        whole.append(time.perf_counter() - start)
-    each, all_of_it = (median(seconds) / pixels * 1e6 for seconds in (rendering, whole))
-    memory = f"peak memory {_memory('VmHWM') / 2**20:.0f} MB"
-    speed = f"render {each:.3f} s/MP, file to file {all_of_it:.3f} s/MP, {median(whole):.1f} s"
-    return f"{preset}, {pixels / 1e6:.1f} MP: {speed}, {memory}"
+    works = {
+        "render": lambda: deque(render_bands(read_dng(shot), PRESETS[preset]), maxlen=0),
+        "file to file": lambda: render_file(shot, preset),
+    }
+    found = alternate(works, min(_MOST_RUNS, math.ceil(_TOGETHER * 1e6 / pixels)))
+    speed = ", ".join(f"{name} {median(seconds) / pixels * 1e6:.3f} s/MP" for name, seconds in found.items())
+    return f"{preset}, {pixels / 1e6:.1f} MP: {speed}, peak memory {_memory('VmHWM') / 2**20:.0f} MB"
 
 
 def preview(shot: Path, scale: int, frames: int, threads: int) -> str:
