@@ -292,7 +292,7 @@ def test_what_is_left_open_is_the_first_that_fits(chosen: dict[str, Any], kind: 
 @pytest.mark.parametrize(
     ("chosen", "message"),
     [
-        ({"format": "gif"}, "unknown picture format 'gif'; there are tif, png, jpg, jxl, uhdr, dng, exr, npy"),
+        ({"format": "gif"}, f"unknown picture format 'gif'; there are {', '.join(FORMATS)}"),
         ({"format": "jpg", "bits": 16}, "jpg does not hold 16 bits; it holds srgb with 8 bits, display-p3 with 8 bits"),
         ({"format": "jpg", "space": "camera"}, "jpg does not hold the space 'camera'; it holds srgb with 8"),
         ({"format": "jpg", "bits": 0, "space": "srgb"}, "jpg does not hold srgb with 0 bits"),
