@@ -1,19 +1,19 @@
-"""Reading single fields of an untrusted TIFF structure: TIFF 6.0, BigTIFF, Exif blocks, and camera RAWs that are built alike.
+"""Reading single fields of an untrusted TIFF structure.
 
 Only what is asked for is read. Whatever is damaged counts as missing: these fields are capture data, which no picture depends on.
 """
 
 import struct
 from collections.abc import Container
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import IO
 
+from .tiff_structure import BYTES, Entry, Structure
+
 _EXIF, _GPS = 34665, 34853
-_BIG = 43
-_MOST_FIELDS = 1024  # per directory, as in `tiff_check`
 _LONGEST = 1 << 16  # bytes of a field
 # Number format of a field type, and numbers per value; BYTE, ASCII, SBYTE and UNDEFINED stay bytes.
-_BYTES = (1, 2, 6, 7)
 _NUMBERS = {3: "H", 4: "I", 5: "I", 8: "h", 9: "i", 10: "i", 11: "f", 12: "d", 13: "I", 16: "Q", 17: "q", 18: "Q"}
 _PAIRS = (5, 10)  # RATIONAL, SRATIONAL: numerator and denominator
 
@@ -58,71 +58,40 @@ def read_directories(file: IO[bytes], wanted: Container[int], place: int = 0) ->
     wanted: tags that are read, in any directory.
     place: where in the file the structure begins; its offsets count from there.
     """
-    structure = _Structure(file, place)
-    if not structure.first:
-        return StoredDirectories()
-    pointers: StoredFields = {}
-    main = structure.directory(structure.first, wanted, pointers)
-    below = [structure.directory(_offset(pointers.get(tag)), wanted, {}) for tag in (_EXIF, _GPS)]
+    structure = Structure(file, place)
+    main, pointers = _directory(structure, structure.first, wanted)
+    below = [_directory(structure, _offset(pointers.get(tag)), wanted)[0] for tag in (_EXIF, _GPS)]
     return StoredDirectories(main, *below)
 
 
-class _Structure:
-    """A TIFF structure: byte order, kind, and where its first directory is (0 = it is not one)."""
+def _directory(structure: Structure, offset: int, wanted: Container[int]) -> tuple[StoredFields, StoredFields]:
+    """The wanted fields of the directory at `offset` (0 = there is none), and those that point to other directories."""
+    found: StoredFields = {}
+    pointers: StoredFields = {}
+    with suppress(EOFError):
+        for entry in structure.directory(offset)[1] if offset else ():
+            into = pointers if entry.tag in (_EXIF, _GPS) else found
+            if (entry.tag in wanted or into is pointers) and entry.tag not in into and (stored := _field(structure, entry)):
+                into[entry.tag] = stored
+    return found, pointers
 
-    def __init__(self, file: IO[bytes], place: int) -> None:
-        self._file, self._place = file, place
-        self._end = file.seek(0, 2) - place
-        header = self._read(0, 16)
-        self._order = {b"II": "<", b"MM": ">"}.get(header[:2], "")
-        self.first = 0
-        if len(header) < 8 or not self._order:
-            return
-        # Makers of cameras put numbers of their own where TIFF has 42.
-        self._big = struct.unpack_from(f"{self._order}H", header, 2)[0] == _BIG
-        if len(header) == 16 or not self._big:
-            (self.first,) = struct.unpack_from(self._order + ("Q" if self._big else "I"), header, 8 if self._big else 4)
 
-    def directory(self, offset: int, wanted: Container[int], pointers: StoredFields) -> StoredFields:
-        """The wanted fields of the directory at `offset` (0 = there is none); fills `pointers` with those of other directories."""
-        count_format, entry = (
-            ("Q", struct.Struct(f"{self._order}HHQ8s")) if self._big else ("H", struct.Struct(f"{self._order}HHI4s"))
-        )
-        head = struct.calcsize(f"={count_format}")
-        counted = self._read(offset, head) if offset else b""
-        if len(counted) < head:
-            return {}
-        count = min(struct.unpack(self._order + count_format, counted)[0], _MOST_FIELDS)
-        table = self._read(offset + head, count * entry.size)
-        found: StoredFields = {}
-        for tag, kind, length, value in entry.iter_unpack(table[: len(table) // entry.size * entry.size]):
-            into = pointers if tag in (_EXIF, _GPS) else found
-            if (tag in wanted or into is pointers) and tag not in into and (stored := self._field(kind, length, value)):
-                into[tag] = stored
-        return found
-
-    def _field(self, kind: int, count: int, value: bytes) -> StoredField | None:
-        letter = "s" if kind in _BYTES else _NUMBERS.get(kind)
-        if letter is None or not count:
+def _field(structure: Structure, entry: Entry) -> StoredField | None:
+    kind, value = entry.kind, entry.value
+    letter = "s" if kind in BYTES else _NUMBERS.get(kind)
+    if letter is None or not entry.length:
+        return None
+    size = entry.length * struct.calcsize(f"={letter}") * (2 if kind in _PAIRS else 1)
+    if size > len(value):
+        offset = structure.offset_in(value)
+        if (size > _LONGEST and letter != "s") or offset + size > structure.end:
             return None
-        size = count * struct.calcsize(f"={letter}") * (2 if kind in _PAIRS else 1)
-        if size > len(value):
-            (offset,) = struct.unpack(self._order + ("Q" if self._big else "I"), value)
-            if (size > _LONGEST and letter != "s") or offset + size > self._end:
-                return None
-            value = self._read(offset, min(size, _LONGEST))
-        if letter == "s":
-            return StoredField(kind, value[:size])
-        if len(value) < size:
-            return None
-        numbers = size // struct.calcsize(f"={letter}")
-        return StoredField(kind, struct.unpack_from(f"{self._order}{numbers}{letter}", value))
-
-    def _read(self, offset: int, size: int) -> bytes:
-        if not 0 <= offset < max(self._end, 1):
-            return b""
-        self._file.seek(self._place + offset)
-        return self._file.read(size)
+        value = structure.read(offset, min(size, _LONGEST))
+    if letter == "s":
+        return StoredField(kind, value[:size])
+    if len(value) < size:
+        return None
+    return StoredField(kind, struct.unpack_from(f"{structure.order}{size // struct.calcsize(f'={letter}')}{letter}", value))
 
 
 def _offset(field: StoredField | None) -> int:
