@@ -1,17 +1,10 @@
-import json
 import os
 from pathlib import Path
 
 import pytest
 
-from shared import read_camera
 from shared.errors import InputError
-from shared.pattern_text import read_pattern
 from shared.reading import opened_file, read_text, read_whole
-from tools.calibration.reference import read_reference, ti3
-from tools.commands.calibrate import color_checker_xyz
-from tools.host.cluster import _written_address
-from tools.rendering.defect_list import read_defects
 
 
 def test_a_file_within_its_bound_is_read(tmp_path: Path) -> None:
@@ -71,23 +64,3 @@ def test_other_encodings_are_refused_with_the_remedy(tmp_path: Path, encoding: s
     assert read_text(path, 99, "a list", otherwise="latin-1") == "\xe4"
     with pytest.raises(InputError, match="is not a text in UTF-8; save a list as UTF-8"):
         read_text(path, 99, "a list")
-
-
-def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
-    """Windows' editors and PowerShell put it there."""
-    camera = {"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}
-    for name, text, read in (
-        ("camera.json", json.dumps(camera), read_camera),
-        ("pattern.txt", "WBWG/BWGW/WGWR/GWRW", lambda path: read_pattern(str(path))),
-        ("defects.txt", "5, 8\n", read_defects),
-        ("defects.json", "[[5, 8]]", read_defects),
-        ("chart.ti3", ti3(color_checker_xyz(), color_checker_xyz()), lambda path: read_reference(path).tolist()),
-        ("scheduler.json", '{"address": "tcp://host:1"}', lambda path: _written_address(str(path))),
-    ):
-        plain, marked, wide = (tmp_path / f"{kind}-{name}" for kind in ("plain", "marked", "wide"))
-        plain.write_text(text, "utf-8")
-        marked.write_text(text, "utf-8-sig")
-        wide.write_text(text, "utf-16")
-        assert read(marked) == read(plain), name
-        with pytest.raises(InputError, match=f"wide-{name}: is not a text in UTF-8 .*as UTF-8"):
-            read(wide)

@@ -114,23 +114,6 @@ def test_a_flat_scene_comes_back(pattern: CfaPattern, scale: int) -> None:
     assert_close(linear(mosaic, scale), np.full((40 // scale, 31 // scale, 3), colour), step)
 
 
-@pytest.mark.parametrize("scale", [2, 3])
-def test_a_smaller_picture_keeps_the_measured_light(scale: int) -> None:
-    """Its luminance is the mean of the panchromatic samples of each cell, exactly."""
-    pattern = CfaPattern.bayer(6, origin=(5, 5))  # patches, and so cells, begin at the frame's first pixel
-    mosaic = Mosaic(codes((36, 48)), pattern, CALIBRATION)
-    measured = np.where(pattern.panchromatic_mask(mosaic.shape), mosaic.signal, np.nan)
-    cells = measured.reshape(36 // scale, scale, 48 // scale, scale)
-    assert_close(linear(mosaic, scale) @ np.array(CALIBRATION.gamma, np.float32), np.nanmean(cells, axis=(1, 3)), 1e-5)
-
-
-def test_luminance_is_kept_wherever_it_is_measured() -> None:
-    mosaic = Mosaic(codes((31, 44)), CfaPattern.bayer(6, "GBRG", (2, 1)), CALIBRATION)
-    measured = mosaic.pattern.panchromatic_mask(mosaic.shape)
-    luminance = linear(mosaic) @ np.array(CALIBRATION.gamma, np.float32)
-    assert_close(luminance[measured], mosaic.signal[measured], 1e-5)
-
-
 @pytest.mark.parametrize("scale", [1, 2])
 def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scale: int) -> None:
     mosaic = Mosaic(codes((60, 80)), CfaPattern.bayer(4), CALIBRATION)
@@ -138,19 +121,6 @@ def test_the_screen_picture_is_the_scene_units_through_the_colour_transform(scal
     picture = Preview(mosaic.pattern, scale).run(mosaic)
     assert picture.dtype == np.uint8
     assert_close(picture, shown, 1)
-
-
-SATURATED_HUE = 0.02  # scene units: codes are rounded, and the noise of the model pulls blocks to grey
-
-
-@pytest.mark.parametrize("scale", [1, 2])
-def test_what_is_saturated_is_white(scale: int) -> None:
-    """Colour samples saturate later, and add up to more than the luminance beside them: that must not make a white sky yellow."""
-    pattern, white = CfaPattern.bayer(6), np.array(ColourTransform.to_space(CALIBRATION).white)
-    samples = np.minimum(sample(np.full((60, 60, 3), 2.2 * white, np.float32), pattern, CALIBRATION), CALIBRATION.full_scale)
-    mosaic = Mosaic(samples, pattern, CALIBRATION)
-    assert np.ptp(linear(mosaic, scale) / white, axis=2).max() < SATURATED_HUE
-    assert Preview(pattern, scale).run(mosaic).min() >= 254
 
 
 @pytest.mark.parametrize("scale", [1, 3])

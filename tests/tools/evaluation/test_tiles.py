@@ -5,6 +5,8 @@ import pytest
 
 from shared import CfaPattern
 from shared.pattern_text import read_pattern
+from shared.tiles import TILES
+from tests.data import ROOT
 from tools.camera.protocols import PaperProtocol, SensorProtocol
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.measures import Measures
@@ -83,3 +85,10 @@ def test_scenes_of_other_channels_are_measured_by_channel() -> None:
     assert Measures.decode(found.encode()).wrong_hue is None
     assert found.psnr == pytest.approx((20, 20 + 10 * np.log10(5), 20 - 10 * np.log10(4 / 5)), abs=0.3)
     assert Measures.of(rendered, truth, "GRNBA").wrong_hue is not None
+
+
+def test_names_that_tables_show_can_be_copied() -> None:
+    for name, letters in TILES.items():
+        shown = Tile.named(CfaPattern.of_letters(letters), letters).name
+        assert CfaPattern.of_letters(shown) == CfaPattern.of_letters(letters)
+        assert name == "paper" or f"| {name} |" in (ROOT / "tools/evaluation/RESULTS.md").read_text("utf-8")

@@ -1,0 +1,32 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from shared import read_camera
+from shared.errors import InputError
+from shared.pattern_text import read_pattern
+from tools.calibration.reference import read_reference, ti3
+from tools.commands.calibrate import color_checker_xyz
+from tools.host.cluster import _written_address
+from tools.rendering.defect_list import read_defects
+
+
+def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    """Windows' editors and PowerShell put it there."""
+    camera = {"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 60000}
+    for name, text, read in (
+        ("camera.json", json.dumps(camera), read_camera),
+        ("pattern.txt", "WBWG/BWGW/WGWR/GWRW", lambda path: read_pattern(str(path))),
+        ("defects.txt", "5, 8\n", read_defects),
+        ("defects.json", "[[5, 8]]", read_defects),
+        ("chart.ti3", ti3(color_checker_xyz(), color_checker_xyz()), lambda path: read_reference(path).tolist()),
+        ("scheduler.json", '{"address": "tcp://host:1"}', lambda path: _written_address(str(path))),
+    ):
+        plain, marked, wide = (tmp_path / f"{kind}-{name}" for kind in ("plain", "marked", "wide"))
+        plain.write_text(text, "utf-8")
+        marked.write_text(text, "utf-8-sig")
+        wide.write_text(text, "utf-16")
+        assert read(marked) == read(plain), name
+        with pytest.raises(InputError, match=f"wide-{name}: is not a text in UTF-8 .*as UTF-8"):
+            read(wide)
