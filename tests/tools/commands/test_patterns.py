@@ -142,13 +142,3 @@ def test_every_command_with_a_period_takes_a_pattern_and_refuses_a_wrong_one(
         impossible = run(verb, *options, *target, "--pattern", "RXWW/GBWW/WWWW/WWWW")
         assert (impossible.code, "has the filters X" in impossible.errors[0]) == (1 if verb == "simulate" else 2, True)
     assert not list(out.iterdir())
-
-
-def test_a_camera_file_of_another_pattern_is_refused(out: Path, tmp_path: Path) -> None:
-    path = tmp_path / "camera.json"
-    path.write_text('{"schema": 1, "gamma": [0.9, 1.1, 0.8], "white_level": 4000, "black_level": [60, 60, 60, 60]}')
-    refused = run("simulate", "builtin:24x24", "-o", out, "--camera", path, "--pattern", BROADBAND)
-    assert refused.code == 2
-    assert f"{path}: the pattern has channels CMY, the calibration RGB" in refused.errors[0]
-    assert run("simulate", "builtin:24x24", "-o", out, "--camera", path, "--pattern", "RGWWW/BGWWW/WWWWW/WWWWW/WWWWW").code == 0
-    assert read_dng(out / "builtin-24x24.dng").calibration.gamma == (0.9, 1.1, 0.8)

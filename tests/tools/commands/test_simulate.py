@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,7 @@ from PIL import Image
 
 import panchroma
 from shared import CfaPattern, NoiseModel, SensorCalibration, read_dng
-from shared.arrays import FloatArray
-from shared.sensor import sample, simulate_additive, simulate_sensor, typical_noise
+from shared.sensor import simulate_additive, simulate_sensor, typical_noise
 from tests.tools.command import assert_refused, names, run
 from tools.camera.burst import SimulatedBurst, burst_frames
 from tools.commands.simulate import noise_of
@@ -143,6 +141,7 @@ def test_what_is_known_of_many_scenes_is_said_once(out: Path, tmp_path: Path) ->
     outcome = run("simulate", tmp_path, "-o", out)
     assert outcome.err.count("taken as linear light") == 1
     assert "and 2 more: " in outcome.err
+    assert f"{out / 'a.dng'}: 12 x 12, period 6, 12 bits\n" in outcome.out
 
 
 def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:
@@ -185,30 +184,6 @@ def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
         "height": 12,
     }
     assert names(out) == {SHOT, TRUTH, "ramp.dng", "ramp.truth.tif"}
-
-
-def test_notes_on_how_a_source_was_understood_go_to_stderr(out: Path, tmp_path: Path) -> None:
-    np.save(tmp_path / "bright.npy", np.full((12, 12, 3), 4, np.float32))
-    outcome = run("simulate", tmp_path / "bright.npy", "-o", out)
-    assert "the brightest value is 4" in outcome.err
-    assert outcome.out == f"{out / 'bright.dng'}: 12 x 12, period 6, 12 bits\n"
-
-
-@pytest.mark.parametrize(("period", "shape"), list(product((3, 6, 16), ((16, 16), (33, 17), (18, 47)))))
-def test_any_period_and_size(out: Path, tmp_path: Path, period: int, shape: tuple[int, int]) -> None:
-    rgb: FloatArray = np.random.default_rng(period).random((*shape, 3), np.float32)
-    np.save(tmp_path / "scene.npy", rgb)
-    assert (
-        run(
-            "simulate", tmp_path / "scene.npy", "-o", out, "--period", str(period), "--sensor-bits", "16", "--origin", "1", "2"
-        ).code
-        == 0
-    )
-    shot = read_dng(out / "scene.dng")
-    pattern = CfaPattern.bayer(period, origin=(1, 2))
-    assert shot.pattern == pattern
-    step = shot.calibration.scale()[-1]
-    assert np.abs(shot.signal - sample(rgb, pattern, shot.calibration)).max() < 0.51 * step  # half a code, and float32
 
 
 def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
@@ -287,13 +262,6 @@ def test_a_scene_is_reduced_with_and_without_a_burst(out: Path, tmp_path: Path) 
     assert np.array_equal(read_dng(out / "scene-1.dng").codes, read_dng(out / "scene.dng").codes)
 
 
-def test_a_burst_replaces_nothing_unless_told(out: Path) -> None:
-    (out / FRAMES[2]).write_text("precious")
-    outcome = run("simulate", SERIES, "-o", out, "--burst", "3")
-    assert_refused(outcome, "exists already", name=str(out / FRAMES[2]))
-    assert names(out) == {FRAMES[2]}
-
-
 def test_a_scene_that_the_motion_leaves_nothing_of(out: Path) -> None:
     assert_refused(run("simulate", SOURCE, "-o", out, *HAND), "nothing is left; take a larger picture", name=SOURCE)
     assert names(out) == set()
@@ -365,15 +333,6 @@ def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> No
     assert_refused(run("simulate", "x" * 300, "-o", out), "cannot be read", name="x" * 300)
     os.mkfifo(tmp_path / "pipe.dng")
     assert_refused(run("simulate", tmp_path / "pipe.dng", "-o", out), "is a pipe or a device", name=str(tmp_path / "pipe.dng"))
-    assert names(out) == set()
-
-
-@pytest.mark.parametrize("size", ["", "12", "0x9", "-1x9", "9x9x9", "9X9", "999999x999999"])
-def test_built_in_scenes_that_there_are_not(out: Path, size: str) -> None:
-    outcome = run("simulate", f"builtin:{size}", "-o", out)
-    assert outcome.code == 1
-    assert len(outcome.errors) == 1
-    assert outcome.errors[0].startswith(f"panchroma: builtin:{size}: ")
     assert names(out) == set()
 
 
