@@ -29,7 +29,7 @@ def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iter
     [1, 2, 3]
     """
     pending: deque[Future[R]] = deque()
-    pool = ThreadPoolExecutor(threads, "ahead", _stand_back)
+    pool = ThreadPoolExecutor(threads, "ahead", _lower_priority)
     try:
         for piece in pieces:
             pending.append(pool.submit(work, piece))
@@ -41,7 +41,7 @@ def ahead(work: Callable[[P], R], pieces: Iterable[P], threads: int = 1) -> Iter
         pool.shutdown(cancel_futures=True)
 
 
-def _stand_back() -> None:
+def _lower_priority() -> None:
     """Leave the processors to the caller where it needs all of them: the threads of a kernel wait for the last one."""
     if sys.platform == "linux":  # elsewhere it is the whole program that stands back
         with suppress(OSError):

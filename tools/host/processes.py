@@ -15,7 +15,7 @@ from shared.errors import InputError
 
 from .processors import limited_threads
 from .progress import Note, StageProgress
-from .signals import end_with_parent, held_back, insist, raise_lost_signal
+from .signals import deferred_signals, end_with_parent, raise_lost_signal, send_again_if_lost
 from .work import Here, portable, result_or_error
 
 P = TypeVar("P")
@@ -104,7 +104,7 @@ class _Worker(Generic[P, R]):
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
-        with held_back():
+        with deferred_signals():
             self.process.start()
         theirs.close()  # otherwise the pipe would stay open after the process has ended
 
@@ -138,5 +138,5 @@ def _serve(connection: Connection, work: Callable[[P, StageProgress], R]) -> Non
 
 
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    insist(number)
+    send_again_if_lost(number)
     raise SystemExit(128 + number)  # runs every `finally` on its way: nothing stays half-written

@@ -54,7 +54,7 @@ def _in_main_thread() -> bool:
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    insist(number)
+    send_again_if_lost(number)
     _received.append(Terminated(number))
     raise _received[-1]
 
@@ -63,7 +63,7 @@ def _leave(number: int, frame: FrameType | None) -> None:
     os._exit(128 + number)
 
 
-def insist(number: int) -> None:
+def send_again_if_lost(number: int) -> None:
     """In the handler of a signal: send it again if the exception that the handler raises gets lost.
 
     Inside a callback from C (Numba loading a kernel) it is dropped, with a traceback.
@@ -81,7 +81,7 @@ def insist(number: int) -> None:
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
+def deferred_signals() -> Iterator[None]:
     """In the `with` block a process is started: signals that end this one wait until it is complete.
 
     Otherwise the new process would be left with half of its orders, and show a traceback. It never gets SIGINT, not even while it

@@ -15,7 +15,7 @@ from tests.data import ROOT
 from tools.host.console import Console
 from tools.host.jobs import Job, Outcome, run_jobs
 from tools.host.progress import StageProgress
-from tools.host.signals import Terminated, held_back, orderly_end
+from tools.host.signals import Terminated, deferred_signals, orderly_end
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
@@ -58,7 +58,7 @@ def test_a_signal_inside_a_callback_from_c_is_not_lost() -> None:
 
 def test_a_process_is_complete_before_a_signal_arrives() -> None:
     arrived = []
-    with pytest.raises(Terminated), orderly_end(), held_back():  # noqa: PT012
+    with pytest.raises(Terminated), orderly_end(), deferred_signals():  # noqa: PT012
         for number in (signal.SIGTERM, signal.SIGINT):
             os.kill(os.getpid(), number)
         arrived.append("complete")

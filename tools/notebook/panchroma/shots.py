@@ -98,7 +98,7 @@ def open(path: str | Path, *, camera: str | Path | None = None, max_pixels: int 
     mosaic = read_dng(path, max_pixels=max_pixels)
     if camera is not None:
         mosaic = read_camera(camera).calibrated(mosaic)
-    return told(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.zoomed(mosaic.metadata.focal_length)))
+    return with_notes_shown(Shot(mosaic, name=Path(path).stem, notes=mosaic.calibration.zoomed(mosaic.metadata.focal_length)))
 
 
 @checked
@@ -118,7 +118,7 @@ def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
     return Image(np.ascontiguousarray(upright(pixels, mosaic.metadata.orientation)))
 
 
-def told(shot: Shot) -> Shot:
+def with_notes_shown(shot: Shot) -> Shot:
     """The shot, after standard error has those of its notes that it has not had yet: a sweep opens or simulates it many times."""
     for note in shot.notes:
         _tell(f"{shot.name}: {note}")

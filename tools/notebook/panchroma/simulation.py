@@ -23,7 +23,7 @@ from tools.scenes.scene import Scene
 
 from .arguments import checked
 from .pictures import Picture
-from .shots import Shot, told
+from .shots import Shot, with_notes_shown
 
 _PERIOD = 6
 
@@ -95,7 +95,7 @@ def simulate(
     exposed = SimulatedCamera.of(tile, known, protocol, bits=bits, lens=lens).shoot(seen, np.random.default_rng(seed))
     white = exposed.white * (scene.white if isinstance(scene, Picture) else 1.0)
     truth = Picture(exposed.truth, exposed.mosaic.calibration, seen.metadata, white)
-    return told(Shot(exposed.mosaic, truth, seen.name, exposed.notes))
+    return with_notes_shown(Shot(exposed.mosaic, truth, seen.name, exposed.notes))
 
 
 def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
