@@ -17,7 +17,7 @@ from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 
 from .camera_raw import camera_raw_scene
-from .decoders import Decoded, decode_exr, decode_jpeg, decode_npy, decode_png, decode_tiff, decode_webp, guarded
+from .decoders import FORMATS, TIFF, guarded
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
 from .drawn.even import dark_scene, flat_scene
@@ -36,26 +36,14 @@ _DRAWN: dict[str, Callable[[int, int], Scene]] = {
     "spectral:": spectral_scene,
 }
 _EVEN = ("flat:", "dark:")  # which are the same in every channel
-_TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-
-# Kind, pattern of the first bytes, name endings, decoder.
-_KINDS: tuple[tuple[str, bytes, tuple[str, ...], Callable[..., Decoded]], ...] = (
-    ("PNG", rb"\x89PNG\r\n\x1a\n", (".png",), decode_png),
-    ("JPEG", rb"\xff\xd8\xff", (".jpg", ".jpeg", ".jpe", ".jfif"), decode_jpeg),
-    ("WebP", rb"RIFF....WEBP", (".webp",), decode_webp),
-    ("EXR", rb"\x76\x2f\x31\x01", (".exr",), decode_exr),
-    ("NPY", rb"\x93NUMPY", (".npy",), decode_npy),
-)
-_ANY_CHANNELS = (decode_exr, decode_npy)  # they need to know which are wanted
 _PIECE = 16 << 20
-_TIFF_SUFFIXES = (".tif", ".tiff")
 # What camera RAWs that are no TIFFs begin with. Some begin with nothing in particular, and are known by their names.
 _RAW_START = rb"II|MM|FUJIFILM|\0MRM|FOVb|....ftypcrx"
 _RAWS = (
     "3fr ari arw bay bmq cap cine cr2 cr3 crw cs1 dc2 dcr dcs dng drf dsc erf fff gpr ia iiq k25 kc2 kdc mdc mef mos mrw nef nrw "
     "orf ori pef ptx pxn qtk raf raw rdc rw2 rwl rwz sr2 srf srw sti x3f"
 )
-ENDINGS = (*(suffix for *_, suffixes, _ in _KINDS for suffix in suffixes), *_TIFF_SUFFIXES, *(f".{name}" for name in _RAWS.split()))
+ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *(f".{name}" for name in _RAWS.split()))
 """Endings of the names of files that may be scenes: what is looked for in folders."""
 _JPEG_XL = (b"\xff\x0a", b"\0\0\0\x0cJXL ")
 _TEXT_BYTES = 512  # from which a text is known
@@ -90,24 +78,19 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             return replace(load_scene(str(link), linear=linear, max_pixels=max_pixels, channels=channels), name=path.stem)
     start = _first_bytes(path)
     suffix = path.suffix.lower()
-    for kind, pattern, suffixes, decode in _KINDS:
-        if re.match(pattern, start, re.DOTALL):
-            if suffix not in suffixes:
-                raise InputError(f"is a {kind} picture by its content; if that is right, rename it {path.stem}{suffixes[0]}")
-            with guarded(path):
-                picture = decode(path, max_pixels, channels) if decode in _ANY_CHANNELS else decode(path, max_pixels)
-            if kind == "PNG" and (scene := gehler_shi_scene(picture, path.stem)):
-                return scene
-            return picture_scene(picture, path.stem, linear=linear)
+    found = next((each for each in FORMATS if re.match(each.start, start, re.DOTALL)), None)
     is_dng = False
-    if start.startswith(_TIFF_STARTS):
+    if found is TIFF:
         is_shot, is_dng = _inspect_tiff(path)
         if is_shot:
             raise ForeignFileError("this is a shot, sampled by the sparse-colour sensor already, and no scene; render it")
-        if suffix in _TIFF_SUFFIXES and not is_dng:
-            with guarded(path):
-                picture = decode_tiff(path, max_pixels, channels)
-            return picture_scene(picture, path.stem, linear=linear)
+    elif found and suffix not in found.endings:
+        raise InputError(f"is a {found.name} picture by its content; if that is right, rename it {path.stem}{found.endings[0]}")
+    if found and suffix in found.endings and not is_dng:
+        with guarded(path):
+            picture = found.decode(path, max_pixels, channels)
+        gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
+        return gehlers or picture_scene(picture, path.stem, linear=linear)
     if start.startswith(_JPEG_XL):  # its decoder allocates what frames declare, and does not tell their colours
         raise InputError("is a JPEG XL picture, which no scene is read from; convert it to TIFF or PNG, or render the shot as tif")
     if _is_text(path) or not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):

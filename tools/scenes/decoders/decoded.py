@@ -1,0 +1,132 @@
+"""What a decoder makes of a picture file, and what all decoders share: how they fail, which channels samples are, transparency."""
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared import CaptureMetadata
+from shared.errors import InputError
+
+from ..icc_reading import Encoding, read_profile
+from ..scene import RGB, scene_channels
+
+_MOST_SAMPLES = 4  # of a picture: RGB and transparency
+MOST_PAGES = 26
+"""Pages of a file that are taken together: one more than a pattern has channels."""
+NO_ALPHA = "transparency is left out"
+_UNREADABLE_PROFILE = "the embedded colour profile is damaged or of a kind this program does not read (tables); it is ignored"
+
+
+@dataclass(frozen=True, eq=False)
+class Decoded:
+    """A decoded picture, its values as stored in the file.
+
+    pixels: (H, W, C), C = 1 for a grey picture, otherwise one for each channel.
+    peak: the integer that stands for 1.0; None for floating point.
+    encoding: how the file says its values are encoded; None if it does not say.
+    metadata: capture data.
+    notes: remarks for the user, such as what was left out.
+    channels: letters of the channels; a grey picture has them all alike.
+    """
+
+    pixels: NDArray[Any]
+    peak: int | None
+    encoding: Encoding | None = None
+    metadata: CaptureMetadata = field(default_factory=CaptureMetadata)
+    notes: tuple[str, ...] = ()
+    channels: str = RGB
+
+
+class PictureFormat(NamedTuple):
+    """A format of picture files.
+
+    name: for people.
+    start: pattern (`re`) of the first bytes.
+    endings: of the names of its files, the usual one first.
+    decode: (file, limit of pixels, channels of the pattern that will see it) -> picture, called in a `guarded` block.
+    """
+
+    name: str
+    start: bytes
+    endings: tuple[str, ...]
+    decode: Callable[[Path, int, str], Decoded]
+
+
+@contextmanager
+def guarded(path: Path) -> Iterator[None]:
+    """Raise only InputError in a `with` block that decodes a file: on damaged files the libraries raise nearly everything."""
+    try:
+        with quiet_libraries():
+            yield
+    except InputError:
+        raise
+    except MemoryError:
+        raise InputError("the picture does not fit into memory; cut or reduce it") from None
+    except Exception as error:
+        said = error.args[0] if error.args else ""
+        lines = (said.decode("ascii", "replace") if isinstance(said, bytes) else str(error)).strip().splitlines()
+        reason = lines[0] if lines else type(error).__name__
+        reason = re.sub(r"<_io.*?>", "", reason.replace(f"'{path}'", "")).strip()  # whoever shows the error names the file
+        raise InputError(f"cannot be decoded ({reason}): the file is cut short or damaged; copy it again") from error
+
+
+@contextmanager
+def quiet_libraries() -> Iterator[None]:
+    """Silence standard error for C code: LibRaw and OpenEXR print there what we report as one line."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # standard error is closed
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def channels_of(
+    count: int, wanted: str, *, alpha: bool = False, colour: bool = False, pages: int = 1
+) -> tuple[str, tuple[str, ...]]:
+    """Which channels `count` samples per pixel without names are: `wanted`, "" for a grey or RGB picture; and notes.
+
+    alpha: one of them is declared to be transparency.
+    colour: three of them are declared to be red, green and blue.
+    pages: that they come from.
+    Raises InputError when there are more samples than a picture has, and another number than `wanted`.
+    """
+    stacked = f"{pages} pages" if pages > 1 else f"{count} channels"
+    if pages == MOST_PAGES:
+        stacked += " or more"
+    of_rgb = set(scene_channels(wanted)) <= set(RGB)
+    if count == len(wanted) and not alpha and not (count == len(RGB) and (colour or of_rgb)):
+        return wanted, (f"its {stacked} have no names: they are taken as linear light of {', '.join(wanted)}, in this order",)
+    if pages > 1 and count == len(RGB) and of_rgb:
+        return "", (f"its {stacked} are taken for red, green and blue",)
+    if count > 1 and (count > _MOST_SAMPLES or pages > 1 or not (of_rgb or colour or alpha)):
+        raise InputError(
+            f"has {stacked}, and the pattern the {len(wanted)} channels {wanted}; a scene has as many channels as the pattern "
+            "(`pattern`), or red, green and blue"
+        )
+    return "", ()
+
+
+def without_alpha(pixels: NDArray[Any]) -> tuple[NDArray[Any], tuple[str, ...]]:
+    """Return (H, W) or (H, W, 1 to 4) without a transparency channel, (H, W, 1 or 3), and notes."""
+    pixels = np.atleast_3d(pixels)
+    return (pixels, ()) if pixels.shape[2] in (1, 3) else (pixels[..., :-1], (NO_ALPHA,))
+
+
+def profile_encoding(profile: bytes | None) -> tuple[Encoding | None, tuple[str, ...]]:
+    """The encoding that an embedded ICC profile declares, and notes; None without one, and for one that is not read."""
+    encoding = read_profile(bytes(profile)) if profile else None
+    return encoding, (_UNREADABLE_PROFILE,) if profile and not encoding else ()

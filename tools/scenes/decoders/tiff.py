@@ -1,0 +1,92 @@
+"""TIFF pictures."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shared.errors import InputError
+from shared.reading import data_bytes
+from shared.tiff_check import PLAIN, check_directories, check_pieces
+
+from ..exif_reading import tiff_metadata
+from ..scene import RGB, check_size
+from .decoded import MOST_PAGES, Decoded, PictureFormat, channels_of, profile_encoding, without_alpha
+
+_ICC_PROFILE = 34675  # TIFF tag
+_ALPHA = (1, 2)  # ExtraSamples: associated and unassociated
+# None, LZW, Deflate (two codes), PackBits, LZMA, Zstandard. All others declare a size of their own, which decoders believe.
+_COMPRESSIONS = (1, 5, 8, 32946, 32773, 34925, 50000)
+_SMALL = 1 << 22  # pixels of all tiles together that are harmless, however small the picture
+
+
+def decode_tiff(path: Path, max_pixels: int, channels: str) -> Decoded:
+    """Decode the first page of a TIFF, integer or floating point: grey, RGB, or a sample for each of `channels`.
+
+    Pages with one sample each, all of one size and kind, are taken together as such samples.
+    """
+    import tifffile
+
+    size, held = path.stat().st_size, data_bytes(path)
+    with path.open("rb") as stream:
+        several = check_directories(stream, {*tifffile.TIFF.TAG_LOAD, _ICC_PROFILE})
+    with tifffile.TiffFile(path, **PLAIN) as file:
+        first: Any = file.pages[0]
+        if first.photometric not in {tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB}:
+            raise InputError(
+                f"the TIFF is of kind {getattr(first.photometric, 'name', first.photometric)}; convert it to RGB or grey"
+            )
+        pages = [first]
+        if several and first.samplesperpixel == 1:
+            with path.open("rb") as stream:
+                check_directories(stream, tifffile.TIFF.TAG_LOAD, MOST_PAGES)
+            pages = _stack(file)
+        samples = first.samplesperpixel
+        if not samples or first.imagedepth != 1 or first.tiledepth != 1:
+            raise InputError(f"the TIFF has {samples} samples per pixel and {first.imagedepth} planes in depth; expected a picture")
+        alpha = any(kind in _ALPHA for kind in first.extrasamples)
+        colour = first.photometric == tifffile.PHOTOMETRIC.RGB
+        found, notes = channels_of(samples * len(pages), channels, alpha=alpha, colour=colour, pages=len(pages))
+        pixel_bytes = max(samples * len(pages), 3) * max(1, first.bitspersample // 8)  # a grey scene has three planes as well
+        check_size(first.imagewidth, first.imagelength, pixel_bytes, held, max_pixels)
+        offsets, lengths = ([each for page in pages for each in getattr(page, name)] for name in ("dataoffsets", "databytecounts"))
+        check_pieces(offsets, lengths, size, first.imagewidth * first.imagelength * len(pages))
+        pixels = _page_pixels(first) if len(pages) == 1 else np.concatenate([_page_pixels(page) for page in pages], axis=-1)
+        if not found:
+            pixels, remarks = without_alpha(pixels)
+            notes += remarks
+        if several and len(pages) == 1:
+            notes += ("the file has several pages; only the first is used",)
+        peak = (1 << first.bitspersample) - 1 if pixels.dtype.kind == "u" else None
+        profile = first.tags.get(_ICC_PROFILE)
+        encoding, remarks = profile_encoding(profile and profile.value)
+    return Decoded(pixels, peak, encoding, tiff_metadata(path), notes + remarks, found or RGB)
+
+
+def _stack(file: Any) -> list[Any]:
+    """The pages of a TIFF, `MOST_PAGES` at most, if all have the same size and kind; otherwise the first alone."""
+    pages: list[Any] = []
+    with suppress(IndexError):  # len(file.pages) would follow the directories, however many there are
+        while len(pages) < MOST_PAGES:
+            pages.append(file.pages[len(pages)])
+    kinds = {(page.shape, page.samplesperpixel, page.bitspersample, page.dtype, page.photometric) for page in pages}
+    return pages if len(kinds) == 1 else pages[:1]
+
+
+def _page_pixels(page: Any) -> NDArray[Any]:
+    """The samples of a page, (H, W, C)."""
+    if page.compression not in _COMPRESSIONS:
+        name = getattr(page.compression, "name", page.compression)
+        raise InputError(f"the TIFF is compressed with {name}; save it with LZW or ZIP (Deflate) compression, or with none")
+    if page.is_tiled:  # tiles are decoded whole, also where they lie outside the picture
+        covered, pixels = page.tilewidth * page.tilelength * len(page.dataoffsets), page.imagewidth * page.imagelength
+        if covered > max(_SMALL, 4 * page.samplesperpixel * pixels):
+            raise InputError(f"the tiles of the TIFF hold {covered} pixels, the picture {pixels}: it is made to fill the memory")
+    samples: NDArray[Any] = page.asarray(maxworkers=1)
+    return np.moveaxis(samples, 0, -1) if page.axes.startswith("S") else np.atleast_3d(samples)
+
+
+# A DNG begins as a TIFF does, and so do most camera RAWs: see `load_scene`.
+FORMAT = PictureFormat("TIFF", rb"II\*\0|MM\0\*|II\+\0|MM\0\+", (".tif", ".tiff"), decode_tiff)
