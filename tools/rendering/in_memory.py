@@ -16,7 +16,7 @@ from .checks import check_light, needed_memory
 from .compilation import announced_compilation
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
+    from offline import RenderSettings as RenderSettings
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 

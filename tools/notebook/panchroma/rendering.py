@@ -14,7 +14,7 @@ from .pictures import Picture
 from .shots import Shot, as_shot
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
+    from tools.rendering.in_memory import RenderSettings
 
 
 @checked
