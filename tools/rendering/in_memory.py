@@ -16,7 +16,9 @@ from .checks import check_light, needed_memory
 from .compilation import announced_compilation
 
 if TYPE_CHECKING:
-    from offline import RenderSettings as RenderSettings
+    from offline import RenderSettings
+
+__all__ = ["RenderSettings", "render_array", "settings_named"]
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
