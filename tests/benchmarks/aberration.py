@@ -28,8 +28,8 @@ from shared.sensor import simulate_additive
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import Edges, find_edges
 from tools.camera.lens import lens_aberration
-from tools.commands.calibrate import filled_luminance
 from tools.evaluation.metrics import BORDER, patch_psnr, whole_psnr
+from tools.rendering.in_memory import filled_luminance
 from tools.scenes.load import load_scene
 
 PATTERN = CfaPattern.bayer(6)

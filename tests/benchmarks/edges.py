@@ -17,7 +17,7 @@ from tests.tools.calibration.known_camera import TRUTH
 from tools.calibration.aberration import measure_aberration
 from tools.calibration.edges import find_edges
 from tools.camera.lens import lens_aberration
-from tools.commands.calibrate import filled_luminance
+from tools.rendering.in_memory import filled_luminance
 from tools.scenes.load import load_scene
 
 LENSES = (1.0, -0.5), (-0.6, 0.8), (0.2, 0.0), (0.0, 0.0)

@@ -7,21 +7,21 @@ camera.json.
 """
 
 import argparse
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shared import Camera, Mosaic, NoiseModel
-from shared.arrays import DoubleArray, FloatArray
+from shared import Camera
+from shared.arrays import DoubleArray
 from shared.colorimetry import Matrix, lab_to_xyz
 from shared.errors import InputError
 from shared.writing import write_durably
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.versions import program_version
+from tools.rendering.in_memory import filled_luminance
 
 from .options import add, numbers, text
 
@@ -119,18 +119,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     if folder is not None:
         _write_report(folder, conclusion, provenance, console)
     return _write(output, conclusion, old, console, replace_existing=replace_existing)
-
-
-def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:
-    """Return the luminance of a shot (H, W), scene units, and its noise: that of its calibration, or else estimated."""
-    from offline import PAPER
-    from offline.whole.luminance import recover_luminance
-    from offline.whole.noise import estimate_noise
-
-    # Twice the paper's iterations: luminance at the colour sites is what limits how well edges are found.
-    filling = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
-    noise = mosaic.calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
-    return recover_luminance(mosaic, filling), noise
 
 
 def color_checker_xyz() -> DoubleArray:

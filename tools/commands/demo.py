@@ -30,13 +30,12 @@ from tools.evaluation.metrics import quality
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.host.console import Console
 from tools.host.jobs import Job, Outcome, output_folder, run_jobs
-from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.pictures.development import Development
 from tools.pictures.kind import PictureKind
 from tools.pictures.previews import Previews
 from tools.pictures.writing import write_picture
-from tools.rendering.compilation import announced_compilation, compile_ahead
+from tools.rendering.in_memory import merged_picture, renderings
 from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.scene import Scene
 
@@ -108,12 +107,10 @@ class _Demo:
         mosaic = self._photographed(scene, SimulatedFrame(scene.rgb), "shot.dng", _SEED)
         write_durably(self.folder / "preview.jpg", read_preview(self.folder / "shot.dng"), overwrite=self.overwrite)
 
-        from offline import BEST, PAPER, render
         from tools.pictures.illustrations import overview
 
-        with self.console.progress("demo") as progress, announced_compilation(progress):
-            compile_ahead([PAPER, BEST], processors(), progress)
-            paper, best = render(mosaic, PAPER, progress), render(mosaic, BEST, progress)
+        with self.console.progress("demo") as progress:
+            paper, best = renderings(mosaic, ("paper", "best"), progress)
         bayer = demosaic_bilinear(self.noise.bayer(sample_bayer(scene.rgb), np.random.default_rng(_SEED)).samples)
         self._save(mosaic, {"render.png": best.rgb, "render.tif": best.rgb, "truth.tif": scene.rgb})
         self._draw("overview.png", overview(mosaic, best.luminance, best.rgb, _OVERVIEW))
@@ -128,14 +125,9 @@ class _Demo:
         truth = frames[0].rgb
         mosaics = [self._photographed(scene, *each, number) for number, each in enumerate(zip(frames, names, strict=True))]
 
-        from offline import BEST, render
-        from offline.burst import merge_burst, render_burst_bands
-
-        with self.console.progress("demo") as progress, announced_compilation(progress):
-            compile_ahead([BEST], processors(), progress)
-            one = render(mosaics[0], BEST, progress).rgb
-            merged = merge_burst(mosaics, BEST, progress, reference=0)
-            rgb = np.concatenate(list(render_burst_bands(merged, BEST, progress)))
+        with self.console.progress("demo") as progress:
+            one = renderings(mosaics[0], ("best",), progress)[0].rgb
+            rgb = merged_picture(mosaics, "best", progress)
         self._save(mosaics[0], {"frame.png": one, "burst.png": rgb, "burst.tif": rgb, "truth.tif": truth})
         compared = {_ONE: one, f"Burst of {len(names)} frames": rgb}
         self._compare(mosaics[0], {_TRUTH: truth, **compared}, _BURST_CROPS)

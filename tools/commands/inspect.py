@@ -22,6 +22,7 @@ from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
 from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.host.work import Threads
+from tools.rendering.in_memory import network_for
 
 from .options import add, add_shots
 
@@ -120,8 +121,6 @@ def _text(value: Any) -> str:
 
 
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
-    from offline import network_name
-
     clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
     panchromatic, read = (each.signal[clear] for each in (mosaic, mosaic.evenly_shaded()))
     taken = mosaic.metadata.taken
@@ -135,7 +134,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
             "letters": mosaic.pattern.letters_from(),
             "light_efficiency": round(_light(mosaic), 3),
         },
-        "learned": network_name(mosaic.pattern),
+        "learned": network_for(mosaic.pattern),
         "bits": mosaic.calibration.bits,
         "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
         "saturated": float((read >= mosaic.calibration.full_scale).mean()),

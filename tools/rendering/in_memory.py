@@ -1,22 +1,26 @@
-"""Render a shot to an array, for programs that keep the picture: the notebook, and the demonstration."""
+"""Render shots to arrays, for programs that keep the picture: the notebook, the demonstration, calibration."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from shared import Mosaic
+from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.spelling import meant
 from tools.host.console import to_stderr
 from tools.host.memory import allowed_memory, format_bytes
+from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import joined
 
 from .checks import check_light, needed_memory
-from .compilation import announced_compilation
+from .compilation import announced_compilation, compile_ahead
 
 if TYPE_CHECKING:
-    from offline import RenderSettings
+    from offline import Rendering
+    from offline import RenderSettings as RenderSettings  # noqa: PLC0414  the notebook takes it from here
 
 __all__ = ["RenderSettings", "render_array", "settings_named"]
 
@@ -54,3 +58,42 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings") -> tuple[FloatArray
     with announced_compilation(progress):
         picture = joined(render_bands(mosaic, settings, log), mosaic.shape[0])
     return picture, log.places
+
+
+def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:
+    """What each of these presets makes of a shot; what has to be compiled is compiled first, on all processors."""
+    from offline import render
+
+    settings = [settings_named(preset) for preset in presets]
+    with announced_compilation(progress):
+        compile_ahead(settings, processors(), progress)
+        return [render(mosaic, each, progress) for each in settings]
+
+
+def merged_picture(mosaics: Sequence[Mosaic], preset: str, progress: StageProgress) -> FloatArray:
+    """The picture of a burst, float32 (H, W, C), scene units; its first frame is the reference."""
+    from offline.burst import merge_burst, render_burst_bands
+
+    settings = settings_named(preset)
+    with announced_compilation(progress):
+        merged = merge_burst(mosaics, settings, progress, reference=0)
+        return joined(render_burst_bands(merged, settings, progress), mosaics[0].shape[0])
+
+
+def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:
+    """Return the luminance of a shot (H, W), scene units, and its noise: that of its calibration, or else estimated."""
+    from offline import PAPER
+    from offline.whole.luminance import recover_luminance
+    from offline.whole.noise import estimate_noise
+
+    # Twice the paper's iterations: luminance at the colour sites is what limits how well edges are found.
+    filling = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
+    noise = mosaic.calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
+    return recover_luminance(mosaic, filling), noise
+
+
+def network_for(pattern: CfaPattern) -> str | None:
+    """Name of the network that corrects colour for a pattern; None if there is none."""
+    from offline import network_name
+
+    return network_name(pattern)

@@ -16,7 +16,7 @@ from shared.sensor import simulate_additive, simulate_sensor
 from tools.calibration.aberration import AberrationResult, measure_aberration
 from tools.calibration.edges import fill_along_edges, find_edges
 from tools.camera.lens import lens_aberration
-from tools.commands.calibrate import filled_luminance
+from tools.rendering.in_memory import filled_luminance
 from tools.scenes.load import load_scene
 
 SHAPE = (400, 600)
