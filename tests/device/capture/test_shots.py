@@ -34,9 +34,6 @@ def test_the_counter_goes_on_after_a_restart_with_a_clock_that_went_back(tmp_pat
     (tmp_path / "90.dng").touch()
     early = ShotFolder(tmp_path).save(mosaic(), preview(), datetime(1970, 1, 1, tzinfo=UTC))
     assert early.name == "19700101T000000.000Z-000003.dng"
-
-
-def test_a_counter_of_seven_digits_is_a_counter(tmp_path: Path) -> None:
     (tmp_path / "20260309T070501.020Z-1000000.dng").touch()
     assert ShotFolder(tmp_path).save(mosaic(), preview(), TAKEN).name.endswith("Z-1000001.dng")
 
@@ -125,19 +122,6 @@ def test_a_file_system_without_links_is_named(tmp_path: Path, monkeypatch: pytes
         shots.save(mosaic(), preview(), TAKEN)
 
 
-@pytest.mark.parametrize("make", [Path.touch, Path.mkdir])
-def test_what_is_no_link_is_not_replaced(tmp_path: Path, make: object) -> None:
-    link = tmp_path / "latest.dng"
-    link.touch() if make is Path.touch else link.mkdir()
-    with pytest.raises(InputError, match="exists and is no link"):
-        ShotFolder(tmp_path, link)
-
-
-def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=re.escape(str(tmp_path / "missing"))):
-        ShotFolder(tmp_path / "missing")
-
-
 def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_path: Path, full_disk: Callable[..., None]) -> None:
     link = tmp_path / "latest.dng"
     shots = ShotFolder(tmp_path, link)
@@ -149,7 +133,18 @@ def test_a_full_disk_leaves_nothing_and_the_next_shot_has_a_name_of_its_own(tmp_
     assert names(tmp_path) == ["20260309T070501.020Z-000002.dng", "latest.dng"]
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "x/" * 3000, "missing/link"])
-def test_a_link_that_cannot_be_made_is_told_before_the_first_shot(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match="the link to the latest shot"):
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("file", "exists and is no link"),
+        ("folder", "exists and is no link"),
+        *((name, "the link to the latest shot") for name in ("x" * 300, "x/" * 3000, "missing/link")),
+    ],
+)
+def test_what_can_be_no_link_is_told_before_the_first_shot(tmp_path: Path, name: str, words: str) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(InputError, match=words):
         ShotFolder(tmp_path, tmp_path / name)
+    with pytest.raises(OutputError, match=re.escape(str(tmp_path / "missing"))):
+        ShotFolder(tmp_path / "missing")

@@ -7,12 +7,13 @@ import pytest
 from tifffile import TiffFile, TiffPage
 
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared.calibration import BITS
 from shared.colorimetry import D50
 from shared.dng import Layout, decode_dng, decode_preview, encode_dng
 from shared.dng.container import raw_digest
 from shared.dng.record import RECORD_ID, decode_record, encode_record
 from shared.errors import InputError
-from shared.pattern import BAYER_ORDERS
+from shared.pattern import BAYER_ORDERS, PERIODS
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
 
 FIVE = CfaPattern.with_block(("ABC", "DEA"), 8, (3, 2))
@@ -45,37 +46,20 @@ def test_the_comparison_can_fail() -> None:
     assert not same(original, replace(original, calibration=calibration(neutral=(0.5, 0.6, 0.7000001))))
 
 
-@pytest.mark.parametrize("period", range(3, 17))
-def test_every_period_survives(period: int) -> None:
-    assert_survives(mosaic(CfaPattern.bayer(period, "GRBG", (period - 1, 1))))
-
-
-@pytest.mark.parametrize("order", BAYER_ORDERS)
-@pytest.mark.parametrize("layout", ["cfa", "linear"])
-def test_every_bayer_order_survives(order: str, layout: Layout) -> None:
-    assert_survives(mosaic(CfaPattern.bayer(6, order, (5, 3))), layout)
-
-
-@pytest.mark.parametrize("bits", range(10, 17))
-def test_every_depth_survives(bits: int) -> None:
-    original = mosaic(calibrated=calibration(bits=bits))
-    assert original.samples.max() == (1 << bits) - 1
+@pytest.mark.parametrize(
+    "original",
+    [
+        *(mosaic(CfaPattern.bayer(period, "GRBG", (period - 1, 1))) for period in PERIODS),
+        *(mosaic(CfaPattern.bayer(6, order, (5, 3))) for order in BAYER_ORDERS),
+        *(mosaic(calibrated=calibration(bits=bits)) for bits in BITS),
+        *(mosaic(shape=shape) for shape in ((6, 6), (7, 301), (300, 13), (257, 256))),
+        mosaic(calibrated=calibration(black_level=(3.0,) * 4, white_level=200)),  # 8 bits
+        Mosaic(mosaic(CfaPattern.bayer(5)).samples, CfaPattern.bayer(5), SensorCalibration()),  # and no metadata
+    ],
+)
+def test_every_mosaic_survives(original: Mosaic) -> None:
     assert_survives(original)
-
-
-@pytest.mark.parametrize("shape", [(6, 6), (7, 301), (300, 13), (257, 256)])
-def test_every_size_survives(shape: tuple[int, int]) -> None:
-    assert_survives(mosaic(shape=shape))
-
-
-def test_a_dim_white_level_survives() -> None:
-    calibrated = calibration(black_level=(3.0,) * 4, white_level=200)  # 8 bits
-    assert_survives(mosaic(calibrated=calibrated))
-
-
-def test_a_bare_calibration_and_no_metadata_survive() -> None:
-    pattern = CfaPattern.bayer(5)
-    assert_survives(Mosaic(mosaic(pattern).samples, pattern, SensorCalibration()))
+    assert_survives(original, "linear")
 
 
 def test_other_channels_survive_as_a_grey_picture() -> None:
@@ -134,29 +118,21 @@ def test_auto_is_cfa_up_to_period_8() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pattern", "reason"), [(CfaPattern.bayer(9), "period is 9.*at most 8"), (FIVE, "no colour codes for the channels ABCDE")]
+    ("original", "picture", "layout", "reason"),
+    [
+        (mosaic(CfaPattern.bayer(9)), preview(), "cfa", '"cfa" cannot hold.*period is 9.*at most 8.*"linear"'),
+        (mosaic(FIVE), preview(), "cfa", '"cfa" cannot hold.*no colour codes for the channels ABCDE.*"linear"'),
+        (mosaic(), preview(), "bayer", "unknown layout 'bayer'"),
+        (mosaic(shape=(6, 65501)), preview(), "auto", "at most 65500"),
+        (mosaic(), np.zeros((4, 4, 3)), "auto", "the preview is .* expected a uint8 picture"),
+        (mosaic(), np.zeros((4, 4), np.uint8), "auto", "the preview is .* expected a uint8 picture"),
+        (mosaic(), np.zeros((4, 4, 4), np.uint8), "auto", "the preview is .* expected a uint8 picture"),
+        (mosaic(), np.zeros((0, 4, 3), np.uint8), "auto", "the preview is .* expected a uint8 picture"),
+    ],
 )
-def test_cfa_refuses_what_dng_cannot_say(pattern: CfaPattern, reason: str) -> None:
-    with pytest.raises(InputError, match=f'"cfa" cannot hold.*{reason}.*"linear"'):
-        encode_dng(mosaic(pattern), preview(), "cfa")
-
-
-def test_unknown_layout_is_refused() -> None:
-    with pytest.raises(InputError, match="unknown layout 'bayer'"):
-        encode_dng(mosaic(), preview(), "bayer")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "picture", [np.zeros((4, 4, 3)), np.zeros((4, 4), np.uint8), np.zeros((4, 4, 4), np.uint8), np.zeros((0, 4, 3), np.uint8)]
-)
-def test_a_preview_that_is_no_picture_is_refused(picture: Any) -> None:
-    with pytest.raises(InputError, match=r"the preview is .* expected a uint8 picture"):
-        encode_dng(mosaic(), picture)
-
-
-def test_a_frame_too_long_for_a_jpeg_is_refused() -> None:
-    with pytest.raises(InputError, match="at most 65500"):
-        encode_dng(mosaic(shape=(6, 65501)), preview())
+def test_what_no_dng_holds_is_refused(original: Mosaic, picture: Any, layout: Any, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        encode_dng(original, picture, layout)
 
 
 def test_directories_are_laid_out_as_dng_wants() -> None:

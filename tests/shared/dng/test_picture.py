@@ -60,14 +60,10 @@ def test_tifffile_reads_the_very_codes(copies: int) -> None:
     assert tile <= rgb.shape[1], "RawTherapee shears tiles that are wider than the picture"
 
 
-def test_nominal_colours_are_kept() -> None:
-    shown = developed(encode_picture_dng(patches(), METADATA, None, [1.0, 1.0, 1.0], preview()))
-    np.testing.assert_allclose(shown, patches()[::PATCH, ::PATCH], atol=QUANTISED)
-
-
-def test_nominal_colours_are_white_balanced() -> None:
-    camera = (patches() * NEUTRAL).astype(np.float32)
-    shown = developed(encode_picture_dng(camera, METADATA, None, NEUTRAL, preview()))
+@pytest.mark.parametrize("neutral", [np.ones(3), NEUTRAL])
+def test_nominal_colours_are_kept_and_white_balanced(neutral: DoubleArray) -> None:
+    camera = (patches() * neutral).astype(np.float32)
+    shown = developed(encode_picture_dng(camera, METADATA, None, neutral, preview()))
     np.testing.assert_allclose(shown, patches()[::PATCH, ::PATCH], atol=QUANTISED)
 
 
