@@ -83,7 +83,7 @@ def _made_elsewhere(order: Order, jobs: Sequence[Job], arguments: argparse.Names
             through = remote.passes(order, client, arguments.threads, arguments.max_memory, console.note)
             return _made(jobs, through, console)
     except SchedulerGoneError as error:
-        console.error(str(error))
+        console.error(f"{error}, with --resume")
         return False
     finally:
         for below in {job.output.parent for job in jobs}:  # of workers that were killed

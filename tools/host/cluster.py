@@ -15,13 +15,14 @@ import time
 from asyncio import CancelledError
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError as FutureCancelledError
+from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import chain, islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 from shared.errors import InputError, PanchromaError
 from shared.reading import read_text
@@ -100,25 +101,18 @@ def connected(address: str | None, file: str | None) -> Iterator[Any]:
 
 def _in_time(connect: Callable[[], R]) -> R:
     """The result of `connect`, or its error. dask alone would wait for ever for what takes connections and is silent."""
-    ended: SimpleQueue[Callable[[], R]] = SimpleQueue()
+    ended: Future[R] = Future()
 
     def work() -> None:
         try:
-            client = connect()
-            ended.put(lambda: client)
+            ended.set_result(connect())
         except BaseException as error:
-            ended.put(partial(_throw, error))
+            ended.set_exception(error)
 
     threading.Thread(target=work, daemon=True).start()
-    try:
-        result = ended.get(timeout=_SECONDS + _POLL)
-    except Empty:
-        raise TimeoutError(f"silent for {_SECONDS} s") from None
-    return result()
-
-
-def _throw(error: BaseException) -> NoReturn:
-    raise error
+    if not wait([ended], _SECONDS + _POLL).done:
+        raise TimeoutError(f"silent for {_SECONDS} s")
+    return ended.result()
 
 
 def _written_address(file: str) -> str:
@@ -167,7 +161,7 @@ class Cluster:
         except _LOST:
             raise SchedulerGoneError(
                 f"the scheduler {workers.address} is gone, and {unfinished} of {len(pieces)} pieces of work are not finished; what "
-                "is finished stays: start the scheduler, its workers and this command again (a render with `resume`)"
+                "is finished stays: start the scheduler, its workers and this command again"
             ) from None
 
     def _results(

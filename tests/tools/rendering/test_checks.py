@@ -134,14 +134,6 @@ def test_other_formats_do_not_fit_where_tiff_does(out: Path, tmp_path: Path, nam
     assert run("render", shot, "-o", out, "-f", name, "--max-memory", f"{-(-need[name] // 2**20)}M").code == 0
 
 
-def test_the_limit_leaves_the_picture_as_it_is(tmp_path: Path, out: Path) -> None:
-    shot = save(tmp_path / "shot.dng", (700, 90))
-    (out / "free").mkdir()
-    assert run("render", shot, "-o", out / "free").code == 0
-    assert run("render", shot, "-o", out, "--max-memory", "400M").code == 0
-    assert (out / "shot.tif").read_bytes() == (out / "free" / "shot.tif").read_bytes()
-
-
 # --- threads --------------------------------------------------------------------------------------------------------------------
 
 
@@ -161,12 +153,6 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
     finally:
         use_threads(before)
     assert seen == [(used, used)]
-
-
-def test_no_threads_are_refused(out: Path) -> None:
-    outcome = run("render", "x.dng", "-o", out, "-j", "0")
-    assert outcome.code == 2
-    assert "argument -j/--threads: '0' is not a whole number from 1 on" in outcome.err
 
 
 # --- compiling ------------------------------------------------------------------------------------------------------------------

@@ -59,11 +59,6 @@ def test_a_wrong_list_is_refused_by_name(tmp_path: Path, text: str | bytes, said
         read_defects(path)
 
 
-def test_a_missing_list_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.txt: there is no such file"):
-        read_defects(tmp_path / "none.txt")
-
-
 def test_places_add_to_those_known() -> None:
     known = SensorCalibration(defects=((1, 1),))
     mosaic = Mosaic(np.zeros((12, 13), np.float32), CfaPattern.bayer(), known)

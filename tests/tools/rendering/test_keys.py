@@ -1,22 +1,17 @@
 """What a journal's key depends on: everything that changes a picture, field by field, and nothing else."""
 
-import json
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import offline
-from shared import Aberration, Camera, CfaPattern, Mosaic, SensorCalibration, Shading, write_dng
+from shared import Aberration, Camera, CfaPattern, SensorCalibration, Shading
 from shared.calibration import NoiseModel
-from tests.tools.command import contents, results, run
-from tests.tools.rendering.examples import save_shot
 from tests.walking import one_field_changed
 from tools.pictures.kind import PictureKind
 from tools.rendering.burst import BurstOrder
-from tools.rendering.journal import NAME
 from tools.rendering.order import Order
 from tools.rendering.white_balance import WhiteBalance
 
@@ -90,45 +85,3 @@ def test_the_walk_leaves_no_part_unchanged() -> None:
 
     for part in parts(ORDERS[1]):
         assert None not in [getattr(part, each.name) for each in fields(part)]
-
-
-def test_a_lens_that_is_now_known_to_have_no_shading_makes_pictures_again(tmp_path: Path, out: Path) -> None:
-    """camera.json says "measured, and there is none": the shot's own shading no longer counts, and only `measured` has changed."""
-    darker = np.ones((4, 5, 5))
-    darker[:, [0, -1]] = 1.5
-    calibration = replace(CALIBRATION, shading=Shading(darker.tolist(), EVEN.size))  # type: ignore[arg-type]
-    samples = np.random.default_rng(0).integers(256, calibration.white_level, (13, 17), np.uint16)
-    shots = tmp_path / "shots"
-    shots.mkdir()
-    for name in ("a-1", "a-2"):
-        write_dng(shots / f"{name}.dng", Mosaic(samples, CfaPattern.bayer(), calibration), np.zeros((8, 8, 3), np.uint8))
-        samples = samples.copy()
-        samples[0] += 1
-    bare = replace(CALIBRATION, shading=None, aberration=None)
-    cameras = [tmp_path / "camera.json", tmp_path / "none.json"]
-    for path, measured in zip(cameras, ({}, {"shading": {"result": "none"}}), strict=True):
-        path.write_text(json.dumps(Camera(bare, measured=measured).to_json()))
-    for verb, name in (("render", "a-1.tif"), ("burst", "a.tif")):
-        made = []
-        for camera in cameras:
-            assert run(verb, shots, "-o", out, "--camera", camera, "--resume").code == 0
-            made.append((out / name).read_bytes())
-        assert made[0] != made[1], verb
-        assert "up to date" in run(verb, shots, "-o", out, "--camera", cameras[1], "--resume").out
-
-
-def test_pictures_of_earlier_versions_are_made_again_and_what_was_edited_is_kept(tmp_path: Path, out: Path) -> None:
-    """Earlier versions wrote other keys for the same picture."""
-    for seed, name in enumerate("ab"):
-        save_shot(tmp_path / "shots" / f"{name}.dng", seed)
-    assert run("render", tmp_path / "shots", "-o", out).code == 0
-    made = contents(out)
-    lines = [json.loads(line) for line in (out / NAME).read_text().splitlines()]
-    (out / NAME).write_text("".join(json.dumps(line | {"key": 64 * "0"}) + "\n" for line in lines))
-    (out / "b.tif").write_bytes(b"retouched")
-    outcome = run("render", tmp_path / "shots", "-o", out, "--resume", "--json")
-    assert outcome.code == 0
-    assert [record for record in outcome.records if record.get("current")] == []
-    assert results(out) == {"a.tif", "b.tif", "b.tif.bak"}
-    assert (out / "b.tif.bak").read_bytes() == b"retouched"
-    assert (out / "b.tif").read_bytes() == made["b.tif"]
