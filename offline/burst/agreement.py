@@ -20,7 +20,6 @@ _NEAR, _SHIFTED, _WIDE = 1.5, 2.0, 5.0  # pixels: standard deviations of the nei
 _MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, as a share of the contrast
 _LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
 _SHIFT = 0.2  # pixels
-_GRADIENT = 0.003  # of the light, per pixel: a gradient that says nothing
 _POWER = 0.3  # of the variance of noise: how much the power of differences may vary
 _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of a mean
 _LOW, _HIGH = 0.3, 0.8  # raw agreement that counts as none, and as all: half-true ghosts of many frames would add up
@@ -90,7 +89,7 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     np.maximum(found, mean * mean / (_FAR**2 * contrast + even + scatter + TINY), out=found)
     down, across = (np.asarray(each, np.float32) for each in np.gradient((r + f) / 2))
     dd, da, aa, d, a = _means(weight, _SHIFTED, down * down, down * across, across * across, down * apart, across * apart)
-    least = noise / 4 + np.square(_GRADIENT * light) + TINY  # the first is what noise makes of a gradient
+    least = noise / 4 + TINY  # what noise makes of a gradient
     dd, aa = (np.maximum(each - noise / 4, 0) + least for each in (dd, aa))
     explained = (aa * d * d - 2 * da * d * a + dd * a * a) / np.maximum(dd * aa - da * da, 1e-3 * dd * aa)
     scatter = DEVIATIONS**2 * _noise_left(_SHIFTED) * noise

@@ -85,6 +85,4 @@ def measure(level: Level, nodes: tuple[int, int], motion: Motion, gain: float, l
 
 def weighted_median(values: FloatArray | DoubleArray, weights: FloatArray | DoubleArray) -> float:
     """The value that half of the weight lies below. values, weights: (n,), n > 0."""
-    order = np.argsort(values, kind="stable")
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+    return float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf"))
