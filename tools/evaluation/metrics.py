@@ -7,7 +7,7 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 
-PATCH = 10  # pixels
+PSNR_PATCH = 10  # pixels
 BORDER = 15  # pixels left out at each side: the paper's margin against effects of the frame's edge
 QUANTILES = (0.10, 0.25, 0.50, 0.75)
 CAP = 200.0  # dB: PSNR of equal pixels. JSON has no infinity, and float32 rounding alone gives about 150
@@ -42,12 +42,12 @@ class Quality(NamedTuple):
         return self.rgb[2], self.luminance[2], self.chrominance[2]
 
 
-def quality(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> Quality:
+def quality(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER) -> Quality:
     """Quantiles of `patch_psnr`, with the same arguments and errors."""
     return Quality.of(patch_psnr(rendered, truth, patch, border))
 
 
-def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PATCH, border: int = BORDER) -> PatchPsnr:
+def patch_psnr(rendered: FloatArray, truth: FloatArray, patch: int = PSNR_PATCH, border: int = BORDER) -> PatchPsnr:
     """PSNR, 10 log10(1 / MSE), at most CAP, of all patch x patch squares at least `border` pixels inside the frame.
 
     Luminance is the mean of the channels, chrominance is what remains of each, MSE is the mean over all pixels and channels of

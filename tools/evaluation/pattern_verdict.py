@@ -5,6 +5,7 @@ from tools.camera.protocols import Protocol
 from .criteria import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHOLE
 from .figures import SetFigures
 from .methods import BASELINES, methods
+from .text_table import aligned
 from .tiles import Tile
 
 COMPARED = (RGB, TENTH_CHROMINANCE, WHOLE, HUE)  # criteria: how most of a picture looks, and its worst places
@@ -37,21 +38,13 @@ def pattern_table(group: SetFigures) -> list[str]:
     study = group.study
     if len(study.tiles) < 2 or study.ours is None:
         return []
-    levels = [level.text for level in study.levels]
-    widths = [max(len(text), 8) for text in levels]
-    head = "  ".join(f"{text:>{width}}" for text, width in zip(levels, widths, strict=True))
-    lines = [
-        f"Patterns under the same light, {methods()[study.ours].title}, median RGB PSNR, dB",
-        f"{'':30}   W  light  {head}",
-    ]
+    rows = [["", "W", "light", *(level.text for level in study.levels)]]
     columns = [group.by_pattern(level, RGB) for level in study.levels]
     for tile in study.tiles:
-        if not any(tile in column for column in columns):
-            continue
-        texts = [CRITERIA[RGB].text(column[tile]) if tile in column else "-" for column in columns]
-        figures_ = "  ".join(f"{text:>{width}}" for text, width in zip(texts, widths, strict=True))
-        lines.append(f"{tile.name:28}{100 * tile.panchromatic_share:4.0f} %  {study.light(tile) or 0:4.2f}x  {figures_}")
-    return lines
+        if any(tile in column for column in columns):
+            texts = [CRITERIA[RGB].text(column[tile]) if tile in column else "-" for column in columns]
+            rows.append([tile.name, f"{100 * tile.panchromatic_share:.0f} %", f"{study.light(tile) or 0:.2f}x", *texts])
+    return [f"Patterns under the same light, {methods()[study.ours].title}, median RGB PSNR, dB", *aligned(rows)]
 
 
 def _winner(group: SetFigures, level: Protocol, index: int, tile: Tile) -> str:

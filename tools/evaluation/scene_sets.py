@@ -12,14 +12,13 @@ import numpy as np
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.series import frame_number
-from shared.tiff_check import PLAIN
 from tools.camera.simulated_camera import TRUTH
 from tools.host.folders import DNGS, search
 from tools.scenes.camera_colour import estimate_neutral
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import RGB, Scene
 
-from .metrics import BORDER, PATCH
+from .metrics import BORDER, PSNR_PATCH
 
 # Sets in the order of the report. A developed picture (interpolated, sharpened, quantised to 8 bits) is not a measurement of light:
 # it is linearised, but never pooled with what sensors measured.
@@ -31,7 +30,7 @@ _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # nam
 CROP = 6  # pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN, SPECTRAL)
 _MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
-_LEAST = (PATCH + 2 * BORDER + CROP) // CROP * CROP
+_LEAST = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
 
 
 @dataclass(frozen=True)
@@ -185,7 +184,7 @@ def _group(source: str, scene: Scene) -> str:
         return SPECTRAL
     if is_drawn(source):
         return BUILTIN
-    if not _is_developed(Path(source)):
+    if not scene.eight_bits:
         return MEASURED
     stem = Path(source).stem.lower()
     for name, files in _KNOWN.items():
@@ -193,21 +192,3 @@ def _group(source: str, scene: Scene) -> str:
             return name
     numbered = stem.isdecimal() and 1 <= int(stem) <= _MCMASTER_COUNT
     return "McMaster" if numbered and scene.shape == (_MCMASTER_SIDE, _MCMASTER_SIDE) else DEVELOPED
-
-
-def _is_developed(path: Path) -> bool:
-    """Whether a readable file is a picture of 8 bits."""
-    with path.open("rb") as file:
-        start = file.read(32)
-    if start.startswith(b"\x89PNG"):
-        return start[24] <= 8
-    if start.startswith((b"\xff\xd8\xff", b"RIFF")):
-        return True
-    if path.suffix.lower() in (".tif", ".tiff"):
-        import tifffile
-
-        with tifffile.TiffFile(path, **PLAIN) as file_:
-            return getattr(file_.pages[0], "bitspersample", 16) <= 8
-    if path.suffix.lower() == ".npy":
-        return bool(np.load(path, mmap_mode="r", allow_pickle=False).dtype == np.uint8)
-    return False

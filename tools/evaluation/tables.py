@@ -13,7 +13,7 @@ from .criteria import CRITERIA, EVEN
 from .figures import Figure, Figures, SetFigures
 from .measures import PLANES
 from .methods import methods
-from .metrics import BORDER, PATCH, QUANTILES
+from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
 from .strokes import COLOURS, MARGIN, WHITE, WIDTHS
 from .study import Study
@@ -76,7 +76,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
             "periods": study.periods,
             "pattern": study.tile.name,
             "patterns": {tile.name: {"tile": tile.letters, **_facts(study, tile)} for tile in study.tiles},
-            "patch": PATCH,
+            "patch": PSNR_PATCH,
             "border": BORDER,
             "quantiles": QUANTILES,
             "scenes_cut_to_multiples_of": CROP,

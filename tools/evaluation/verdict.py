@@ -2,7 +2,6 @@
 
 from collections import Counter
 from dataclasses import dataclass
-from itertools import chain
 
 from tools.camera.protocols import Protocol
 from tools.host.console import one_line
@@ -14,6 +13,7 @@ from .methods import methods
 from .pattern_verdict import best_patterns, pattern_table
 from .scene_sets import SPECTRAL
 from .strokes import COLOURS, WIDTHS
+from .text_table import aligned
 
 # The strongest rivals in our figures, which need extra packages: name, what it is, whether noise is where it is strong.
 _STRONGEST = (("bm3d+dlmmse-wb", "denoises (BM3D does)", True), ("demosaicnet", "is learned (Gharbi 2016 is)", False))
@@ -42,16 +42,12 @@ def plain_text(figures: Figures) -> str:
     lines = []
     study = figures.study
     for group in figures.sets:
-        levels = [level.text for level in study.levels]
-        widths = [max(len(text), 8) for text in levels]
-        lines += [f"{heading(group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
-        lines += [" " * 30 + "  ".join(f"{text:>{width}}" for text, width in zip(levels, widths, strict=True))]
+        rows = [["", *(level.text for level in study.levels)]]
         for name in study.methods:
             cells = [group.pooled(level, name) for level in study.levels]
             if any(cells):
-                texts = [f"{cell.quality.median[0]:.1f}" if cell else "-" for cell in cells]
-                columns = (f"{text:>{width}}" for text, width in zip(texts, widths, strict=True))
-                lines.append(f"{methods()[name].title:30}" + "  ".join(columns))
+                rows.append([methods()[name].title, *(f"{cell.quality.median[RGB]:.1f}" if cell else "-" for cell in cells)])
+        lines += [f"{heading(group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}", *aligned(rows)]
         lines += [headline(group), *caveats(group)]
         lines += [*comparisons(group), *worst_places(group)]
         lines += [f"{claim.text}: {claim.finding}, {claim.scenes} ({claim.why})." for claim in claims(group)]
@@ -71,14 +67,12 @@ def stroke_lines(figures: Figures) -> list[str]:
     study = figures.study
     if not figures.strokes:
         return []
-    levels = [level.text for level in study.levels]
-    table = [("", levels)]
+    table = [["", *(level.text for level in study.levels)]]
     for name, tile in dict.fromkeys((each.method, each.tile) for each in figures.strokes):
         found = {each.level: each.least for each in figures.strokes if (each.method, each.tile) == (name, tile)}
         texts = [" ".join(f"{100 * part:3.0f}" for part in found[level]) if level in found else "-" for level in study.levels]
-        table.append((methods()[name].title + (f", {tile.title}" if tile and len(study.tiles) > 1 else ""), texts))
-    wide, narrow = (max(map(len, texts)) for texts in ([title for title, _ in table], chain(*(texts for _, texts in table))))
-    return [f"{STROKES}, %:", *("  ".join([f"{title:{wide}}", *(f"{text:>{narrow}}" for text in texts)]) for title, texts in table)]
+        table.append([methods()[name].title + (f", {tile.title}" if tile and len(study.tiles) > 1 else ""), *texts])
+    return [f"{STROKES}, %:", *aligned(table)]
 
 
 def heading(group: SetFigures) -> str:

@@ -38,7 +38,9 @@ def picture_scene(picture: Decoded, name: str, *, linear: bool = False) -> Scene
     if rgb.shape[2] == 1:
         rgb = np.repeat(rgb, len(channels), axis=2)
     matrix = _to_xyz(encoding.to_xyz, channels)
-    return Scene(rgb, name, matrix, (1.0,) * len(channels), picture.metadata, picture.notes + notes, channels=channels)
+    neutral, eight_bits = (1.0,) * len(channels), (picture.peak or 256) < 256
+    notes = picture.notes + notes
+    return Scene(rgb, name, matrix, neutral, picture.metadata, notes, channels=channels, eight_bits=eight_bits)
 
 
 def _to_xyz(to_xyz: Matrix, channels: str) -> Matrix | None:

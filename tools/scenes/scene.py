@@ -34,6 +34,7 @@ class Scene:
     neutral_estimated: the neutral is an estimate from the scene, because the file states none.
     channels: the N letters of the channels, in the order of rgb.
     mixtures: by letter, what other filters let through of each channel, (N,), 0 to 1; panchromatic pixels see all of it.
+    eight_bits: it was read from a picture of 8 bits, which somebody has developed.
 
     Raises InputError if rgb has another shape, is empty, is not finite, or is clearly negative.
     """
@@ -47,6 +48,7 @@ class Scene:
     neutral_estimated: bool = False
     channels: str = RGB
     mixtures: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    eight_bits: bool = False
 
     def __post_init__(self) -> None:
         rgb = np.ascontiguousarray(self.rgb, np.float32)

@@ -6,7 +6,7 @@ from html import escape
 from tools.pictures.html import css_class, data_address
 
 from ..methods import methods
-from .gallery import Exhibit, Picture
+from .gallery import Exhibit, Rendered
 
 
 def exhibit_html(exhibit: Exhibit, left: int, right: int) -> str:
@@ -31,30 +31,30 @@ def exhibit_html(exhibit: Exhibit, left: int, right: int) -> str:
     )
 
 
-def is_ours(picture: Picture) -> bool:
+def is_ours(picture: Rendered) -> bool:
     """Whether a picture is to be told apart as ours; where only patterns differ, none is."""
     return bool(picture.method) and not picture.pattern and methods()[picture.method].ours
 
 
-def _options(pictures: Sequence[Picture], chosen: int) -> str:
+def _options(pictures: Sequence[Rendered], chosen: int) -> str:
     return "".join(
         f'<option value="{index}"{" selected" * (index == chosen)}>{escape(_caption(picture))}</option>'
         for index, picture in enumerate(pictures)
     )
 
 
-def _name(picture: Picture) -> str:
+def _name(picture: Rendered) -> str:
     if not picture.method:
         return "truth"
     method = methods()[picture.method]
     return picture.pattern or (method.title if method.ours else method.short)
 
 
-def _caption(picture: Picture) -> str:
+def _caption(picture: Rendered) -> str:
     return f"{_name(picture)}, {picture.psnr:.1f} dB" if picture.psnr is not None else "truth"
 
 
-def _data(picture: Picture) -> str:
+def _data(picture: Rendered) -> str:
     from PIL import Image
 
     return data_address(Image.fromarray(picture.pixels), "PNG", optimize=True)

@@ -63,7 +63,7 @@ class Crop:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class Rendered:
     """One rendering of a crop.
 
     method: name; "" for the truth.
@@ -83,7 +83,7 @@ class Exhibit:
     """A crop with its pictures, the truth first; stops: brightening for display."""
 
     crop: Crop
-    pictures: tuple[Picture, ...]
+    pictures: tuple[Rendered, ...]
     stops: float
 
 
@@ -121,13 +121,13 @@ def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit
     transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
     stops = _stops(scene.rgb)
     truth = scene.rgb[crop.part]
-    pictures = [Picture("", _display(truth, transform, stops), None)]
+    pictures = [Rendered("", _display(truth, transform, stops), None)]
     several = crop.why == WHY_PATTERNS
     tiles = [tile for tile in study.tiles if can_photograph(tile, scene.channels)] if several else [study.tile]
     for tile in tiles:
         for name, rendered in render_crop(study, crop, scene.rgb, names, tile):
             label = tile.name if several else ""
-            pictures.append(Picture(name, _display(rendered, transform, stops), psnr(rendered, truth), label))
+            pictures.append(Rendered(name, _display(rendered, transform, stops), psnr(rendered, truth), label))
     return Exhibit(crop, tuple(pictures), stops)
 
 

@@ -12,7 +12,7 @@ from ..claims import claims
 from ..criteria import CRITERIA
 from ..figures import Figures, SetFigures
 from ..methods import methods
-from ..metrics import BORDER, PATCH
+from ..metrics import BORDER, PSNR_PATCH
 from ..scene_sets import CROP
 from ..strokes import MARGIN, WIDTHS
 from ..study import Study
@@ -68,7 +68,7 @@ def _lede(figures: Figures) -> str:
     return (
         f"{count} scene{'s' * (count != 1)}, photographed with {_sensors(study)}, and with a Bayer sensor under the same light; "
         f"{escape(study.protocol.summary)}; {escape(levels)}. "
-        f"Quality is the PSNR of every {PATCH} × {PATCH} patch."
+        f"Quality is the PSNR of every {PSNR_PATCH} × {PSNR_PATCH} patch."
     )
 
 
@@ -215,9 +215,9 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
 def _method_section(figures: Figures) -> str:
     study = figures.study
     entries = {
-        "Patches": f"all overlapping {PATCH} × {PATCH} squares at least {BORDER} pixels inside the frame; 10 log10(1 / MSE), "
-        "intensities in scene units (1 = the white level of the scene's source); luminance is the mean of the channels, "
-        "chrominance the rest; pooled over all patches of a set, as in Fig. 3 of the paper",
+        "Patches": f"all overlapping {PSNR_PATCH} × {PSNR_PATCH} squares at least {BORDER} pixels inside the frame; "
+        "10 log10(1 / MSE), intensities in scene units (1 = the white level of the scene's source); "
+        "luminance is the mean of the channels, chrominance the rest; pooled over all patches of a set, as in Fig. 3 of the paper",
         "Frames": f"cut to whole multiples of {CROP} pixels before sampling",
         "Noise": f"seed {study.seed}, the same scene light for every camera; {study.protocol.conditions}",
         "Sets": "what sensors measured is pooled; developed 8-bit pictures (Kodak, McMaster, others) are linearised and reported "

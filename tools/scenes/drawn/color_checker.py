@@ -17,7 +17,7 @@ COLOR_CHECKER_LAB = (
     (50.63, 51.28, -14.12), (49.57, -29.71, -28.32), (95.19, -1.03, 2.93), (81.29, -0.57, 0.44),
     (66.89, -0.75, -0.06), (50.76, -0.13, 0.14), (35.63, -0.46, -0.48), (20.64, 0.07, -0.46),
 )  # fmt: skip
-PATCH = 0.84  # side of a patch, in distances between patches
+DRAWN_PATCH = 0.84  # side of a patch, in distances between patches
 
 
 def color_checker() -> DoubleArray:
@@ -34,5 +34,5 @@ def draw_patches(u: DoubleArray, v: DoubleArray, ground: DoubleArray, patches: D
     patches: (4, 6, C), such as `color_checker`.
     """
     column, row = np.clip(u, 0, 5.999), np.clip(v, 0, 3.999)
-    inside = (np.abs(column % 1 - 0.5) < PATCH / 2) & (np.abs(row % 1 - 0.5) < PATCH / 2)
+    inside = (np.abs(column % 1 - 0.5) < DRAWN_PATCH / 2) & (np.abs(row % 1 - 0.5) < DRAWN_PATCH / 2)
     return np.where(inside[..., None], patches[row.astype(int), column.astype(int)], ground)
