@@ -135,7 +135,18 @@ class Client:
 def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
     """Run `view` on frames of a format, `rate` a second, and save `shots` a second."""
     layout, frames = camera_frames(name)
-    description = ["--width", WIDTH, "--height", HEIGHT, "--format", name, "--stride", layout.stride, "--bits", BITS[name]]
+    description = [
+        "--width",
+        WIDTH,
+        "--height",
+        HEIGHT,
+        "--pixel-format",
+        name,
+        "--stride",
+        layout.stride,
+        "--sensor-bits",
+        BITS[name],
+    ]
     with tempfile.TemporaryDirectory() as folder:
         folders = ["-o", folder] if shots else []
         command = [*map(str, description), "--port", "0", *folders, *options]

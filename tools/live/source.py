@@ -5,10 +5,12 @@ import os
 import re
 import stat
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from io import FileIO
+from itertools import count
 from pathlib import Path
 
 from device.capture import Sensor
@@ -17,11 +19,13 @@ from device.capture.frame_folder import watch_folder
 from device.capture.frames import FORMATS, FrameLayout, RawFrame, format_named, read_frames
 from shared import Camera, CfaPattern, SensorCalibration
 from shared.errors import InputError
-from tools.camera.built_in import built_in_sensor, usual_gamma
+from tools.camera.built_in import built_in_sensor, moving_scene, usual_gamma
 
 PIXEL_FORMATS = tuple(FORMATS)
 _STREAM, _BUILTIN = "-", "builtin:"
 _PIPE = 1 << 20  # bytes: the most that Linux gives any user
+_LEAST_FRAMES, _MOST_FRAMES = 4, 48  # of one turn of the built-in sensor
+_MEMORY = 64 * 2**20  # bytes: limits the number of frames of a turn
 
 Stopped = Callable[[], bool]
 """Polled between frames: whether to end."""
@@ -180,9 +184,23 @@ def _builtin(source: str, camera: Camera | None, pattern: CfaPattern) -> FrameSo
         raise InputError(f"{source}: {error}") from None
     sensor = Sensor(FrameLayout(int(found[1]), int(found[2]), "u16"), pattern, calibration)
 
-    def moving(*_: object) -> Iterator[RawFrame]:
-        from .simulated_sensor import moving_frames
+    return FrameSource(sensor, lambda *_: _moving_frames(sensor, rate), waits=False)
 
-        return moving_frames(sensor, rate)
 
-    return FrameSource(sensor, moving, waits=False)
+def _moving_frames(sensor: Sensor, rate: float) -> Iterator[RawFrame]:
+    """Yield endless frames of 16-bit words, `rate` per second: see `moving_scene`.
+
+    The first turn is simulated as fast as the machine can; later turns repeat its frames at the full rate.
+    """
+    layout = sensor.layout
+    frames = min(max(_MEMORY // layout.frame_bytes, _LEAST_FRAMES), _MOST_FRAMES)
+    simulated = moving_scene(sensor.pattern, sensor.calibration, (layout.height, layout.width), frames)
+    turn: list[bytes] = []
+    due = time.monotonic()
+    for number in count():
+        if len(turn) < frames:
+            turn.append(next(simulated).codes.astype("<u2").tobytes())
+        # A sensor does not catch up: a late frame delays all later ones by as much.
+        due = max(due + 1 / rate, time.monotonic())
+        time.sleep(max(due - time.monotonic(), 0))
+        yield RawFrame.now(turn[number % frames])
