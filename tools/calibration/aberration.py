@@ -139,8 +139,8 @@ def _check(
         weight = whole.weight + likely
         away = corner @ np.linalg.solve(weight, whole.gradient - likely @ terms.ravel())
         own = jackknife([each], weight)
-        off = _APART + _ERRORS * np.sqrt(np.diag(corner @ own @ corner.T))
-        if len(shots) > 1 and (np.abs(away) > off).any():
+        limit = _APART + _ERRORS * np.sqrt(np.diag(corner @ own @ corner.T))
+        if len(shots) > 1 and (np.abs(away) > limit).any():
             raise InputError(
                 f"{shot.name} shows a displacement in the corners that is {np.abs(away).max():.2g} pixels off that of the other "
                 "shots; take all with one lens, at one focal length and focus"

@@ -179,8 +179,8 @@ def _step(shot: Edges, terms: DoubleArray, shares: DoubleArray, others: Sequence
     # Luminance is blurred, by channels that are displaced apart. To the next order, this undoes it.
     blurred = np.zeros_like(square)
     for number, share in enumerate(shares.T):
-        apart = terms[number] - shares @ terms  # (N, terms)
-        moved = [one + np.einsum("nt,tns->ns", apart, each) for one, each in zip(away, (down, right), strict=True)]
+        difference = terms[number] - shares @ terms  # (N, terms)
+        moved = [one + np.einsum("nt,tns->ns", difference, each) for one, each in zip(away, (down, right), strict=True)]
         blurred += share[:, None] * shot.luminance(*moved)
     light = light._replace(value=2 * light.value - blurred)
     local, slope = _robust(shot, light)

@@ -65,9 +65,9 @@ def check_alike(parts: dict[str, DoubleArray]) -> None:
     for name, part in parts.items():
         if part.mean() < _COUNTS * brightest:
             continue
-        apart = float(np.ptp(part / part.mean() / (together / together.mean())))
-        if apart > _UNLIKE:
+        unlike = float(np.ptp(part / part.mean() / (together / together.mean())))
+        if unlike > _UNLIKE:
             raise InputError(
-                f"flat frames: the light of {name} falls off in another way than that of all together, by {100 * apart:.1f} %, "
+                f"flat frames: the light of {name} falls off in another way than that of all together, by {100 * unlike:.1f} %, "
                 f"{100 * _UNLIKE:.0f} % are allowed; take all with the same lens, focal length, aperture and light"
             )

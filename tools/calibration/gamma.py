@@ -69,7 +69,7 @@ class GammaFit:
     used: (N,), False for places that were left out (clipped, outliers).
     condition: largest over smallest singular value of the colours, each divided by its level: 1 = ideal, 100 = nearly grey.
     spread: sqrt(chi2 / freedom); 1 = noise explains the residuals.
-    apart: by how much independent fits contradict each other, as standard deviations of a normal number; 0 = there is only one.
+    contradiction: of independent fits, as standard deviations of a normal number; 0 = there is only one fit.
     widened: by how much that widens the covariance.
     """
 
@@ -82,7 +82,7 @@ class GammaFit:
     used: BoolArray
     condition: float
     spread: float
-    apart: float = 0.0
+    contradiction: float = 0.0
     widened: float = 1.0
 
     @cached_property
@@ -116,7 +116,7 @@ class GammaFit:
         return float(found[place]), float(np.sqrt(max(covariance[place, place], 0.0) * self.widened + prior))
 
     @property
-    def off(self) -> float:
+    def black_deviation(self) -> float:
         """How many standard errors the black level seems to be off by."""
         offset, error = self.offset
         return offset / max(error, 1e-12)
@@ -154,11 +154,11 @@ def combined(fits: Sequence[GammaFit]) -> GammaFit:
     # of freedom, and all that it assumes: what is off in common sets them apart less than this allows.
     chi2 = 0.0
     for fit in fits:
-        apart = fit.gamma - whole.gamma
+        difference = fit.gamma - whole.gamma
         likely = student.ppf((1 + CONFIDENCE) / 2, fit.freedom) / student.ppf((1 + CONFIDENCE) / 2, np.inf)
-        chi2 += float(apart @ np.linalg.solve(fit.covariance * likely**2, apart))
+        chi2 += float(difference @ np.linalg.solve(fit.covariance * likely**2, difference))
     freedom = len(whole.gamma) * (len(fits) - 1)
-    return replace(whole, apart=_as_normal(chi2, freedom), widened=max(1.0, chi2 / freedom))
+    return replace(whole, contradiction=_as_normal(chi2, freedom), widened=max(1.0, chi2 / freedom))
 
 
 def _as_normal(chi2: float, freedom: float) -> float:

@@ -135,12 +135,12 @@ def _fitted(
     lines = []
     for plane, (mean, variance, count) in enumerate(zip(points.mean.T, points.variance.T, points.count.T, strict=True)):
         line = fit_photon_transfer(mean, variance, count, None if known is None else float(known.read[plane] / span[plane]))
-        off = 0.0 if black_error is None else float(black_error[plane] / span[plane])
+        stretch = 0.0 if black_error is None else float(black_error[plane] / span[plane])
         # Black that is off stretches the levels, and moves the line's intercept.
-        line = replace(line, shot_error=float(np.hypot(line.shot_error, line.shot * off)))
+        line = replace(line, shot_error=float(np.hypot(line.shot_error, line.shot * stretch)))
         if known is None:
-            least = max(line.read, float(np.sqrt(line.shot * off)), 1e-12)
-            lines.append(replace(line, read_error=float(np.hypot(line.read_error, line.shot * off / least))))
+            least = max(line.read, float(np.sqrt(line.shot * stretch)), 1e-12)
+            lines.append(replace(line, read_error=float(np.hypot(line.read_error, line.shot * stretch / least))))
         else:
             lines.append(replace(line, read_error=float(known.read_error[plane] / span[plane])))
     return NoiseResult(tuple(lines), points, source)

@@ -144,9 +144,9 @@ def _measured(light: DoubleArray, pattern: CfaPattern, shading: Shading) -> _Til
         for number, window in enumerate(windows):
             rows, columns = np.nonzero(planes[window] == plane)
             values = (light[window] * gain[window])[rows, columns]
-            apart = np.abs(values - np.median(values))
-            most = max(_OUTLIER * robust_deviation(apart), float(apart.std()))  # few codes have no median deviation
-            kept = values[apart <= most]
+            deviation = np.abs(values - np.median(values))
+            most = max(_OUTLIER * robust_deviation(deviation), float(deviation.std()))  # few codes have no median deviation
+            kept = values[deviation <= most]
             noise = np.diff(kept, 2).std() / 6**0.5  # second differences do not see light that falls off
             mean = float(kept.mean())
             middle = window[0].start + rows.mean(), window[1].start + columns.mean()
@@ -164,14 +164,14 @@ def _refined(shading: Shading, tiles: _Tiles) -> tuple[Shading, float]:
         tuple(min(most, number // 3 + 3) for most, number in zip(points, tiles.number, strict=True))
         for points in (_POINTS, _COLOUR_POINTS)
     )
-    missing, unsure = tiles.gain / tiles.light, tiles.error / tiles.light
-    panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], unsure[-1], _ROUGH)
+    missing, errors = tiles.gain / tiles.light, tiles.error / tiles.light
+    panchromatic, error = _spline(tiles, -1, shading.size, full, missing[-1], errors[-1], _ROUGH)
     # Where a colour's samples are in the tiles, and how the product of two splines becomes one.
     places = [np.linspace(0, length - 1, 4 * number) for length, number in zip(shading.size, full, strict=True)]
     gains = []
     for plane in range(len(missing) - 1):
         known = _values(panchromatic, shading.size, tiles.row[plane], tiles.column[plane])
-        relative, own = _spline(tiles, plane, shading.size, low, missing[plane] / known, unsure[plane], _COLOUR_ROUGH)
+        relative, own = _spline(tiles, plane, shading.size, low, missing[plane] / known, errors[plane], _COLOUR_ROUGH)
         error = max(error, own)
         down, right = (basis(length, number, place) for length, number, place in zip(shading.size, full, places, strict=True))
         of_colour, at = (basis(*each) for each in zip(shading.size, low, places, strict=True))
@@ -196,20 +196,20 @@ def _spline(
     size: tuple[int, int],
     points: tuple[int, ...],
     target: DoubleArray,
-    unsure: DoubleArray,
+    errors: DoubleArray,
     rough: float,
 ) -> tuple[DoubleArray, float]:
     """Return the control points of the spline through values in the tiles, and its largest standard error, as a share.
 
-    target: (N,), the values; unsure: (N,), their standard errors, as a share.
+    target: (N,), the values; errors: (N,), their standard errors, as a share.
     rough: standard deviation of third differences of the control points.
     """
     design = _design(size, points, tiles.row[plane], tiles.column[plane]) / target[:, None]
     down, right = (np.diff(np.eye(number), 3, axis=0) for number in points)
     smooth = np.concatenate([np.kron(down, np.eye(points[1])), np.kron(np.eye(points[0]), right)]) / rough
-    weighted = design / unsure[:, None]
+    weighted = design / errors[:, None]
     inverse = np.linalg.inv(weighted.T @ weighted + smooth.T @ smooth)
-    found = inverse @ (weighted.T @ (1 / unsure))
+    found = inverse @ (weighted.T @ (1 / errors))
     variance = ((design @ inverse) * design).sum(axis=1)
     return found.reshape(points), float(variance.max() ** 0.5)
 

@@ -48,7 +48,7 @@ def test_gamma_of_the_chart_is_the_truth_whatever_the_file_says(period: int) -> 
     assert np.abs(fit.gamma - GAMMA).max() < 0.01
     assert (np.abs(fit.gamma - GAMMA) < 1.6 * fit.half_width).all()
     assert 0.6 < fit.spread < 1.6
-    assert abs(fit.off) < 4
+    assert abs(fit.black_deviation) < 4
     said = of_chart(patch_samples(frame(chart().rgb, period, says=replace(BLIND, gamma=(3.0, 0.2, 1.0))), regions))
     np.testing.assert_allclose(said.gamma, fit.gamma, rtol=1e-5)
 
@@ -92,7 +92,7 @@ def test_a_reflection_on_one_patch_is_left_out() -> None:
 def test_a_wrong_black_level_shows_as_offset() -> None:
     wrong = replace(BLIND, black_level=(*BLIND.black_level[:3], BLIND.black_level[3] - 12))
     fit = of_chart(patch_samples(frame(chart().rgb, says=wrong), true_place().regions()), wrong)
-    assert fit.off > 4
+    assert fit.black_deviation > 4
 
 
 def test_greys_and_clipped_shots_are_refused_with_a_remedy() -> None:
@@ -208,7 +208,7 @@ def test_an_interval_covers_a_black_level_that_was_assumed() -> None:
     regions = true_place().regions()
     fits = [fit_chart_gamma(patch_samples(frame(chart().rgb, seed=seed, says=wrong), regions), wrong) for seed in range(3)]
     assert max(off_by(fit) for fit in (*fits, combined(fits))) < 1.5
-    assert min(abs(fit.off) for fit in fits) > 4  # and the shots contradict it
+    assert min(abs(fit.black_deviation) for fit in fits) > 4  # and the shots contradict it
     offset, error = combined(fits).offset
     assert offset / (1 - GAMMA.sum()) * (4095 - 240) == pytest.approx(16, abs=2)
     assert error > 0
@@ -233,5 +233,5 @@ def test_shots_that_contradict_each_other_are_told() -> None:
     for camera in (TRUTH, other):
         taken = simulate_sensor(chart().rgb, CfaPattern.bayer(6), camera, 1.0, np.random.default_rng(1))
         fits.append(of_chart(patch_samples(Mosaic(taken.codes, taken.pattern, BLIND), regions)))
-    assert combined(fits).apart > 4
-    assert combined([fits[0], of_chart(patch_samples(frame(chart().rgb, seed=7), regions))]).apart < 3
+    assert combined(fits).contradiction > 4
+    assert combined([fits[0], of_chart(patch_samples(frame(chart().rgb, seed=7), regions))]).contradiction < 3

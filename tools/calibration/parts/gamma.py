@@ -53,7 +53,7 @@ class GammaPart(Part):
         except InputError as error:
             refusal = str(error)
         # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
-        if contradictions and (refusal or evidence.assumed.black_measured or fit.apart > CONTRADICTION):
+        if contradictions and (refusal or evidence.assumed.black_measured or fit.contradiction > CONTRADICTION):
             refusal = "; ".join(contradictions)
         return cls(
             fit=fit,
@@ -127,9 +127,9 @@ def _facts(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str, Any]:
 def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
     """Return what does not fit together by more than four standard errors, and what to shoot instead; a sentence each."""
     lines = []
-    if abs(fit.off) > CONTRADICTION:
+    if abs(fit.black_deviation) > CONTRADICTION:
         lines.append(_wrong_black(fit))
-    if fit.apart > CONTRADICTION:
+    if fit.contradiction > CONTRADICTION:
         each = ", ".join(
             f"{shot.name}{' (around the chart)' if shot.chart and number else ''} "
             + " ".join(f"{value:.3f} ± {half:.2g}" for value, half in zip(one.gamma, one.half_width, strict=True))
@@ -137,7 +137,7 @@ def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str
             for number, one in enumerate(shot.fits)
         )
         lines.append(
-            f"the shots contradict each other in gamma by {fit.apart:.0f} standard deviations: {each}; give only shots of "
+            f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard deviations: {each}; give only shots of "
             "one session, with one lens, or shoot the chart anew in even light"
         )
     return lines
@@ -156,7 +156,7 @@ def _wrong_black(fit: GammaFit) -> str:
     if fit.assumed.black_measured:
         which = "that the dark frames show"
         remedy = "take dark frames anew, with gain, exposure and temperature of the other shots, and the chart without reflections"
-    return f"the shots contradict the black level {which} by {abs(fit.off):.0f} standard errors{seems}; {remedy}"
+    return f"the shots contradict the black level {which} by {abs(fit.black_deviation):.0f} standard errors{seems}; {remedy}"
 
 
 def _warnings(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
@@ -205,7 +205,7 @@ def _estimates(fit: GammaFit, evidence: Evidence) -> str:
     ]
     facts = (
         f"Condition number of the colours: {fit.condition:.1f}, 1 is ideal. Residuals: {fit.spread:.2f} times what noise explains. "
-        f"Offset of the panchromatic samples: {fit.off:+.1f} standard errors."
+        f"Offset of the panchromatic samples: {fit.black_deviation:+.1f} standard errors."
     )
     head = ("shot", "measured on", "gamma", "± (95 %)", "places used")
     return table(("channel", "gamma", "95 % interval", ""), rows) + f"<p>{escape(facts)}</p>" + table(head, shots)
