@@ -129,8 +129,7 @@ def _iterate(
 ) -> None:
     """Run Eqs. 3-5 on the `values` of the holes, one iteration per threshold; `before`: what they were before the last one."""
     rows, columns, last = energy.shape[1] - 2, energy.shape[2] - 2, response.shape[1] - 1
-    for iteration in range(len(thresholds)):
-        threshold = thresholds[iteration]
+    for threshold in thresholds:
         for hole in range(len(values)):
             store(before, (hole, 0), load(values, (hole, 0)))
         for chunk in range(last):

@@ -13,15 +13,10 @@ from offline.whole.defects import mend_defects
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
 from shared.sensor import simulate_additive
-from tests.data import photograph
 from tests.offline.scenes import every_case, shot
-from tools.evaluation.metrics import quality
-from tools.scenes.drawn.builtin import builtin_scene
-from tools.scenes.load import load_scene
 
 SETTINGS = BEST.defects
 FULL = 3.0
-SPECKS = 1e-4  # part of a drawn scene's pixels that may be taken for defects: they stand alone, one pixel small
 
 
 def mend(mosaic: Mosaic, settings: DefectSettings) -> Mosaic:
@@ -135,29 +130,3 @@ def test_small_bright_things_stay() -> None:
     np.fill_diagonal(light[25:45, 2:22], 0.9)
     mosaic = photographed(np.repeat(light[..., None], 3, axis=2).astype(np.float32), 0.0)
     assert mend(mosaic, SETTINGS) is mosaic
-
-
-@pytest.mark.parametrize("sigma", [0.0, 0.03])
-def test_a_drawn_scene_loses_next_to_nothing(sigma: float) -> None:
-    scene = builtin_scene(360, 240).rgb
-    mosaic = photographed(scene, sigma)
-    taken = (mend(mosaic, SETTINGS).signal != mosaic.signal).mean()
-    assert taken <= SPECKS
-
-
-@pytest.mark.parametrize("sigma", [0.0, 0.03])
-def test_hot_pixels_of_a_photograph_cost_little(sigma: float) -> None:
-    """0.1 % of them: at most 0.5 dB with a map, 1.5 dB without; and looking for them costs a sound photograph nothing."""
-    scene = load_scene(str(photograph("linear/intel_tau_011.png"))).rgb
-    mosaic = photographed(scene, sigma)
-    hurt, hot = with_hot(mosaic, 0.001)
-    off = replace(BEST, defects=PAPER.defects)
-
-    def score(seen: Mosaic, settings: object = BEST) -> float:
-        return quality(render(seen, settings).rgb, scene).median[0]  # type: ignore[arg-type]
-
-    sound = score(mosaic)
-    assert abs(sound - score(mosaic, off)) < 0.02
-    assert sound - score(listing(hurt, hot)) < 0.5
-    assert sound - score(hurt) < 1.5
-    assert sound - score(hurt, off) > sound - score(hurt)
