@@ -13,7 +13,7 @@ from .burst import SimulatedFrame
 from .filters import Filters, filters_for
 from .lens import LensFault
 from .protocols import Protocol, SensorProtocol
-from .protocols.protocol import dimmed
+from .protocols.protocol import SensorLight, dimmed
 
 BITS = 12
 """Bits of a sample, unless others are asked for."""
@@ -106,5 +106,6 @@ class SimulatedCamera:
         for fault in self.lens:
             calibration = fault.calibrated(calibration, (seen.shape[0], seen.shape[1]))
             light = fault.blurred(light)
-        mosaic = self.protocol.expose(light, white, self.pattern, calibration, rng, frame.metadata(scene.metadata))
+        metadata = frame.metadata(scene.metadata)
+        mosaic = self.protocol.expose(SensorLight(light, white, self.pattern, calibration, metadata), rng)
         return Exposed(mosaic, seen, white, (*scene.notes, *filters.notes))

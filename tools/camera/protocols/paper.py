@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive
 
-from .protocol import BayerShot, Protocol, dimmed
+from .protocol import BayerShot, Protocol, SensorLight, dimmed
 
 
 @dataclass(frozen=True)
@@ -62,17 +62,10 @@ class PaperProtocol(Protocol):
         """The same fraction of what a panchromatic pixel reads in white. unit: see `Protocol.scaled`."""
         return replace(self, level=self.level * unit)
 
-    def expose(
-        self,
-        seen: FloatArray,
-        exposure: float,
-        pattern: CfaPattern,
-        calibration: SensorCalibration,
-        rng: np.random.Generator,
-        metadata: CaptureMetadata,
-    ) -> Mosaic:
+    def expose(self, light: SensorLight, rng: np.random.Generator) -> Mosaic:
         """A shot in scene units, float32. Arguments: see `Protocol.expose`."""
-        return simulate_additive(dimmed(seen, exposure), pattern, calibration, self.level, rng, metadata)
+        seen = dimmed(light.seen, light.exposure)
+        return simulate_additive(seen, light.pattern, light.calibration, self.level, rng, light.metadata)
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
         """The same noise on every sample. Arguments: see `Protocol.bayer`."""

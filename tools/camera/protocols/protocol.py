@@ -24,6 +24,23 @@ class BayerShot:
     read: float
 
 
+@dataclass(frozen=True, eq=False)
+class SensorLight:
+    """The light that falls on a sparse-colour sensor.
+
+    seen: what its filters read under full light, float32 (H, W, C), scene units.
+    exposure: factor by which the light is multiplied, positive.
+    pattern, calibration: of the sensor.
+    metadata: capture data of the shot.
+    """
+
+    seen: FloatArray
+    exposure: float
+    pattern: CfaPattern
+    calibration: SensorCalibration
+    metadata: CaptureMetadata
+
+
 @dataclass(frozen=True)
 class Protocol(ABC):
     """A kind of noise, at one strength. Checked when made.
@@ -109,23 +126,8 @@ class Protocol(ABC):
         return self
 
     @abstractmethod
-    def expose(
-        self,
-        seen: FloatArray,
-        exposure: float,
-        pattern: CfaPattern,
-        calibration: SensorCalibration,
-        rng: np.random.Generator,
-        metadata: CaptureMetadata,
-    ) -> Mosaic:
-        """The shot of a sparse-colour sensor.
-
-        seen: what its filters read under full light, float32 (H, W, C), scene units.
-        exposure: factor by which the light is multiplied, positive.
-        pattern, calibration: of the sensor.
-        rng: source of the noise.
-        metadata: capture data of the shot.
-        """
+    def expose(self, light: SensorLight, rng: np.random.Generator) -> Mosaic:
+        """The shot of a sparse-colour sensor under this light. rng: source of the noise."""
 
     @abstractmethod
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration
+from shared import Mosaic
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import TYPICAL_READ, TYPICAL_SHOT, simulate_sensor
 
-from .protocol import BayerShot, Protocol
+from .protocol import BayerShot, Protocol, SensorLight
 
 _BITS = 12
 _BLACK, _WHITE = 1 << (_BITS - 4), (1 << _BITS) - 1  # codes of the Bayer sensor
@@ -64,17 +64,9 @@ class SensorProtocol(Protocol):
         """Light that a shot records, as a multiple of the scene's."""
         return self.level
 
-    def expose(
-        self,
-        seen: FloatArray,
-        exposure: float,
-        pattern: CfaPattern,
-        calibration: SensorCalibration,
-        rng: np.random.Generator,
-        metadata: CaptureMetadata,
-    ) -> Mosaic:
+    def expose(self, light: SensorLight, rng: np.random.Generator) -> Mosaic:
         """A shot in codes, uint16. Arguments: see `Protocol.expose`."""
-        return simulate_sensor(seen, pattern, calibration, exposure, rng, metadata)
+        return simulate_sensor(light.seen, light.pattern, light.calibration, light.exposure, rng, light.metadata)
 
     def bayer(self, samples: FloatArray, rng: np.random.Generator) -> BayerShot:
         """Noise of the same electrons; its white level is 1 scene unit times `level`. Arguments: see `Protocol.bayer`."""
