@@ -44,6 +44,11 @@ def linear(figures: Figures) -> SetFigures:
     return next(each for each in figures.sets if each.name == SET)
 
 
+def even(study: Study, size: float = 0.05) -> Figures:
+    """Figures of methods that all err alike."""
+    return figures_with(study, {(name, level.level): np.float32(size) * NOISE for name in study.methods for level in study.levels})
+
+
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
     return study_of(tmp_path)
@@ -90,8 +95,7 @@ def test_winner_margin_and_losses(study: Study) -> None:
 
 def test_every_figure_rival_level_and_scene_counts_as_a_loss(study: Study) -> None:
     """One of 2 x 2 x 3 x 11 comparisons is lost, whichever it is: the verdict says it, and where."""
-    even = {(name, level): 0.02 * NOISE for name in study.methods for level in LEVELS}
-    figures = figures_with(study, even)
+    figures = even(study, 0.02)
     assert losses(linear(figures)).startswith("nowhere in 132 comparisons (11 figures, each rival, level and scene, and all scenes")
     before = linear(figures).comparisons
     for criterion in CRITERIA:
@@ -129,7 +133,7 @@ def test_a_loss_in_colour_alone_is_no_win_everywhere(study: Study) -> None:
 
 def test_the_headline_says_what_it_does_not_stand_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = study_of(tmp_path)
-    figures = figures_with(study, {(name, level): 0.05 * NOISE for name in study.methods for level in LEVELS})
+    figures = even(study)
     few, denoising, learned = caveats(linear(figures))
     assert few == "Only 2 scenes: with fewer than 6, even being ahead on all of them may be chance."
     assert denoising.startswith("No rival here denoises")
@@ -139,10 +143,9 @@ def test_the_headline_says_what_it_does_not_stand_on(tmp_path: Path, monkeypatch
     assert lines[place + 1 : place + 4] == [few, denoising, learned]
     monkeypatch.setattr("tools.evaluation.method.package_version", lambda name: "1")  # whatever is installed
     with_both = study_of(tmp_path, methods=("paper", "bm3d+menon", "demosaicnet"), count=FEW)
-    full = figures_with(with_both, {(name, level): 0.05 * NOISE for name in with_both.methods for level in LEVELS})
-    assert caveats(linear(full)) == []
+    assert caveats(linear(even(with_both))) == []
     quiet = study_of(tmp_path, methods=("paper", "bilinear"), levels=(CLEAN,))
-    assert len(caveats(linear(figures_with(quiet, {(name, 0.0): 0.05 * NOISE for name in quiet.methods})))) == 2
+    assert len(caveats(linear(even(quiet)))) == 2
 
 
 def test_leads_are_counted_with_their_range() -> None:
@@ -250,15 +253,13 @@ def test_a_growing_lead_may_not_fall_in_between(tmp_path: Path, middle: float, f
 
 def test_claims_need_a_noise_free_level_and_the_methods(tmp_path: Path) -> None:
     noisy = study_of(tmp_path, levels=PaperProtocol.levels((0.01, 0.03)))
-    errors = {(name, level.level): 0.05 * NOISE for name in noisy.methods for level in noisy.levels}
-    assert len(claims(linear(figures_with(noisy, errors)))) == 1
+    assert len(claims(linear(even(noisy)))) == 1
     rivals = study_of(tmp_path, methods=("bilinear",))
-    assert claims(linear(figures_with(rivals, {("bilinear", level.level): NOISE for level in rivals.levels}))) == []
+    assert claims(linear(even(rivals))) == []
 
 
 def test_a_set_with_a_missing_result_is_not_pooled(study: Study) -> None:
-    errors = {(name, level): 0.05 * NOISE for name in study.methods for level in LEVELS}
-    full = figures_with(study, errors)
+    full = even(study)
     gone = next(cell for cell in full.results if cell.method == "dlmmse" and cell.level == NOISY)
     part = Figures(study, {cell: each for cell, each in full.results.items() if cell is not gone})
     assert linear(full).pooled(NOISY, "dlmmse") is not None
