@@ -117,12 +117,24 @@ def test_a_wrong_output_folder_is_usage(verb: str, folder: str, words: str, tmp_
 # --- errors ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_solver_that_does_not_converge_is_one_line(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
-        raise ConvergenceError("affinity: residual 0.1 after 500 iterations,\nexpected 0.001")
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ConvergenceError("affinity: residual 0.1 after 500 iterations,\nexpected 0.001"), "iterations, expected 0.001"),
+        (
+            ModuleNotFoundError("No module named 'scipy'", name="scipy.ndimage"),
+            "the package scipy.ndimage is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'",
+        ),
+    ],
+)
+def test_what_ends_a_render_is_one_line(
+    error: Exception, words: str, shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
 
     monkeypatch.setattr("offline.render_bands", fail)
-    assert_refused(run("render", shots / SHOT, "-o", tmp_path), "residual 0.1", "expected 0.001", name=str(shots / SHOT))
+    assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
     assert names(tmp_path) == {"shots"}
 
 
@@ -136,15 +148,6 @@ def test_a_fault_outside_of_any_file_is_one_line_too(monkeypatch: pytest.MonkeyP
     (line,) = outcome.err.splitlines()
     assert line.startswith("panchroma: a fault of Panchroma, please report it: RuntimeError in cli.py:")  # the last place of ours
     assert line.endswith(": odd")
-
-
-def test_a_library_that_is_not_installed_is_named(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(*_: object) -> None:
-        raise ModuleNotFoundError("No module named 'scipy'", name="scipy.ndimage")
-
-    monkeypatch.setattr("offline.render_bands", missing)
-    words = "the package scipy.ndimage is not installed; install Panchroma with all that belongs to it: pip install -e '.[all]'"
-    assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
 
 
 @pytest.mark.parametrize(
