@@ -2,8 +2,10 @@
 
 from .ahead import compile_kernel, kernels_to_compile
 from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
+from .measured import Measured
 from .memory import rendering_memory
-from .render import Rendering, render, render_bands, warm_up
+from .parts import Look, Part, RowStage
+from .render import Rendering, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
 from .rows.learned import network_name
 from .settings import BEST, PAPER, PRESETS, RenderSettings
 from .solvers import Solved, SolverLog
@@ -12,19 +14,28 @@ __all__ = [
     "BEST",
     "PAPER",
     "PRESETS",
+    "Look",
+    "Measured",
+    "Part",
     "RenderSettings",
     "Rendering",
+    "RowStage",
     "Solved",
     "SolverLog",
     "available_threads",
+    "cleaned",
+    "colour_bands",
+    "coloured",
     "compilation",
     "compile_kernel",
     "kernel_cache",
     "kernels_to_compile",
+    "measure",
     "network_name",
     "render",
     "render_bands",
     "rendering_memory",
+    "row_stages",
     "threads",
     "use_threads",
     "warm_up",

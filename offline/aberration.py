@@ -12,7 +12,7 @@ from shared.progress import Progress
 
 from .kernels.aberration import undo_aberration
 from .kernels.mixing import colour
-from .tiling import Part, windows
+from .parts import Look, Part, windows
 
 
 def without_aberration(mosaic: Mosaic, picture: Iterable[Part], progress: Progress) -> Mosaic:
@@ -31,7 +31,7 @@ def without_aberration(mosaic: Mosaic, picture: Iterable[Part], progress: Progre
     is_coded, reach = mosaic.samples.dtype == np.uint16, ceil(lens.reach(mosaic.shape))
     signal = mosaic.signal if is_coded else mosaic.signal.copy()
     signal.flags.writeable = True  # codes become a new array
-    for part, (first, end) in windows(picture, height, reach + 2, 1, 0):
+    for part, (first, end) in windows(picture, height, Look(reach + 2)):
         shown, rows = np.empty_like(part.chromaticity), slice(first, end)
         colour(part.chromaticity, part.luminance, shown)
         changed = signal[rows].copy()

@@ -3,45 +3,40 @@
 Kernels that are not compiled ahead are compiled when they are first called. Nothing in `offline` starts processes.
 """
 
-from collections.abc import Callable
+from importlib import import_module
+from pkgutil import iter_modules
 
-from .kernels import displacement, merging, smoothing, spreading  # noqa: F401 - bursts use it, and no render: only this import makes it known here
+import numpy as np
+
+from shared.calibration import SensorCalibration
+from shared.mosaic import Mosaic
+from shared.pattern import CfaPattern
+
+from . import kernels as package
 from .kernels.compile import kernel_cache, kernels
+from .measured import Measured
+from .render import KERNELS, row_stages
 from .settings import RenderSettings
 
-# Kernel -> what uses it. Those that take longest to compile come first, so that several processes end at about the same time.
-_USED: dict[str, Callable[[RenderSettings], bool]] = {
-    "average": lambda settings: settings.refinement.repetitions > 0,
-    "solve_regions": lambda _: True,
-    "find_outliers": lambda settings: settings.defects.contrast > 0,
-    "denoise": lambda settings: settings.denoising.strength > 0,
-    "fill_blocks": lambda _: True,
-    "shrink_once": lambda _: False,  # only for blocks that are too near to each other; then when it is called
-    "shrink_margins": lambda _: True,
-    "average_similar": lambda settings: settings.denoising.strength > 0,
-    "solve_jointly": lambda settings: settings.chromaticity.mismatch > 0,
-    "oriented_median": lambda settings: settings.chromaticity.taps > 1,
-    "mend_panchromatic": lambda settings: settings.defects.listed or settings.defects.contrast > 0,
-    "raise_clipped": lambda settings: settings.highlights.restored,
-    "share_out": lambda settings: settings.sites.corrected,
-    "mix": lambda _: True,
-    "colour": lambda _: True,
-    "pool": lambda settings: bool(settings.pooling.passes),
-    "interpolate": lambda settings: settings.highlights.restored,
-    "displacement_sums": lambda _: False,  # only for bursts
-    "merge": lambda _: False,
-    "smooth": lambda _: False,
-    "displace": lambda _: False,
-    "spread_samples": lambda _: False,
-    "pin_samples": lambda _: False,  # only for patterns whose colour sites are scattered; then when it is called
-    "undo_aberration": lambda _: False,  # only for lenses that have it; then when it is called
-    "surroundings": lambda settings: settings.highlights.restored or settings.defects.listed or settings.defects.contrast > 0,
-}
+# Those that take longest to compile come first, so that several processes end at about the same time.
+_LONGEST = "average", "solve_regions", "find_outliers", "denoise", "fill_blocks", "shrink_once", "shrink_margins", "average_similar"
+
+for _module in iter_modules(package.__path__):  # a kernel is known when its module is imported; bursts have some of their own
+    import_module(f"{package.__name__}.{_module.name}")
 
 
 def used_kernels(*settings: RenderSettings) -> list[str]:
-    """Names of the kernels that renders with these settings may call, without any settings of all kernels."""
-    return [name for name, used in _USED.items() if not settings or any(map(used, settings))]
+    """Names of the kernels that renders with these settings may call, without any settings of all kernels.
+
+    Those that only scattered colour sites, or a lens with aberration, need are not among them: they are compiled when they are
+    called.
+    """
+    frame = Measured.outline(Mosaic(np.zeros((24, 24), np.float32), CfaPattern.bayer(), SensorCalibration()))
+    used = set() if settings else set(kernels)
+    for each in settings:
+        used.update(KERNELS, *(part.kernels for part in vars(each).values() if part.used))
+        used.update(*(stage.kernels for stage in row_stages(frame, each)))
+    return sorted(used, key=lambda name: (_LONGEST.index(name) if name in _LONGEST else len(_LONGEST), name))
 
 
 def kernels_to_compile(*settings: RenderSettings) -> list[str]:

@@ -1,7 +1,7 @@
 """The settings of each stage, in order of execution, and the presets."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from shared.errors import InputError
@@ -16,8 +16,29 @@ def _require(holds: bool, name: str, value: object, expected: str) -> None:
         raise InputError(f"settings: {name} is {value}, expected {expected}")
 
 
+class StageSettings:
+    """Base of the settings of a stage: whether it is used, and which kernels it then calls, to compile them ahead."""
+
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return True
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Names of the kernels that it calls when it is used; stages in rows say so themselves."""
+        return ()
+
+
 @dataclass(frozen=True)
-class DefectSettings:
+class Switch(StageSettings):
+    """A stage that is used or not. used: whether it is."""
+
+    used: bool = False
+
+
+@dataclass(frozen=True)
+class DefectSettings(StageSettings):
     """Samples that do not measure light.
 
     An unlisted panchromatic sample is defective if it lies outside its neighbours' range by more than contrast x local contrast +
@@ -39,9 +60,19 @@ class DefectSettings:
         _require(self.deviations >= 0, "defects.deviations", self.deviations, "0 or more")
         _require(self.floor > 0, "defects.floor", self.floor, "more than 0")
 
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return self.listed or self.contrast > 0
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return "find_outliers", "mend_panchromatic", "surroundings"
+
 
 @dataclass(frozen=True)
-class HighlightSettings:
+class HighlightSettings(StageSettings):
     """Panchromatic samples at the sensor's limit.
 
     restored: take luminance there from the colour samples.
@@ -54,9 +85,19 @@ class HighlightSettings:
     def __post_init__(self) -> None:
         _require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
 
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return self.restored
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return "surroundings", "raise_clipped", "interpolate"
+
 
 @dataclass(frozen=True)
-class LuminanceSettings:
+class LuminanceSettings(StageSettings):
     """Hole filling, Eqs. 1-5.
 
     iterations: 50 in the paper.
@@ -74,9 +115,14 @@ class LuminanceSettings:
         _require(0 < self.decay < 1, "luminance.decay", self.decay, "between 0 and 1")
         _require(self.threshold > 0, "luminance.threshold", self.threshold, "more than 0")
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return "fill_blocks", "shrink_margins"
+
 
 @dataclass(frozen=True)
-class NoiseSettings:
+class NoiseSettings(StageSettings):
     """Where the noise model comes from.
 
     estimate: estimate it from the mosaic where the calibration has none. If not set, unknown noise is treated as none (the paper).
@@ -86,7 +132,7 @@ class NoiseSettings:
 
 
 @dataclass(frozen=True)
-class DenoisingSettings:
+class DenoisingSettings(StageSettings):
     """Denoising of luminance; the paper has none.
 
     strength: how much noise to remove, as a multiple of the noise there is; 0 = none.
@@ -113,9 +159,19 @@ class DenoisingSettings:
         _require(self.similarity > 0, "denoising.similarity", self.similarity, "more than 0")
         _require(1 <= self.radius <= _FARTHEST, "denoising.radius", self.radius, f"1 to {_FARTHEST}")
 
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return self.strength > 0
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return "denoise", "average_similar"
+
 
 @dataclass(frozen=True)
-class ChromaticitySettings:
+class ChromaticitySettings(StageSettings):
     """Block chromaticities, Eqs. 6-9, and the oriented medians after them.
 
     taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
@@ -136,6 +192,11 @@ class ChromaticitySettings:
         _require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
         _require(0 <= self.mismatch < math.inf, "chromaticity.mismatch", self.mismatch, "0 or more")
 
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return ("oriented_median",) * (self.taps > 1) + ("solve_jointly",) * (self.mismatch > 0)
+
 
 class PoolingPass(NamedTuple):
     """One pass of pooling.
@@ -151,7 +212,7 @@ class PoolingPass(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PoolingSettings:
+class PoolingSettings(StageSettings):
     """Averaging of the sums of Eqs. 8-9 over blocks of similar chromaticity; the paper has none.
 
     passes: one `PoolingPass` each; empty = no pooling.
@@ -170,9 +231,19 @@ class PoolingSettings:
         _require(self.light > 0, "pooling.light", self.light, "more than 0")
         _require(self.doubt >= 0, "pooling.doubt", self.doubt, "0 or more")
 
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return bool(self.passes)
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return ("pool",)
+
 
 @dataclass(frozen=True)
-class AffinitySettings:
+class AffinitySettings(StageSettings):
     """Affinity maps, Eqs. 11-13.
 
     scales: standard deviations of the derivative filters, pixels (the paper gives none: errata).
@@ -191,7 +262,7 @@ class AffinitySettings:
 
 
 @dataclass(frozen=True)
-class PropagationSettings:
+class PropagationSettings(StageSettings):
     """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
 
     softness: a block's weight is alpha (alpha + softness) where the paper has alpha^2. Larger values make gradients of colour
@@ -205,7 +276,7 @@ class PropagationSettings:
 
 
 @dataclass(frozen=True)
-class RefinementSettings:
+class RefinementSettings(StageSettings):
     """Non-local averaging of chromaticity, Eqs. 15-16.
 
     strength: lambda in h = lambda sigma_z, 40 in the paper.
@@ -225,40 +296,48 @@ class RefinementSettings:
         _require(self.blur > 0, "refinement.blur", self.blur, "more than 0")
         _require(self.repetitions >= 0, "refinement.repetitions", self.repetitions, "0 or more")
 
+    @property
+    def used(self) -> bool:
+        """Whether the stage changes anything."""
+        return self.repetitions > 0
+
 
 @dataclass(frozen=True)
-class SiteSettings:
-    """Errors at the colour sites, where samples say what is missed (see `sites` and `trust`); the paper has none of it.
+class TrustSettings(Switch):
+    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `whole.trust`); not in the paper.
 
-    corrected: correct luminance once chromaticity is known, and every channel once the picture is; trust no block whose samples do
-        not add up to luminance.
-    deviations: multiple of the noise variance that is taken off the power of errors, 0 or more.
-    agreement: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
+    tolerance: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
         its neighbours, > 0.
     """
 
-    corrected: bool = False
-    deviations: float = 2.0
-    agreement: float = 0.4
+    tolerance: float = 0.4
 
     def __post_init__(self) -> None:
-        _require(self.deviations >= 0, "sites.deviations", self.deviations, "0 or more")
-        _require(self.agreement > 0, "sites.agreement", self.agreement, "more than 0")
+        _require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return ("surroundings",)
 
 
 @dataclass(frozen=True)
-class LearnedSettings:
-    """Correction of chromaticity by a network that has seen photographs (see `learned`); the paper has none.
+class SettlingSettings(Switch):
+    """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
 
-    used: use it where there is one for the pattern.
-    """
-
-    used: bool = False
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Those of the stage."""
+        return ("share_out",)
 
 
 @dataclass(frozen=True)
 class RenderSettings:
     """All settings of a render, one part per stage, in order of execution. The presets are `PAPER` and `BEST`.
+
+    correction shares out what the picture misses at the colour sites (`rows.correction`), pinning does so where these are scattered
+    (`rows.pinning`), and learned corrects chromaticity by a network that has seen photographs, where there is one for the pattern
+    (`rows.learned`). The paper has none of these.
 
     >>> from dataclasses import replace
     >>> from offline import BEST, PAPER
@@ -267,18 +346,21 @@ class RenderSettings:
     (0.5, 50)
     """
 
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
-    defects: DefectSettings = field(default_factory=DefectSettings)
-    highlights: HighlightSettings = field(default_factory=HighlightSettings)
-    luminance: LuminanceSettings = field(default_factory=LuminanceSettings)
-    denoising: DenoisingSettings = field(default_factory=DenoisingSettings)
-    chromaticity: ChromaticitySettings = field(default_factory=ChromaticitySettings)
-    pooling: PoolingSettings = field(default_factory=PoolingSettings)
-    affinity: AffinitySettings = field(default_factory=AffinitySettings)
-    propagation: PropagationSettings = field(default_factory=PropagationSettings)
-    refinement: RefinementSettings = field(default_factory=RefinementSettings)
-    sites: SiteSettings = field(default_factory=SiteSettings)
-    learned: LearnedSettings = field(default_factory=LearnedSettings)
+    noise: NoiseSettings = NoiseSettings()
+    defects: DefectSettings = DefectSettings()
+    trust: TrustSettings = TrustSettings()
+    highlights: HighlightSettings = HighlightSettings()
+    luminance: LuminanceSettings = LuminanceSettings()
+    denoising: DenoisingSettings = DenoisingSettings()
+    chromaticity: ChromaticitySettings = ChromaticitySettings()
+    pooling: PoolingSettings = PoolingSettings()
+    settling: SettlingSettings = SettlingSettings()
+    affinity: AffinitySettings = AffinitySettings()
+    propagation: PropagationSettings = PropagationSettings()
+    refinement: RefinementSettings = RefinementSettings()
+    correction: Switch = Switch()
+    pinning: Switch = Switch()
+    learned: Switch = Switch()
 
     @property
     def asks_for_codes(self) -> bool:
@@ -286,15 +368,20 @@ class RenderSettings:
 
         If not, `Mosaic.in_scene_units` renders to the same picture, unless the lens has lateral chromatic aberration.
         """
-        defects = self.defects.listed or self.defects.contrast > 0
-        return defects or self.highlights.restored or self.asks_for_sites
+        return self.defects.used or self.highlights.used or self.trust.used or self.asks_for_sites
 
     @property
     def asks_for_sites(self) -> bool:
-        """Whether a stage works on the samples at the colour sites after colour has been spread."""
-        return self.sites.corrected or self.learned.used
+        """Whether a stage looks at what a picture misses at the colour sites."""
+        return any(each.used for each in (self.settling, self.correction, self.pinning, self.learned))
+
+    @property
+    def uncorrected(self) -> "RenderSettings":
+        """These settings without the stages that look at what a picture misses at the colour sites."""
+        return replace(self, trust=TrustSettings(), settling=SettlingSettings(), correction=OFF, pinning=OFF, learned=OFF)
 
 
+ON, OFF = Switch(used=True), Switch()
 PAPER = RenderSettings()
 BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
@@ -306,8 +393,11 @@ BEST = RenderSettings(
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail
-    sites=SiteSettings(corrected=True),
-    learned=LearnedSettings(used=True),
+    trust=TrustSettings(used=True),
+    settling=SettlingSettings(used=True),
+    correction=ON,
+    pinning=ON,
+    learned=ON,
 )
 PRESETS = {"best": BEST, "unlearned": replace(BEST, learned=PAPER.learned), "paper": PAPER}
 """The presets by name; unlearned is best without the network that corrects colour."""

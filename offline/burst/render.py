@@ -16,11 +16,11 @@ from shared.mosaic import Mosaic
 from shared.motion import Motion
 from shared.progress import SILENT, Progress
 
-from ..kernels.mixing import colour
-from ..render import Measured, Others, coloured, finish
+from ..measured import Measured
+from ..parts import RowStage
+from ..render import Others, colour_bands, coloured, row_stages
 from ..settings import BEST, NoiseSettings, RenderSettings
-from ..tiling import windows
-from ..units import check_finite, in_scene_units, own_unit
+from ..units import own_unit
 from ..units import scaled as in_unit
 from .comparing import Comparison, compared
 from .copies import copies
@@ -40,18 +40,19 @@ class MergedBurst:
     reference: index of the frame that the picture shows.
     frames: what became of each frame, in the order given.
     shares: float32 (H, W), variance of the noise of the merged luminance, relative to the reference's: 1 where it is alone.
-    mosaic: the reference, in units of 2^exponent scene units. measured, samples: what `render_burst_bands` needs, likewise.
-    lost: where all frames are clipped, uint8 (H, W), see `Progress.lost`; None = nowhere.
+    measured, samples: what `render_burst_bands` needs.
     """
 
     reference: int
     frames: tuple[Judged, ...]
     shares: FloatArray
-    mosaic: Mosaic
     measured: Measured
     samples: ColourSamples
-    exponent: int
-    lost: ByteArray | None
+
+    @property
+    def lost(self) -> ByteArray | None:
+        """Where all frames are clipped, uint8 (H, W), see `offline.cleaned.Cleaned`; None = nowhere."""
+        return self.measured.lost
 
 
 def merge_burst(
@@ -86,8 +87,8 @@ def merge_burst(
     for copy, original in copied.items():
         judged[copy] = Judged(f"is a copy of frames[{original}]: its samples are the same", copy_of=original)
     in_order = tuple(judged[number] for number in range(len(frames)))
-    mosaic = shots[found.reference]
-    return MergedBurst(distinct[found.reference], in_order, shares, mosaic, measured, samples, exponent, found.lost)
+    measured = replace(measured, lost=found.lost, exponent=exponent)
+    return MergedBurst(distinct[found.reference], in_order, shares, measured, samples)
 
 
 def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Iterator[FloatArray]:
@@ -95,16 +96,11 @@ def render_burst_bands(merged: MergedBurst, settings: RenderSettings = BEST, pro
 
     Raises ConvergenceError when a solver does not reach its tolerance, and RangeError rather than yield a value that is not finite.
     """
-    if merged.lost is not None:
-        progress.lost(merged.lost)
-    spreading = Spreading(merged.samples, merged.mosaic, progress)
-    parts = finish(merged.mosaic, merged.measured, settings, progress)
-    for part, rows in windows(parts, merged.mosaic.shape[0], *spreading.steps):
-        corrected = spreading.applied(part, rows)
-        band = np.empty_like(corrected.chromaticity)
-        colour(corrected.chromaticity, np.ascontiguousarray(corrected.luminance), band)  # Eq. 17
-        check_finite(band, rows[0])
-        yield in_scene_units(band, merged.exponent)
+
+    def stages(measured: Measured, settings: RenderSettings, progress: Progress) -> list[RowStage]:
+        return [*row_stages(measured, settings, progress), Spreading(merged.samples, measured, progress)]
+
+    return colour_bands(merged.measured, settings, progress, stages)
 
 
 def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -> tuple[Measured, ColourSamples, FloatArray]:

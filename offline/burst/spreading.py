@@ -1,14 +1,17 @@
 """The last stage of a burst: the colour samples of all frames correct the picture, each at its own place."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from shared.arrays import FloatArray
-from shared.mosaic import Mosaic
-from shared.progress import Progress
+from shared.progress import SILENT, Progress
 
-from ..kernels.spreading import HALO, TILE, TOLERANCE, spread_samples, tiles_of
+from ..kernels.spreading import HALO, TILE, TOLERANCE, Samples, spread_samples, tiles_of
+from ..measured import Measured
+from ..parts import Look, Part, RowStage
 from ..solvers import report
-from ..tiling import Part
 from .samples import ColourSamples
 
 # With less, where noise is as strong as light, single precision cannot solve the system. At sigma 0.1 it is 5 times as much.
@@ -16,32 +19,38 @@ _LEAST_FADING = 1e-7
 _SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
 
 
-class Spreading:
-    """How colour samples correct the chromaticity around them.
+@dataclass(eq=False)
+class Spreading(RowStage):
+    """Correct the chromaticity around colour samples by what they show.
 
-    mosaic: the reference. progress: hears what the solver did.
+    samples: of all frames. measured: the reference. progress: hears what the solver did.
     """
 
-    steps = HALO, TILE, 0
-    """(reach, step, origin) for `tiling.windows`."""
+    samples: ColourSamples
+    measured: Measured
+    progress: Progress = SILENT
 
-    def __init__(self, samples: ColourSamples, mosaic: Mosaic, progress: Progress) -> None:
-        self._gamma, self._height, self._progress = np.array(mosaic.calibration.gamma, np.float32), mosaic.shape[0], progress
-        self._samples, precision = samples.by_tile(mosaic.shape, self._gamma)
-        self._prior, self._basis = (_SMOOTHNESS, max(_FADING * precision, _LEAST_FADING), _EDGE), _basis(len(self._gamma))
+    name = "samples"
+    kernels = ("spread_samples",)
 
-    def applied(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows of a part of the picture, which reaches `HALO` rows beyond them.
+    @property
+    def look(self) -> Look:
+        """A tile and what surrounds it."""
+        return Look(HALO, TILE)
 
-        Raises ConvergenceError when conjugate gradients do not reach their tolerance.
-        """
-        shown = part.rows(*rows)
-        corrected = np.empty_like(shown.chromaticity)
-        tiles = tiles_of(rows, part.luminance.shape[1])
-        residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
-        where = part.luminance, part.chromaticity, part.first, rows, self._height
-        spread_samples(*where, self._samples, self._gamma, self._basis, self._prior, corrected, residuals, used)
-        report(self._progress, "samples", used, residuals, TOLERANCE)
+    @cached_property
+    def _by_tile(self) -> tuple[Samples, float]:
+        return self.samples.by_tile(self.measured.shape, self.measured.gamma)
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
+        gamma, (samples, precision), (height, width) = self.measured.gamma, self._by_tile, self.measured.shape
+        prior = _SMOOTHNESS, max(_FADING * precision, _LEAST_FADING), _EDGE
+        shown, tiles = part.rows(*rows), tiles_of(rows, width)
+        corrected, residuals, used = np.empty_like(shown.chromaticity), np.empty(tiles), np.empty(tiles, np.intp)
+        where = part.luminance, part.chromaticity, part.first, rows, height
+        spread_samples(*where, samples, gamma, _basis(len(gamma)), prior, corrected, residuals, used)
+        report(self.progress, "samples", used, residuals, TOLERANCE)
         return Part(shown.first, shown.luminance, corrected)
 
 

@@ -21,21 +21,26 @@ from ..kernels.fields import solve_regions
 from ..kernels.lanes import WIDTH
 from ..settings import AffinitySettings
 from ..solvers import report
-from ..tiling import HALO, Band, core_patches, domain_places
+from ..tiling import HALO, core_patches, domain_places, patches_of
 
 _TRUNCATE = 4  # standard deviations at which the filters end
 _CLASSES = 4
 
 
 def solve_affinities(
-    luminance: FloatArray, pattern: CfaPattern, settings: AffinitySettings, band: Band, progress: Progress = SILENT
+    luminance: FloatArray,
+    pattern: CfaPattern,
+    settings: AffinitySettings,
+    rows: tuple[int, int] | None = None,
+    progress: Progress = SILENT,
 ) -> FloatArray:
     """alpha[p, q, n] in 0..1, float32 (2, 2, rows, domain columns): the field of the blocks with row parity p, column parity q.
 
-    The rows are those of the band's patches. The domain is the frame mirrored out to whole patches (`BlockGrid`).
+    The domain is the frame mirrored out to whole patches (`BlockGrid`).
 
     luminance: (H, W), the whole frame.
-    band: its patches begin and end where cores do, or where the domain does.
+    rows: first and end of the frame's rows whose patches are solved; they begin and end where cores do (`tiling.bands`), or where
+        the frame does. None = all.
     Raises ConvergenceError when conjugate gradients do not reach the tolerance.
     """
     progress.part("affinity")
@@ -45,7 +50,7 @@ def solve_affinities(
     filters = derivative_filters(settings.scales)
     places = domain_places(grid, filters[0].shape[1] - 1)
     pins = _pins(pattern, grid, (core[1] + 2 * HALO) * period)
-    first, end = band.patches
+    first, end = patches_of(grid, rows or (0, len(luminance)))
     fields = np.empty((_CLASSES, (end - first) * period, across * period), np.float32)
     regions = -(-(end - first) // core[0]) * -(-across // core[1])
     residuals, used = np.empty(regions), np.empty(regions, np.intp)

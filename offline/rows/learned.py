@@ -11,7 +11,7 @@ on the way in and out. Frames are processed in tiles of one fixed size at fixed 
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,16 @@ from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.errors import InputError
 from shared.pattern import CfaPattern
 
+from ..blocks import Sites
 from ..kernels.compile import threads
-from ..settings import LearnedSettings
-from ..sites import BlockSamples
-from ..tiling import DARK, Part
+from ..measured import BlockSamples
+from ..parts import DARK, Look, Part, RowStage
 
 FOLDER = Path(__file__).parents[1] / "models"
 ORDER = "RGGB"
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
+_NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
+_BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
 UNKNOWN = 1e6
 """Variance, in scene units squared, of a sample that is not trusted: the network then corrects nothing around it."""
 
@@ -55,13 +57,13 @@ class Cells:
     sites: list[int]
 
     @classmethod
-    def of(cls, pattern: CfaPattern, shape: tuple[int, int]) -> "Cells":
-        """The cells of a frame of this shape; the pattern has a Bayer block and an even period."""
-        period, grid = pattern.period, pattern.grid(shape)
+    def of(cls, sites: Sites) -> "Cells":
+        """The cells of a frame; its pattern has a Bayer block and an even period."""
+        pattern, grid, period = sites.pattern, sites.grid, sites.grid.period
         steps = _MIRRORED[_block_letters(pattern)]
         margin = (period - 2) // 2  # pixels of a cell before its block
         origin = [-((margin - first) % period) for first in pattern.block_origin]
-        count = [-(-(size - start) // period) for size, start in zip(shape, origin, strict=True)]
+        count = [-(-(size - start) // period) for size, start in zip(grid.frame, origin, strict=True)]
         whole = [
             (int(places[0]) - margin - start) // period
             for places, start in zip((grid.whole_rows, grid.whole_columns), origin, strict=True)
@@ -113,74 +115,89 @@ def _slices(down: IndexArray, across: IndexArray) -> tuple[slice, slice] | None:
     return slice(int(down[0]), int(down[-1]) + 1), slice(int(across[0]), int(across[-1]) + 1)
 
 
-class Learner:
-    """A network, loaded, for one pattern.
+@dataclass(eq=False)
+class Learned(RowStage):
+    """Correct chromaticity by a network.
 
-    path: one of `models/`. pattern: has a Bayer block and the network's period.
+    path: one of `models/`. Raises InputError, when it is first needed, if the file cannot be read.
+    samples: of a frame whose pattern has a Bayer block and the network's period.
     gamma: (C,), the weights of Eq. 7.
-    Raises InputError when the file cannot be read.
     """
 
-    def __init__(self, path: Path, pattern: CfaPattern, gamma: tuple[float, ...]) -> None:
-        self._session = _session(path)
-        self._pattern, self._gamma = pattern, np.array(gamma, np.float32)
-        side = self._session.get_inputs()[1].shape[-1]
-        self._tile = self._session.get_outputs()[0].shape[-1] // pattern.period  # cells
-        self._halo = (side - self._tile) // 2
+    path: Path
+    samples: BlockSamples
+    gamma: FloatArray
 
-    def steps(self, sites: BlockSamples) -> tuple[int, int, int]:
-        """(reach, step, origin) for `tiling.windows`: rows that a result depends on, rows of a tile, and where the first begins."""
-        period, origin = self._pattern.period, Cells.of(self._pattern, sites.sites.grid.frame).origin[0]
-        return (self._halo + 1) * period + sites.reach, self._tile * period, origin
+    name = "learned"
 
-    def refine(self, before: Part, part: Part, sites: BlockSamples, rows: tuple[int, int]) -> Part:
-        """`part` with its chromaticity corrected in these rows of the frame, which end where tiles do.
+    @property
+    def look(self) -> Look:
+        """A tile, and what the network sees around it."""
+        period, cells = self.samples.sites.grid.period, Cells.of(self.samples.sites)
+        return Look((self._halo + 1) * period, self._tile * period, cells.origin[0])
 
-        before: the same rows of the picture before `correct_sites`.
-        """
-        height, width = sites.sites.grid.frame
-        cells = Cells.of(self._pattern, (height, width))
-        inputs = Inputs(cells, before, part, sites, self._gamma)
-        size = self._tile * cells.period
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes for this many pixels: the picture before and after it, the network, its runtime and the tiles that are at work."""
+        return _NETWORK + _BYTES * (1 + channels) * pixels
+
+    @cached_property
+    def _session(self) -> Any:
+        return _session(self.path)
+
+    @property
+    def _tile(self) -> int:
+        """Cells along the side of a tile."""
+        return int(self._session.get_outputs()[0].shape[-1]) // self.samples.sites.grid.period
+
+    @property
+    def _halo(self) -> int:
+        """Cells that the network sees around a tile."""
+        return (int(self._session.get_inputs()[1].shape[-1]) - self._tile) // 2
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows with their chromaticity corrected; they end where tiles do."""
+        cells, tile, halo = Cells.of(self.samples.sites), self._tile, self._halo
+        inputs, width = Inputs(cells, part, self.samples, self.gamma), part.luminance.shape[1]
+        size = tile * cells.period
         first, last = ((row - cells.origin[0]) // size for row in (rows[0], rows[1] - 1))
         chromaticity = part.chromaticity.copy()
 
-        def work(tile: tuple[int, int]) -> None:
-            span = [(each * self._tile - self._halo, (each + 1) * self._tile + self._halo) for each in tile]
-            top, left = (start + each * size for start, each in zip(cells.origin, tile, strict=True))
+        def work(place: tuple[int, int]) -> None:
+            span = [(each * tile - halo, (each + 1) * tile + halo) for each in place]
+            top, left = (start + each * size for start, each in zip(cells.origin, place, strict=True))
             (found,) = self._session.run(None, inputs.cut(*span))
             share = found[0][:, :: cells.steps[0], :: cells.steps[1]].transpose(1, 2, 0)
-            place = slice(max(top, rows[0]), min(top + size, rows[1])), slice(max(left, 0), min(left + size, width))
-            share = share[place[0].start - top : place[0].stop - top, place[1].start - left : place[1].stop - left]
-            inside = slice(place[0].start - part.first, place[0].stop - part.first), place[1]
+            down, across = slice(max(top, rows[0]), min(top + size, rows[1])), slice(max(left, 0), min(left + size, width))
+            share = share[down.start - top : down.stop - top, across.start - left : across.stop - left]
+            inside = slice(down.start - part.first, down.stop - part.first), across
             light = part.luminance[inside]
             # No channel gains or loses more than all light: among pixels below black the network knows no bound.
             most = np.maximum(light, np.abs(share).max(axis=2))
             per_light = np.divide(1, most, out=np.zeros_like(light), where=light > DARK)
             for channel, index in enumerate(cells.channels):
-                chromaticity[(*inside, index)] += share[..., channel] * (per_light * (1 / self._gamma[index]))
+                chromaticity[(*inside, index)] += share[..., channel] * (per_light * (1 / self.gamma[index]))
 
-        tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // self._tile))]
+        tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // tile))]
         with ThreadPoolExecutor(threads(), "learned") as pool:
             for _ in pool.map(work, tiles):
                 pass  # raises the error of a tile
-        return Part(part.first, part.luminance, chromaticity)
+        return replace(part, chromaticity=chromaticity).rows(*rows)
 
 
 class Inputs:
     """What the network sees of a part of a picture.
 
-    before, part: the picture before and after `correct_sites`, the same rows.
+    part: the picture, with what it missed before it was corrected.
     gamma: (C,), float32.
     """
 
-    def __init__(self, cells: Cells, before: Part, part: Part, sites: BlockSamples, gamma: FloatArray) -> None:
-        self._cells, self._part, self._gamma, self._height = cells, part, gamma, sites.sites.grid.frame[0]
-        rows = sites.within(before)
-        self._error = sites.error(before, gamma, rows)[..., cells.sites]
-        noise = sites.scaled_variance(gamma, rows)
+    def __init__(self, cells: Cells, part: Part, samples: BlockSamples, gamma: FloatArray) -> None:
+        self._cells, self._part, self._gamma, self._height = cells, part, gamma, samples.sites.grid.frame[0]
+        rows = samples.within(part)
+        self._error = samples.missed(part, rows)[..., cells.sites]
+        noise = samples.scaled_variance(gamma, rows)
         known = np.zeros(self._error.shape[:2], np.float32) if noise is None else noise.mean(axis=2)
-        self._variance = np.where(sites.unclipped[rows], known, np.float32(UNKNOWN))[..., None]
+        self._variance = np.where(samples.unclipped[rows], known, np.float32(UNKNOWN))[..., None]
         self._blocks = replace(cells, blocks=(cells.blocks[0] + rows.start, cells.blocks[1]))
 
     def cut(self, rows: tuple[int, int], columns: tuple[int, int]) -> dict[str, FloatArray]:
@@ -205,12 +222,6 @@ def _block_letters(pattern: CfaPattern) -> str:
     return "".join(row[:2] for row in pattern.letters_from(pattern.block_origin)[:2])
 
 
-def rows_held(path: Path, period: int) -> int:
-    """About how many rows of a frame are held at a time: those of a tile, of its surroundings, and of a band that has arrived."""
-    side: int = _session(path).get_inputs()[1].shape[-1]
-    return 2 * side * period
-
-
 def network_name(pattern: CfaPattern) -> str | None:
     """The name of the network that corrects colour for a pattern, in the preset BEST; None if there is none for it.
 
@@ -223,22 +234,11 @@ def network_name(pattern: CfaPattern) -> str | None:
     return path.stem if path else None
 
 
-def learner_for(pattern: CfaPattern, gamma: tuple[float, ...], settings: LearnedSettings) -> Learner | None:
-    """The network for a pattern, loaded; None if the settings do without, or there is none."""
-    path = model_for(pattern) if settings.used else None
-    return Learner(path, pattern, gamma) if path else None
-
-
 @cache
 def _session(path: Path) -> Any:
-    """An onnxruntime session, which computes in the calling thread; any number of threads may call it."""
-    from shared.runtime import onnxruntime
+    from shared.runtime import session
 
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1  # tiles run in parallel instead
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 4  # errors are raised anyway
     try:
-        return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # each error code of onnxruntime has its own class, without a common base
-        raise InputError(f"{path}: is not a network that onnxruntime can run ({error}); install Panchroma again") from error
+        return session(path)
+    except InputError as error:
+        raise InputError(f"{path}: {error}; install Panchroma again") from error

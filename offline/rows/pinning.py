@@ -6,6 +6,9 @@ edges of luminance (the prior of section 3.3). Noise makes a single site worth l
 noise: elsewhere the chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
 """
 
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import numpy as np
 
 from shared.arrays import BoolArray, FloatArray
@@ -15,25 +18,17 @@ from ..gaussian import smoothed
 from ..kernels.highlights import interpolate
 from ..kernels.pinning import HALO, TOLERANCE, pin_samples
 from ..kernels.spreading import TILE, tiles_of
-from ..settings import SiteSettings
-from ..sites import BlockSamples, signal_power, site_reach
+from ..measured import BlockSamples, Measured
+from ..parts import DARK, Look, Part, RowStage
+from ..sites import signal_power, site_reach
 from ..solvers import report
-from ..tiling import DARK, Part
 
 _SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted
 _CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too
 _TAPS = 2  # tiles that interpolation between them looks beyond a pixel
+_BYTES, _CHANNEL = 29.0, 12.0  # of memory, per pixel of the rows that are held, and per channel of them: measured
 _LEAST_SUM = 0.5  # of gamma c: below it, the base stays
-
-
-def rows_pinned(period: int) -> int:
-    """How many rows of a frame `Pinning` looks at, at a time. period: K, pixels."""
-    return TILE + 2 * _reach(period)
-
-
-def _reach(period: int) -> int:
-    return HALO + site_reach(period) + _TAPS * period
 
 
 def _share(power: FloatArray, noise: FloatArray | None) -> FloatArray:
@@ -44,59 +39,61 @@ def _share(power: FloatArray, noise: FloatArray | None) -> FloatArray:
     return power / total
 
 
-class Pinning:
-    """How the sites of a frame pin its chromaticity.
+@dataclass(eq=False)
+class Pinning(RowStage):
+    """Pin the chromaticity of a frame at its sites.
 
-    blocks: chromaticity of every tile, (tile rows, tile columns, C).
-    sites: the samples of all whole tiles. gamma: (C,), the weights of Eq. 7.
+    measured: the frame. samples: of all its whole tiles.
     progress: hears what the solver did.
     """
 
-    def __init__(
-        self,
-        blocks: FloatArray,
-        sites: BlockSamples,
-        gamma: tuple[float, ...],
-        settings: SiteSettings,
-        progress: Progress = SILENT,
-    ) -> None:
-        self._sites, self._gamma, self._settings, self._progress = sites, np.array(gamma, np.float32), settings, progress
-        self._around = np.ascontiguousarray(smoothed(np.moveaxis(blocks, 2, 0), _AROUND))
+    measured: Measured
+    samples: BlockSamples
+    progress: Progress = SILENT
+
+    name = "sites"
+    kernels = "pin_samples", "interpolate"
 
     @property
-    def steps(self) -> tuple[int, int, int]:
-        """(reach, step, origin) for `tiling.windows`."""
-        return _reach(self._sites.sites.grid.period), TILE, 0
+    def look(self) -> Look:
+        """What a pixel depends on: its neighbours, and the tiles around those."""
+        period = self.measured.pattern.period
+        return Look(HALO + site_reach(period) + _TAPS * period, TILE)
 
-    def applied(self, part: Part, rows: tuple[int, int]) -> Part:
-        """These rows of a part of the picture, which reaches `steps[0]` rows beyond them.
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes for this many pixels."""
+        return (_BYTES + _CHANNEL * channels) * pixels
 
-        Raises ConvergenceError when conjugate gradients do not reach their tolerance.
-        """
-        sites, gamma = self._sites, self._gamma
-        tiles = sites.within(part)
+    @cached_property
+    def _around(self) -> FloatArray:
+        return np.ascontiguousarray(smoothed(np.moveaxis(self.measured.blocks, 2, 0), _AROUND))
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
+        samples, gamma = self.samples, self.measured.gamma
+        tiles = samples.within(part)
         if tiles.start >= tiles.stop:
             return part.rows(*rows)
-        variance = sites.scaled_variance(gamma, tiles)
+        variance = samples.scaled_variance(gamma, tiles)
         noise = None if variance is None else variance.mean(axis=2)
-        power = signal_power(sites.error(part, gamma, tiles), noise, self._settings.deviations)
-        share = _share(power, noise) * sites.unclipped[tiles]
-        places = [place for _, *place in sites.inside(part, tiles)]
-        lights = np.stack([part.luminance[*place] for place in places], axis=2)
+        power = signal_power(samples.missed(part, tiles), noise)
+        share = _share(power, noise) * samples.unclipped[tiles]
+        places = samples.inside(part, tiles)
+        lights = np.stack([part.luminance[place] for place in places], axis=2)
         # A ratio is the less certain the darker its site is.
         squared = np.square(lights) / np.maximum(np.square(lights).mean(axis=2, keepdims=True), DARK**2)
-        trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * sites.unclipped[tiles, :, None]
+        trust = _share(power[..., None] * squared, variance) * np.minimum(squared, 1) * samples.unclipped[tiles, :, None]
         ratios, weights = np.zeros_like(part.luminance), np.zeros_like(part.luminance)
         for site, place in enumerate(places):
             light = lights[..., site]
             lit = light > DARK
-            ratios[*place] = np.where(lit, sites.samples[tiles, :, site] / np.where(lit, light, 1), 0)
-            weights[*place] = np.where(lit, trust[..., site], 0)
+            ratios[place] = np.where(lit, samples.samples[tiles, :, site] / np.where(lit, light, 1), 0)
+            weights[place] = np.where(lit, trust[..., site], 0)
         return self._pinned(part, rows, self._base(part, share, tiles), ratios, weights)
 
     def _base(self, part: Part, share: FloatArray, tiles: slice) -> FloatArray:
         """The picture's own chromaticity as far as noise hides what sites show, otherwise that of a wide neighbourhood."""
-        grid = self._sites.sites.grid
+        grid = self.measured.grid
         trusted, plane = np.empty_like(part.luminance), np.empty_like(part.luminance)
         half = (grid.period - 1) / 2
         interpolate(
@@ -112,14 +109,14 @@ class Pinning:
         return base
 
     def _pinned(self, part: Part, rows: tuple[int, int], base: FloatArray, ratios: FloatArray, weights: FloatArray) -> Part:
-        channels = self._sites.sites.pattern.filter_map(part.luminance.shape, (part.first, 0))
+        channels = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
         shown = part.rows(*rows)
         found = np.empty_like(shown.chromaticity)
         prior = _SMOOTHNESS, _FADING, _EDGE
         tiles = tiles_of(rows, part.luminance.shape[1])
         residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
         pin_samples(part.luminance, base, channels, ratios, weights, part.first, rows, prior, found, residuals, used)
-        report(self._progress, "pinning", used, residuals, TOLERANCE)
-        total = (found @ self._gamma)[..., None]
+        report(self.progress, "pinning", used, residuals, TOLERANCE)
+        total = (found @ self.measured.gamma)[..., None]
         whole: BoolArray = total > _LEAST_SUM
-        return Part(shown.first, shown.luminance, np.where(whole, found / np.where(whole, total, 1), shown.chromaticity))
+        return replace(shown, chromaticity=np.where(whole, found / np.where(whole, total, 1), shown.chromaticity))

@@ -1,5 +1,7 @@
 """Initial chromaticity of every pixel: a convex combination of the four blocks around it (section 3.3, Eqs. 10 and 14)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from shared.arrays import FloatArray
@@ -7,8 +9,41 @@ from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
 from ..kernels.mixing import mix
-from ..settings import PropagationSettings
-from ..tiling import Band, domain_places
+from ..measured import Measured
+from ..parts import Part, RowStage
+from ..settings import AffinitySettings, PropagationSettings
+from ..tiling import domain_places, patches_of
+from .affinity import solve_affinities
+
+_BYTES, _CHANNEL = 48.0, 28.0  # per pixel (four fields), and per channel of it (the same rows at several stages): measured
+
+
+@dataclass(eq=False)
+class Propagation(RowStage):
+    """Spread the chromaticity of the blocks of a frame to its pixels (Eqs. 10-14). Parts have to end where `tiling.bands` do."""
+
+    measured: Measured
+    affinity: AffinitySettings
+    settings: PropagationSettings
+    progress: Progress = SILENT
+
+    name = "propagation"
+    kernels = "solve_regions", "mix"
+
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes for this many pixels."""
+        return (_BYTES + _CHANNEL * channels) * pixels
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows, with a chromaticity that does not depend on the part's.
+
+        Raises ConvergenceError when conjugate gradients do not reach their tolerance.
+        """
+        luminance, pattern = self.measured.luminance, self.measured.pattern
+        fields = solve_affinities(luminance, pattern, self.affinity, rows, self.progress)  # alpha, Eqs. 11-13
+        self.progress.part("propagation")
+        colour = propagate(self.measured.blocks, fields, luminance, pattern, self.settings, rows)  # c, Eqs. 10 and 14
+        return Part(rows[0], part.rows(*rows).luminance, colour)
 
 
 def propagate(
@@ -17,22 +52,20 @@ def propagate(
     luminance: FloatArray,
     pattern: CfaPattern,
     settings: PropagationSettings,
-    band: Band,
-    progress: Progress = SILENT,
+    rows: tuple[int, int] | None = None,
 ) -> FloatArray:
-    """c[n] of the rows of the frame that the band's patches cover, float32 (rows, W, C).
+    """c[n] of some rows of the frame, float32 (rows, W, C).
 
     blocks: chromaticity of every block of the frame, (block rows, block columns, C).
-    affinity: the fields that `solve_affinities` returns for the same band.
+    affinity: the fields that `solve_affinities` returns for the same rows.
     luminance: (H, W), the whole frame.
+    rows: first and end; None = all.
     """
-    progress.part("propagation")
     height, width = luminance.shape
+    top, bottom = rows or (0, height)
     grid = pattern.grid((height, width))
     (above, _), (left, _) = grid.padding
-    fields, first = affinity.reshape(4, *affinity.shape[2:]), band.patches[0]
-    top = max(first * grid.period - above, 0)
-    bottom = min(first * grid.period + fields.shape[1] - above, height)
+    fields, first = affinity.reshape(4, *affinity.shape[2:]), patches_of(grid, (top, bottom))[0]
     out = np.empty((bottom - top, width, blocks.shape[-1]), np.float32)
     mix(fields, blocks, luminance, domain_places(grid), first, (top + above - first * grid.period, left), settings.softness, out)
     return out

@@ -1,51 +1,64 @@
 """Non-local averaging of chromaticity among pixels whose luminance looks alike (section 3.3, Eqs. 15-16)."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
 from shared.arrays import FloatArray
 from shared.calibration import NoiseModel
-from shared.progress import SILENT, Progress
 
 from ..gaussian import gaussian
 from ..kernels.averaging import average
 from ..kernels.compile import threads
+from ..measured import Measured
+from ..parts import Look, Part, RowStage
 from ..settings import RefinementSettings
-from ..tiling import Band
+
+
+@dataclass(eq=False)
+class Refinement(RowStage):
+    """c+[n] of Eq. 15 over a window of about one period, applied `settings.repetitions` times, 1 or more."""
+
+    measured: Measured
+    settings: RefinementSettings
+
+    name = "refinement"
+    kernels = ("average",)
+
+    @property
+    def look(self) -> Look:
+        """Half a window for each repetition."""
+        return Look(self.settings.repetitions * (self.measured.pattern.period // 2))
+
+    @cached_property
+    def sigma(self) -> float:
+        """sigma_z of Eq. 16, scene units."""
+        return noise_level(self.measured.luminance, self.measured.calibration.noise)
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows with their chromaticity refined."""
+        luminance, period = self.measured.luminance, self.measured.pattern.period
+        return Part(rows[0], part.rows(*rows).luminance, refine(part, rows, luminance, period, self.sigma, self.settings))
 
 
 def refine(
-    initial: FloatArray,
-    luminance: FloatArray,
-    period: int,
-    sigma: float,
-    settings: RefinementSettings,
-    band: Band,
-    progress: Progress = SILENT,
+    part: Part, rows: tuple[int, int], luminance: FloatArray, period: int, sigma: float, settings: RefinementSettings
 ) -> FloatArray:
-    """c+[n] of the band's rows, float32 (rows, W, C): Eq. 15 over a window of about one period, applied `repetitions` times.
+    """c+[n] of some rows of the frame, float32 (rows, W, C).
 
-    initial: c[n] from row `band.first` of the frame on, at least `reach` rows beyond the band's rows or to the frame's edge.
+    part: c[n], with what the window reaches around these rows.
     luminance: (H, W), the whole frame.
     period: K, pixels.
     sigma: sigma_z of Eq. 16, scene units (see `noise_level`).
     """
-    progress.part("refinement")
-    top, bottom = band.rows
-    if settings.repetitions == 0:
-        return initial[top - band.first : bottom - band.first].copy()
-    result = np.empty((bottom - top, *initial.shape[1:]), np.float32)
+    result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
     width = max(settings.strength * sigma, settings.floor)  # h
-    blur = gaussian(settings.blur * period)
-    radius = period // 2  # a window of (K + 1) x (K + 1) for even K
-    average(initial, band.first, luminance, band.rows, radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
+    blur, radius = gaussian(settings.blur * period), period // 2  # a window of (K + 1) x (K + 1) for even K
+    average(part.chromaticity, part.first, luminance, rows, radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
     return result
 
 
 def noise_level(luminance: FloatArray, noise: NoiseModel | None) -> float:
     """sigma_z of Eq. 16, scene units: panchromatic noise at the mean luminance; 0 if there is no noise model."""
     return noise.sigma(float(luminance.mean(dtype=np.float64))) if noise else 0.0
-
-
-def reach(period: int, settings: RefinementSettings) -> int:
-    """How many rows above and below a pixel its refined chromaticity depends on. period: K, pixels."""
-    return settings.repetitions * (period // 2)

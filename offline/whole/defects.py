@@ -31,7 +31,7 @@ def mend_defects(frame: Cleaned, settings: DefectSettings, progress: Progress = 
 
     Defects are those in the calibration's list (places outside the frame are ignored) and isolated outliers that are not listed.
     """
-    if not settings.listed and settings.contrast == 0:
+    if not settings.used:
         return frame
     progress.stage("defects", 2)
     bad = _listed(frame.mosaic) if settings.listed else np.zeros(frame.mosaic.shape, np.bool_)

@@ -51,7 +51,7 @@ def restore_highlights(frame: Cleaned, settings: HighlightSettings, progress: Pr
     frame: free of defects: a single hot colour sample would pass for light.
     """
     signal, clipping = frame.signal, frame.clipping
-    if not settings.restored or not signal.max() >= clipping:
+    if not settings.used or not signal.max() >= clipping:
         return frame
     progress.stage("highlights", 1)
     pattern, sites, blocks = frame.mosaic.pattern, frame.sites, frame.around

@@ -40,7 +40,7 @@ def pool_blocks(
     others: what other frames add to the sums of each whole block.
     """
     noise = frame.noise
-    if not settings.passes or noise is None or not noise.of_colours:
+    if not settings.used or noise is None or not noise.of_colours:
         return blocks
     progress.stage("pooling", len(settings.passes))
     sites, gamma = frame.sites, frame.gamma

@@ -13,7 +13,7 @@ from shared.arrays import DoubleArray, FloatArray
 from ..blocks import sum_noise
 from ..cleaned import Cleaned
 from ..gaussian import smoothed
-from ..settings import SiteSettings
+from ..settings import TrustSettings
 
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity
@@ -22,12 +22,12 @@ _NOISE = 1.9  # standard deviations of its noise that count as agreement: with 3
 _TINY = 1e-9  # keeps divisions by luminance and by trust finite
 
 
-def trust_in_blocks(frame: Cleaned, settings: SiteSettings) -> DoubleArray | None:
+def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | None:
     """How far each whole block vouches for its colour, 0 to 1, float64 (rows, columns); None = all do, or nobody asks.
 
     frame: its highlights not restored.
     """
-    if not settings.corrected:
+    if not settings.used:
         return None
     found, gamma = frame.around, frame.gamma
     total = np.zeros(frame.sites.shape)
@@ -36,7 +36,7 @@ def trust_in_blocks(frame: Cleaned, settings: SiteSettings) -> DoubleArray | Non
     light = found.light.mean(axis=2)
     # Clipped surroundings read too little: where all of them are clipped the block may exceed them.
     apart = np.where(found.lowest >= frame.clipping, np.maximum(light - total, 0), np.abs(light - total))
-    tolerance = settings.agreement * np.where(found.highest >= frame.clipping, _CLIPPED, 1.0)
+    tolerance = settings.tolerance * np.where(found.highest >= frame.clipping, _CLIPPED, 1.0)
     unsure = sum_noise(frame.sites, found.light, gamma, frame.noise) if frame.noise else 0.0
     trust: DoubleArray = 1 / (1 + (apart / (tolerance * np.maximum(light, _TINY) + _NOISE * unsure)) ** _STEEPNESS)
     return trust

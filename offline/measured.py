@@ -1,0 +1,110 @@
+"""What is known of a whole frame before colour is spread: all that the stages in rows get."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from shared.arrays import BoolArray, ByteArray, FloatArray
+from shared.block_grid import BlockGrid
+from shared.calibration import NoiseModel, SensorCalibration
+from shared.mosaic import Mosaic
+from shared.pattern import CfaPattern
+
+from .blocks import Sites
+from .parts import Part
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSamples:
+    """What the B = (rows, columns) whole blocks of a frame measured with their S sites, and how sure that is.
+
+    sites: where they are.
+    samples: float32 (*B, S), scene units, defects mended and highlights restored.
+    noise: of the samples; None = there is none, or it is unknown.
+    unclipped: bool B, blocks without a sample at the sensor's limit in them or next to them.
+    fill_error: standard deviation of the error of filled luminance, float32 B, scene units.
+    kept: share of what the samples miss that the correction at the sites takes up, float32 B, 0 to 1; None = all of it. A burst
+        corrects the rest itself, with the samples of all frames.
+    """
+
+    sites: Sites
+    samples: FloatArray
+    noise: NoiseModel | None
+    unclipped: BoolArray
+    fill_error: FloatArray
+    kept: FloatArray | None = None
+
+    def within(self, part: Part) -> slice:
+        """The rows of blocks that lie wholly inside a part of the picture."""
+        grid = self.sites.grid
+        first = grid.whole_rows - part.first
+        inside = np.flatnonzero((first >= 0) & (first + grid.block_shape[0] <= len(part.luminance)))
+        return slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0)
+
+    def inside(self, part: Part, rows: slice) -> list[tuple[slice, slice]]:
+        """Where each site of these rows of blocks is in a part of the picture: slices of its rows and columns."""
+        period, count = self.sites.grid.period, rows.stop - rows.start
+        first = [place.start + rows.start * period - part.first for place, _ in self.sites.places]
+        return [
+            (slice(start, start + (count - 1) * period + 1, period), columns)
+            for start, (_, columns) in zip(first, self.sites.places, strict=True)
+        ]
+
+    def missed(self, part: Part, rows: slice) -> FloatArray:
+        """What the part says was missed at the sites of these rows of blocks, (rows, columns, S)."""
+        if part.missed is None:
+            raise ValueError("nobody has measured what this part of the picture misses: the stage `Missed` does")
+        return np.stack([part.missed[place] for place in self.inside(part, rows)], axis=2)
+
+    def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:
+        """Variance of the noise in what was missed, float32 (rows, columns, S); None = no noise."""
+        if self.noise is None or not self.noise.of_colours:
+            return None
+        return self.noise.variance(self.samples[rows], self.sites.channels) * gamma[self.sites.channels] ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What is known of the whole frame before colour is spread.
+
+    pattern: of the frame.
+    calibration: of the samples. With shading, light still falls off as of the panchromatic plane, equally for all filters.
+    luminance: of every pixel, float32 (H, W), in units of 2^exponent scene units, as everything here.
+    blocks: chromaticity of every block, float32 (block rows, block columns, C).
+    samples: of the whole blocks; None where the settings do nothing with them.
+    lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
+    """
+
+    pattern: CfaPattern
+    calibration: SensorCalibration
+    luminance: FloatArray
+    blocks: FloatArray
+    samples: BlockSamples | None = None
+    lost: ByteArray | None = None
+    exponent: int = 0
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W)."""
+        return self.luminance.shape[0], self.luminance.shape[1]
+
+    @cached_property
+    def grid(self) -> BlockGrid:
+        """The blocks of the frame."""
+        return self.pattern.grid(self.shape)
+
+    @property
+    def gamma(self) -> FloatArray:
+        """The weights of Eq. 7, (C,)."""
+        return np.array(self.calibration.gamma, np.float32)
+
+    @classmethod
+    def outline(cls, mosaic: Mosaic) -> "Measured":
+        """A frame of this shape and pattern without a picture, in next to no memory: to ask stages what they need."""
+        sites, nothing = Sites.in_frame(mosaic), np.zeros((), np.float32)
+        luminance = np.broadcast_to(nothing, mosaic.shape)
+        blocks = np.broadcast_to(nothing, (*sites.grid.shape, len(mosaic.pattern.channels)))
+        values, each = np.broadcast_to(nothing, (*sites.shape, len(mosaic.pattern.sites))), np.broadcast_to(nothing, sites.shape)
+        samples = BlockSamples(sites, values, None, np.broadcast_to(np.True_, sites.shape), each)
+        return cls(mosaic.pattern, mosaic.calibration, luminance, blocks, samples)

@@ -1,0 +1,126 @@
+"""A picture goes from stage to stage in parts, from top to bottom; every stage says how far it looks, and gets what it needs.
+
+Nothing is computed twice, and the picture does not depend on where parts begin.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from shared.arrays import FloatArray
+from shared.progress import SILENT, Progress
+
+DARK = 1e-6
+"""Luminance, scene units, below which a pixel has no chromaticity that could be corrected."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some rows of a picture.
+
+    first: the frame's row that is its first.
+    luminance: float32 (rows, W), scene units.
+    chromaticity: float32 (rows, W, C).
+    missed: sample minus picture at the colour sites, times gamma (so that all channels have the unit of luminance), before the
+        picture was corrected; 0 elsewhere and beside clipped samples, float32 (rows, W). None = not measured yet.
+    """
+
+    first: int
+    luminance: FloatArray
+    chromaticity: FloatArray
+    missed: FloatArray | None = None
+
+    @property
+    def end(self) -> int:
+        """The frame's row after its last."""
+        return self.first + len(self.luminance)
+
+    def joined(self, below: "Part") -> "Part":
+        """The rows of both parts, of which `below` follows this one."""
+        return Part(self.first, **{name: np.concatenate([plane, getattr(below, name)]) for name, plane in self._planes()})
+
+    def rows(self, first: int, end: int) -> "Part":
+        """Rows `first` to `end` of the frame alone; views."""
+        within = slice(first - self.first, end - self.first)
+        return Part(first, **{name: plane[within] for name, plane in self._planes()})
+
+    def _planes(self) -> list[tuple[str, FloatArray]]:
+        names = [each.name for each in fields(self)][1:]
+        return [(name, plane) for name in names if (plane := getattr(self, name)) is not None]
+
+
+class Look(NamedTuple):
+    """What a stage needs to see.
+
+    reach: rows above and below that the result of a row depends on.
+    step, origin: the rows that it is asked for end where (row - origin) is a multiple of `step`, or at the end of the picture.
+    """
+
+    reach: int = 0
+    step: int = 1
+    origin: int = 0
+
+
+class RowStage(Protocol):
+    """A stage that goes over the picture in rows. What is said here are defaults; a stage needs no more than `__call__`.
+
+    name: for progress. kernels: those that it calls, so that they can be compiled ahead.
+    """
+
+    name: str = "stage"
+    kernels: tuple[str, ...] = ()
+
+    @property
+    def look(self) -> Look:
+        """How much of the picture it needs to see."""
+        return Look()
+
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes that it needs, beyond the picture itself, while it holds this many pixels."""
+        return 0.0
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """The picture in these rows, first and end. part: `look.reach` rows more on both sides, as far as the frame goes."""
+        ...
+
+
+def finish(parts: Iterable[Part], stages: Iterable[RowStage], height: int, progress: Progress = SILENT) -> Iterable[Part]:
+    """Lead a picture that arrives in parts, from top to bottom, through the stages. height: its rows.
+
+    >>> import numpy as np
+    >>> from offline.parts import Part, RowStage, finish
+    >>> class Darker(RowStage):
+    ...     def __call__(self, part, rows):
+    ...         shown = part.rows(*rows)
+    ...         return Part(shown.first, shown.luminance / 2, shown.chromaticity)
+    >>> parts = [Part(row, np.ones((1, 4), np.float32), np.ones((1, 4, 3), np.float32)) for row in range(2)]
+    >>> [float(part.luminance.max()) for part in finish(parts, [Darker(), Darker()], 2)]
+    [0.25, 0.25]
+    """
+    for stage in stages:
+        parts = applied(parts, stage, height, progress)
+    return parts
+
+
+def applied(parts: Iterable[Part], stage: RowStage, height: int, progress: Progress = SILENT) -> Iterator[Part]:
+    """The picture after one stage, part by part."""
+    for part, rows in windows(parts, height, stage.look):
+        progress.part(stage.name)
+        yield stage(part, rows)
+
+
+def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Part, tuple[int, int]]]:
+    """Cut a picture that arrives in parts anew: yield (part, rows), where the part holds `look.reach` rows more around `rows`.
+
+    parts: from top to bottom. height: rows of the whole picture.
+    """
+    held, done = None, 0
+    for part in parts:
+        held = part if held is None else held.joined(part)
+        end = height if held.end == height else look.origin + (held.end - look.reach - look.origin) // look.step * look.step
+        if end > done:
+            yield held, (done, end)
+            done = end
+            held = held.rows(max(done - look.reach, held.first), held.end)

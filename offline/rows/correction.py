@@ -1,0 +1,91 @@
+"""What the finished picture misses at the colour sites, and its correction (see `offline.sites`)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shared.arrays import FloatArray
+
+from ..measured import BlockSamples
+from ..parts import DARK, Look, Part, RowStage
+from ..sites import most_probable, site_reach
+
+
+@dataclass(eq=False)
+class Missed(RowStage):
+    """Measure what the picture misses at the colour sites (`Part.missed`). gamma: (C,), the weights of Eq. 7."""
+
+    samples: BlockSamples
+    gamma: FloatArray
+
+    name = "sites"
+
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes for this many pixels."""
+        return 4.0 * pixels
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows, with what they miss."""
+        shown, sites = part.rows(*rows), self.samples.sites
+        missed = np.zeros_like(shown.luminance)
+        for site, (channel, (down, across)) in enumerate(zip(sites.channels, sites.places, strict=True)):
+            first, end = (max(-(-(row - down.start) // down.step), 0) for row in rows)  # rows of blocks
+            end, top = min(end, sites.shape[0]), down.start + first * down.step - rows[0]
+            if end <= first:
+                continue
+            place = slice(top, top + (end - first - 1) * down.step + 1, down.step), across
+            seen = shown.chromaticity[place][..., channel] * shown.luminance[place]
+            error = (self.samples.samples[first:end, :, site] - seen) * self.gamma[channel]
+            missed[place] = error * self.samples.unclipped[first:end]
+        return replace(shown, missed=missed)
+
+
+@dataclass(eq=False)
+class Correction(RowStage):
+    """Share out what the picture misses at the colour sites of a block to all channels of all of them."""
+
+    samples: BlockSamples
+    gamma: FloatArray
+
+    name = "sites"
+    kernels = ("share_out",)
+
+    @property
+    def look(self) -> Look:
+        """The blocks around a site."""
+        return Look(site_reach(self.samples.sites.grid.period))
+
+    def memory(self, pixels: int, channels: int) -> float:
+        """Bytes for this many pixels."""
+        return 4.0 * (2 + channels) * pixels
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows, corrected."""
+        return correct_sites(part, self.samples, self.gamma).rows(*rows)
+
+
+def correct_sites(part: Part, measured: BlockSamples, gamma: FloatArray) -> Part:
+    """A part of a picture with the errors at its colour sites shared out; only rows `site_reach` inside the part are final.
+
+    part: with what it misses. gamma: (C,), the weights of Eq. 7.
+    """
+    rows = measured.within(part)
+    if rows.start >= rows.stop:
+        return part
+    places, channels = measured.inside(part, rows), measured.sites.channels
+    shares = np.stack([part.chromaticity[place] * gamma for place in places], axis=2)  # (rows, columns, S, C)
+    colour = np.stack([shares[:, :, site, channel] for site, channel in enumerate(channels)], axis=2)
+    light, tints = most_probable(measured.missed(part, rows), colour, measured, rows, gamma)
+    if measured.kept is not None:
+        light *= measured.kept[rows, :, None]
+        tints *= measured.kept[rows, :, None, None]
+    luminance, chromaticity = part.luminance.copy(), part.chromaticity.copy()
+    for site, place in enumerate(places):
+        before = luminance[place]
+        after = before + light[..., site]
+        lit = ((after > DARK) & (before > DARK))[..., None]
+        # Colour that luminance gains has the chromaticity that was there; tints leave luminance as it is.
+        tinted = chromaticity[place] + tints[:, :, site] / (gamma * np.where(lit, after[..., None], 1))
+        luminance[place] = np.where(lit[..., 0], after, before)
+        chromaticity[place] = np.where(lit, tinted, chromaticity[place])
+    return replace(part, luminance=luminance, chromaticity=chromaticity)

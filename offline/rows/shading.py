@@ -1,0 +1,25 @@
+"""Make the light of a picture even that falls off towards the corners, equally for all filters."""
+
+from dataclasses import dataclass, replace
+
+from shared.shading import Shading
+
+from ..parts import Part, RowStage
+
+
+@dataclass(eq=False)
+class EvenLight(RowStage):
+    """Undo the shading of the panchromatic plane in a picture, (rows, columns) of which are `shape`.
+
+    All stages before see a frame that is darker towards its corners, so that noise and saturation are the sensor's everywhere.
+    """
+
+    shading: Shading
+    shape: tuple[int, int]
+
+    name = "shading"
+
+    def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
+        """These rows as without shading."""
+        shown = part.rows(*rows)
+        return replace(shown, luminance=shown.luminance * self.shading.of_plane(self.shape, -1, slice(*rows)))
