@@ -1,8 +1,8 @@
-"""What a rendering tells beside its picture: what its iterative solvers did, and which light the shot has lost."""
+"""What a rendering tells beside its picture: what its iterative solvers did."""
 
 from dataclasses import dataclass
 
-from shared.arrays import ByteArray, DoubleArray, IndexArray
+from shared.arrays import DoubleArray, IndexArray
 from shared.errors import ConvergenceError
 from shared.progress import SILENT, Progress
 
@@ -24,10 +24,9 @@ class Solved:
 
 
 class SolverLog(Progress):
-    """A progress listener that keeps what the solvers did and what is lost, and passes everything on to another listener.
+    """A progress listener that keeps what the solvers did, and passes everything on to another listener.
 
     solvers: what each solver did so far, by its name (see `Rendering.solvers`).
-    places: where light is lost, uint8 (H, W), see `Progress.lost`; None = nowhere.
 
     >>> import numpy as np
     >>> from shared import CfaPattern, Mosaic, SensorCalibration
@@ -41,7 +40,6 @@ class SolverLog(Progress):
 
     def __init__(self, progress: Progress = SILENT) -> None:
         self.solvers: dict[str, Solved] = {}
-        self.places: ByteArray | None = None
         self._progress = progress
 
     def stage(self, name: str, steps: int) -> None:
@@ -61,11 +59,6 @@ class SolverLog(Progress):
         before = self.solvers.get(solver, Solved(0, 0.0))
         self.solvers[solver] = Solved(max(iterations, before.iterations), max(residual, before.residual))
         self._progress.solved(solver, iterations, residual)
-
-    def lost(self, places: ByteArray) -> None:
-        """Keep the places, and pass them on."""
-        self.places = places
-        self._progress.lost(places)
 
 
 def report(progress: Progress, solver: str, used: IndexArray, residuals: DoubleArray, tolerance: float) -> None:

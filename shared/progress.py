@@ -1,7 +1,5 @@
 """Progress reports of long-running work, independent of who listens."""
 
-from .arrays import ByteArray
-
 
 class Progress:
     """A listener to long-running work. Every method does nothing here: override those that matter to you.
@@ -24,12 +22,6 @@ class Progress:
         solver: its name.
         iterations: how many it used.
         residual: what was left after them; the solver defines the unit.
-        """
-
-    def lost(self, places: ByteArray) -> None:
-        """Where a clipped shot does not show how bright it was, nor of which colour: a picture to look at is white there.
-
-        places: uint8 (H, W), 255 = nothing is known; of the whole frame, before its first band. No frame, no report: all is known.
         """
 
 

@@ -33,7 +33,7 @@ class Comparison:
     cleaned: its samples, defects mended and highlights restored.
     frames: what became of each frame, in the order given.
     kept: the reference and the frames that are used.
-    lost: where the reference has lost light that no other frame has seen, uint8 (H, W), see `Progress.lost`; None = nowhere.
+    lost: where the reference has lost light that no other frame has seen, uint8 (H, W), see `Cleaned`; None = nowhere.
     """
 
     reference: int

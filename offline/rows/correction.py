@@ -18,7 +18,7 @@ class Missed(RowStage):
     samples: BlockSamples
     gamma: FloatArray
 
-    name = "sites"
+    name = "missed"
 
     def memory(self, pixels: int, channels: int) -> float:
         """Bytes for this many pixels."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from offline.cleaned import Cleaned
-from offline.sites import BlockSamples, block_samples
-from offline.tiling import Band
+from offline.measured import BlockSamples
+from offline.sites import block_samples
 from shared import CfaPattern, Mosaic
 from shared.arrays import DoubleArray, FloatArray
 from tests.reference.sensor import observe
@@ -30,12 +30,6 @@ GAMMAS = (0.8, 1.1, 1.25, 0.9, 1.3)  # no two alike: a weight taken for another 
 
 def gamma_of(pattern: CfaPattern) -> tuple[float, ...]:
     return GAMMAS[: len(pattern.channels)]
-
-
-def whole(pattern: CfaPattern, shape: tuple[int, ...]) -> Band:
-    """One band that is the whole frame."""
-    height, width = shape
-    return Band((0, pattern.grid((height, width)).patches[0]), (0, height), 0)
 
 
 def materials(shape: tuple[int, int], channels: int, seed: int = 0) -> DoubleArray:

@@ -10,7 +10,7 @@ from offline.settings import AffinitySettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import ConvergenceError
-from tests.offline.scenes import CASES, every_case, gamma_of, materials, whole
+from tests.offline.scenes import CASES, every_case, gamma_of, materials
 from tests.reference import affinity as reference
 from tests.reference import geometry
 from tests.reference.compare import assert_close
@@ -31,7 +31,7 @@ def light_of(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> Floa
 
 
 def solve(light: FloatArray, pattern: CfaPattern, settings: AffinitySettings) -> FloatArray:
-    return solve_affinities(light, pattern, settings, whole(pattern, light.shape))
+    return solve_affinities(light, pattern, settings)
 
 
 def expected(luminance: FloatArray, pattern: CfaPattern, scales: tuple[float, ...] = PAPER.scales) -> DoubleArray:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from offline import BEST, available_threads, network_name, render, render_bands, threads, use_threads
-from offline.rows.learned import FOLDER, UNKNOWN, Cells, Inputs, Learner, _session, model_for
-from offline.sites import BlockSamples
-from offline.tiling import Part
+from offline.measured import BlockSamples
+from offline.parts import Part
+from offline.rows.correction import Missed
+from offline.rows.learned import FOLDER, UNKNOWN, Cells, Inputs, Learned, _session, model_for
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
@@ -36,15 +37,21 @@ def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[
     light = np.ascontiguousarray(rgb.sum(axis=2))
     grey = np.full(rgb.shape, 1 / 3, np.float32)
     colour = (rgb / light[..., None] * np.float32(0.7) + grey * np.float32(0.3)).astype(np.float32)
-    return Part(0, light, colour), sampled(mosaic, light)
+    samples = sampled(mosaic, light)
+    return Missed(samples, ONES)(Part(0, light, colour), (0, len(light))), samples
+
+
+def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> Learned:
+    """The network for a pattern as a stage."""
+    path = model_for(pattern)
+    assert path is not None
+    return Learned(path, samples, gamma)
 
 
 def refined(rgb: FloatArray, pattern: CfaPattern) -> FloatArray:
     """Chromaticity after the network."""
     part, sites = measured(rgb, pattern)
-    path = model_for(pattern)
-    assert path is not None
-    return Learner(path, pattern, (1.0, 1.0, 1.0)).refine(part, part, sites, (0, len(rgb))).chromaticity
+    return learned(pattern, sites)(part, (0, len(rgb))).chromaticity
 
 
 @pytest.mark.parametrize("period", [4, 6, 8])
@@ -83,9 +90,10 @@ def test_every_cell_holds_its_own_block(origin: tuple[int, int], order: str) -> 
     mosaic = simulate_additive(rgb, pattern, GREY, 0.0, np.random.default_rng(0))
     sites = sampled(mosaic, light)
     black = Part(0, light, np.zeros_like(rgb))  # misses everything: its error is the sample itself
-    cells = Cells.of(pattern, shape)
+    part = replace(part, missed=Missed(sites, ONES)(black, (0, shape[0])).missed)
+    cells = Cells.of(sites.sites)
     whole = (0, cells.shape[0]), (0, cells.shape[1])
-    cut = Inputs(cells, black, part, sites, ONES).cut(*whole)
+    cut = Inputs(cells, part, sites, ONES).cut(*whole)
     picture = cut["picture"][0].reshape(3, cells.shape[0], 6, cells.shape[1], 6).transpose(0, 1, 3, 2, 4)
     for number, (channel, row, column) in enumerate([(0, 2, 2), (1, 2, 3), (1, 3, 2), (2, 3, 3)]):
         known = cut["variance"][0, 0] < UNKNOWN
@@ -113,14 +121,9 @@ def test_what_lies_beyond_a_tiles_reach_does_not_matter() -> None:
     rgb = np.concatenate([scene(220, 300)] * 2)
     pattern = CfaPattern.bayer(6)
     part, sites = measured(rgb, pattern)
-    path = model_for(pattern)
-    assert path is not None
-    learner = Learner(path, pattern, (1.0, 1.0, 1.0))
-    whole = learner.refine(part, part, sites, (0, len(rgb)))
-    look, step, origin = learner.steps(sites)
-    end = origin + step
-    window = part.rows(0, end + look)
-    assert np.array_equal(learner.refine(window, window, sites, (0, end)).chromaticity[:end], whole.chromaticity[:end])
+    stage = learned(pattern, sites)
+    whole, end = stage(part, (0, len(rgb))), stage.look.origin + stage.look.step
+    assert np.array_equal(stage(part.rows(0, end + stage.look.reach), (0, end)).chromaticity, whole.chromaticity[:end])
 
 
 def test_luminance_stays() -> None:
@@ -149,11 +152,9 @@ def test_blocks_at_the_limit_are_left_alone() -> None:
     rgb, pattern = scene(120, 120), CfaPattern.bayer(6)
     part, sites = measured(rgb, pattern)
     untrusted = replace(sites, unclipped=np.zeros_like(sites.unclipped))
-    path = model_for(pattern)
-    assert path is not None
-    learner = Learner(path, pattern, (1.0, 1.0, 1.0))
-    assert np.array_equal(learner.refine(part, part, untrusted, (0, 120)).chromaticity, part.chromaticity)
-    assert not np.array_equal(learner.refine(part, part, sites, (0, 120)).chromaticity, part.chromaticity)
+    clipped = replace(part, missed=np.zeros_like(part.luminance))
+    assert np.array_equal(learned(pattern, untrusted)(clipped, (0, 120)).chromaticity, part.chromaticity)
+    assert not np.array_equal(learned(pattern, sites)(part, (0, 120)).chromaticity, part.chromaticity)
 
 
 def test_gamma_only_scales_the_channels() -> None:
@@ -162,10 +163,8 @@ def test_gamma_only_scales_the_channels() -> None:
     part, sites = measured(rgb, pattern)
     other = replace(part, chromaticity=part.chromaticity / scaled)
     seen = replace(sites, samples=sites.samples / scaled[sites.sites.channels])
-    path = model_for(pattern)
-    assert path is not None
-    expected = Learner(path, pattern, (1.0, 1.0, 1.0)).refine(part, part, sites, (0, 100)).chromaticity
-    found = Learner(path, pattern, gamma).refine(other, other, seen, (0, 100)).chromaticity
+    expected = learned(pattern, sites)(part, (0, 100)).chromaticity
+    found = learned(pattern, seen, np.array(gamma, np.float32))(other, (0, 100)).chromaticity
     assert_close(found * scaled, expected, 1e-5)
 
 
@@ -201,7 +200,7 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "rggb-k6.onnx"
     path.write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"rggb-k6\.onnx: is not a network that onnxruntime can run"):
-        Learner(path, CfaPattern.bayer(6), (1.0, 1.0, 1.0))
+        _session(path)
 
 
 def test_bands_of_a_frame_without_whole_tiles() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, render
+from offline import BEST, PAPER, RowStage, measure, render, row_stages
 from offline.settings import PoolingPass
-from shared import CfaPattern, Mosaic
+from shared import CfaPattern, Mosaic, Shading
 from shared.errors import ConvergenceError
 from tests.offline.scenes import gamma_of, shot
 from tests.reference.sensor import observe
@@ -22,7 +22,7 @@ Change = tuple[Any, float | None]
 PRESETS = {"paper": PAPER, "best": BEST}
 # Every field of every part of the settings -> another value, and the noise of the shot: what its calibration admits (None: that it
 # has none and knows nothing of it), or with BLIND, what it does not know.
-BLIND = -0.05
+BLIND, SCATTERED = -0.05, 0.0  # the latter without noise, and with colour sites that are scattered
 MOVED: dict[str, dict[str, Change]] = {
     "noise": {"estimate": (False, BLIND)},
     "defects": {"listed": (False, None), "contrast": (0.0, None), "deviations": (1e3, 0.02), "floor": (5.0, None)},
@@ -41,18 +41,21 @@ MOVED: dict[str, dict[str, Change]] = {
     "affinity": {"scales": ((1.0, 2.0), 0.02), "tolerance": (0.1, 0.02), "iterations": (2, 0.02)},
     "propagation": {"softness": (3.0, 0.02)},
     "refinement": {"strength": (5.0, 0.02), "floor": (0.1, None), "blur": (0.5, 0.02), "repetitions": (1, 0.02)},
-    "sites": {"corrected": (False, None), "deviations": (20.0, 0.02), "agreement": (0.05, None)},
+    "trust": {"used": (False, None), "tolerance": (0.05, None)},
+    "settling": {"used": (False, None)},
+    "correction": {"used": (False, None)},
+    "pinning": {"used": (False, SCATTERED)},
     "learned": {"used": (False, None)},
 }
-# What is switched off in a preset, but for the setting that switches it on.
 # Parts that only a damaged shot has need of.
 BEYOND = ("defects", "highlights")
-OFF = {"paper": {*BEYOND, "noise", "denoising", "pooling", "sites", "learned"}, "best": {"refinement"}}
+_ADDED = {"noise", "denoising", "pooling", "trust", "settling", "correction", "pinning", "learned"}
+OFF = {"paper": {*BEYOND, *_ADDED}, "best": {"refinement"}}
 
 
 def busy_shot(sigma: float | None) -> Mosaic:
     """Enough blocks, and enough errors among them, that every stage has something to do; a negative sigma is kept secret."""
-    pattern = CfaPattern.bayer(4, origin=(1, 2))
+    pattern = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW") if sigma == SCATTERED else CfaPattern.bayer(4, origin=(1, 2))
     if sigma is None or sigma >= 0:
         return shot(pattern, (45, 50), sigma)
     secret = shot(pattern, (120, 130), -sigma)  # so large that it can be told from the frame
@@ -101,3 +104,31 @@ def test_without_noise_denoising_and_pooling_do_nothing(sigma: float | None) -> 
     mosaic, plain = busy_shot(sigma), replace(BEST, noise=PAPER.noise)
     off = replace(plain, denoising=PAPER.denoising, pooling=PAPER.pooling)
     assert np.array_equal(render(mosaic, plain).rgb, render(mosaic, off).rgb)
+
+
+def every_stage(letters: str | None) -> Mosaic:
+    """A shot that every stage in rows has something to do with: noisy, shaded."""
+    pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(4, origin=(1, 2))
+    mosaic = shot(pattern, (45, 50), 0.02)
+    points = 1 + 0.1 * (np.arange(5)[:, None] - 2 + np.zeros(5))  # a ramp, 1 in the middle
+    shading = Shading([points.tolist()] * len(pattern.planes), (45, 50))
+    return replace(mosaic, calibration=replace(mosaic.calibration, shading=shading))
+
+
+@pytest.mark.parametrize("letters", [None, "WBWG/BWGW/WGWR/GWRW"])
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_stage_in_rows_can_be_left_out_and_matters(preset: str, letters: str | None) -> None:
+    settings, mosaic = PRESETS[preset], every_stage(letters)
+    whole, names = render(mosaic, settings).rgb, [stage.name for stage in row_stages(measure(mosaic, settings), settings)]
+    for number, name in enumerate(names):
+
+        def others(*given: Any, left_out: int = number) -> list[RowStage]:
+            return [stage for place, stage in enumerate(row_stages(*given)) if place != left_out]
+
+        if name == "missed":  # the stages after it say that they need it
+            with pytest.raises(ValueError, match="nobody has measured"):
+                render(mosaic, settings, stages=others)
+            continue
+        changed = np.abs(render(mosaic, settings, stages=others).rgb - whole)
+        assert changed.max() > SEEN, name
+        assert changed.mean() > SEEN / 10, name

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from offline import BEST, render
+from offline.measured import BlockSamples, Measured
+from offline.parts import Part, applied
+from offline.rows.correction import Missed
 from offline.rows.pinning import Pinning
-from offline.sites import BlockSamples
-from offline.tiling import Part, windows
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive
@@ -20,29 +21,35 @@ KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW", (1, 3))
 TILES = ["WBWG/BWGW/WGWR/GWRW", "RGB/WWW/GRR", "RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG", "RG/BW", "CWMW/WYWC"]
 # Luminance that changes is not filled exactly; most is missed in the hole of five pixels that one of the tiles has.
 HOLES = 5e-3
-SITES = replace(BEST.sites, corrected=True)
 
 
-def pictured(mosaic: Mosaic) -> tuple[Part, BlockSamples, FloatArray]:
-    """The picture before it is pinned: true luminance, and one colour everywhere; with its samples and tiles."""
+def pictured(mosaic: Mosaic) -> tuple[Part, Measured]:
+    """The picture before it is pinned: true luminance, and one colour everywhere; with what is known of the frame."""
     random = np.random.default_rng(4)
     light = (1 + 0.3 * random.normal(size=mosaic.shape)).clip(0.1).astype(np.float32)
     count = len(mosaic.pattern.channels)
     grey = np.float32(1 / sum(mosaic.calibration.gamma))
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, count), grey)
-    samples = sampled(mosaic, light)
-    return Part(0, light, np.full((*mosaic.shape, count), grey)), samples, blocks
+    measured = Measured(mosaic.pattern, mosaic.calibration, light, blocks, sampled(mosaic, light))
+    return Part(0, light, np.full((*mosaic.shape, count), grey)), measured
+
+
+def pinned(part: Part, measured: Measured, samples: BlockSamples) -> FloatArray:
+    """Its chromaticity after it has been pinned by these samples."""
+    missed = Missed(samples, measured.gamma)(part, (part.first, part.end))
+    return Pinning(measured, samples)(missed, (part.first, part.end)).chromaticity
 
 
 @pytest.mark.parametrize("sigma", [None, 0.05])
 @pytest.mark.parametrize("height", [40, 70, 333])
 def test_it_does_not_matter_how_the_picture_arrives(sigma: float | None, height: int) -> None:
     mosaic = shot(KODAK, (333, 37), sigma)
-    part, samples, blocks = pictured(mosaic)
-    pinning = Pinning(blocks, samples, mosaic.calibration.gamma, SITES)
-    whole = pinning.applied(part, (0, 333)).chromaticity
-    pieces = (part.rows(first, min(first + height, 333)) for first in range(0, 333, height))
-    found = [pinning.applied(piece, rows).chromaticity for piece, rows in windows(pieces, 333, *pinning.steps)]
+    part, measured = pictured(mosaic)
+    assert measured.samples is not None
+    whole = pinned(part, measured, measured.samples)
+    missed = Missed(measured.samples, measured.gamma)(part, (0, 333))
+    pieces = (missed.rows(first, min(first + height, 333)) for first in range(0, 333, height))
+    found = [piece.chromaticity for piece in applied(pieces, Pinning(measured, measured.samples), 333)]
     assert np.array_equal(np.concatenate(found), whole)
     assert np.abs(whole - part.chromaticity).max() > 0.1
 
@@ -74,7 +81,7 @@ def test_colour_that_changes_within_a_tile_is_seen() -> None:
     mosaic = simulate_additive(scene, KODAK, SensorCalibration(), 0.0, np.random.default_rng(0))
     pinned, plain = (
         render(mosaic).rgb,
-        render(mosaic, replace(BEST, sites=replace(BEST.sites, corrected=False), learned=replace(BEST.learned, used=False))).rgb,
+        render(mosaic, BEST.uncorrected).rgb,
     )
     inside = slice(8, -8)
     assert np.square(pinned - scene)[inside, inside].mean() < 0.7 * np.square(plain - scene)[inside, inside].mean()
@@ -82,7 +89,9 @@ def test_colour_that_changes_within_a_tile_is_seen() -> None:
 
 def test_noise_alone_moves_nothing() -> None:
     mosaic = shot(KODAK, (90, 90), None)
-    part, samples, blocks = pictured(mosaic)
+    part, measured = pictured(mosaic)
+    samples = measured.samples
+    assert samples is not None
     seen = np.stack(
         [
             part.luminance[place] * part.chromaticity[*place, channel]
@@ -92,14 +101,14 @@ def test_noise_alone_moves_nothing() -> None:
     )
     noise: FloatArray = (seen + np.random.default_rng(1).normal(0, 0.01, seen.shape)).astype(np.float32)
     noisy = replace(samples, samples=noise, noise=NoiseModel.gaussian(0.01, 4))
-    found = Pinning(blocks, noisy, mosaic.calibration.gamma, SITES).applied(part, (0, 90)).chromaticity
-    assert np.abs(found - part.chromaticity).max() < 1e-6
+    assert np.abs(pinned(part, measured, noisy) - part.chromaticity).max() < 1e-6
 
 
 def test_tiles_beside_clipped_samples_keep_their_colour() -> None:
     """Nobody knows how luminance runs there: neither their own sites nor a wide neighbourhood say more than they did."""
     mosaic = shot(KODAK, (90, 90), None)
-    part, samples, blocks = pictured(mosaic)
-    blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
-    found = Pinning(blocks, replace(samples, unclipped=np.zeros_like(samples.unclipped)), mosaic.calibration.gamma, SITES)
-    assert np.abs(found.applied(part, (0, 90)).chromaticity - part.chromaticity).max() < 1e-6
+    part, measured = pictured(mosaic)
+    assert measured.samples is not None
+    measured.blocks[:] = np.array([0.5, 0.2, 0.1], np.float32)
+    clipped = replace(measured.samples, unclipped=np.zeros_like(measured.samples.unclipped))
+    assert np.abs(pinned(part, measured, clipped) - part.chromaticity).max() < 1e-6

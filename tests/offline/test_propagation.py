@@ -7,7 +7,7 @@ from offline.rows.propagation import propagate
 from offline.settings import PropagationSettings
 from shared import CfaPattern
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case, whole
+from tests.offline.scenes import CASES, every_case
 from tests.reference import geometry
 from tests.reference import propagation as reference
 from tests.reference.compare import assert_close
@@ -26,7 +26,7 @@ def case(pattern: CfaPattern, shape: tuple[int, int], seed: int = 0) -> tuple[Fl
 
 
 def mixed(blocks: FloatArray, affinity: FloatArray, light: FloatArray, pattern: CfaPattern, softness: float = 0.0) -> FloatArray:
-    return propagate(blocks, affinity, light, pattern, PropagationSettings(softness), whole(pattern, light.shape))
+    return propagate(blocks, affinity, light, pattern, PropagationSettings(softness))
 
 
 def expected(

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.rows.refinement import noise_level, reach, refine
+from offline.measured import Measured
+from offline.parts import Part, applied
+from offline.rows.refinement import Refinement, noise_level, refine
 from offline.settings import RefinementSettings
-from offline.tiling import Band
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
-from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot, whole
+from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close
 from tests.reference.render import sigma_of_light
@@ -28,11 +29,9 @@ def case(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None = 0.02
     return initial.astype(np.float32), light.astype(np.float32), shot(pattern, shape, sigma)
 
 
-def refined(
-    initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings, band: Band | None = None
-) -> FloatArray:
+def refined(initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings) -> FloatArray:
     period, sigma = mosaic.pattern.period, noise_level(light, mosaic.calibration.noise)
-    return refine(initial, light, period, sigma, settings, band or whole(mosaic.pattern, mosaic.shape))
+    return refine(Part(0, light, initial), (0, len(light)), light, period, sigma, settings)
 
 
 def expected(initial: FloatArray, light: FloatArray, mosaic: Mosaic, settings: RefinementSettings) -> DoubleArray:
@@ -83,10 +82,10 @@ def test_equals_the_reference_where_light_is_black_or_below() -> None:
 @pytest.mark.parametrize("rows", [1, 5, 8, 1000])
 def test_bands_leave_no_trace(rows: int) -> None:
     initial, light, mosaic = case(*CASES["odd"])
-    look, height = reach(mosaic.pattern.period, PAPER), len(light)
-    steps = [Band((0, 0), (top, min(top + rows, height)), max(top - look, 0)) for top in range(0, height, rows)]
-    parts = [refined(initial[band.first : band.rows[1] + look], light, mosaic, PAPER, band) for band in steps]
-    assert np.array_equal(np.concatenate(parts), refined(initial, light, mosaic, PAPER))
+    measured = Measured(mosaic.pattern, mosaic.calibration, light, initial)
+    parts = (Part(0, light, initial).rows(top, min(top + rows, len(light))) for top in range(0, len(light), rows))
+    found = [part.chromaticity for part in applied(parts, Refinement(measured, PAPER), len(light))]
+    assert np.array_equal(np.concatenate(found), refined(initial, light, mosaic, PAPER))
 
 
 def test_noise_is_panchromatic_noise_at_the_mean_luminance() -> None:

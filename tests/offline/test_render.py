@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
-from offline.render import finish
-from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings, SiteSettings
-from offline.tiling import Part
+from offline.parts import Part, finish
+from offline.settings import AffinitySettings, ChromaticitySettings, LuminanceSettings
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.errors import RangeError
 from shared.progress import Progress
@@ -164,8 +163,7 @@ def test_a_value_that_is_not_finite_is_never_returned(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("shape", [(4, 18), (18, 4), (4, 4)])
 def test_a_frame_of_one_row_of_tiles_is_rendered_without_the_samples_at_its_sites(shape: tuple[int, int]) -> None:
-    settings = replace(BEST, sites=SiteSettings(), learned=PAPER.learned)
-    assert render(shot(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), shape), settings).rgb.shape == (*shape, 3)
+    assert render(shot(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), shape), BEST.uncorrected).rgb.shape == (*shape, 3)
 
 
 def test_the_same_mosaic_gives_the_same_bytes() -> None:

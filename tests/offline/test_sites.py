@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from offline.settings import BEST, ChromaticitySettings, SiteSettings
-from offline.sites import correct_sites, settle_luminance
-from offline.tiling import Part
+from offline.parts import Part
+from offline.rows.correction import Missed, correct_sites
+from offline.settings import BEST, OFF, ON, ChromaticitySettings
+from offline.sites import settle_luminance, site_reach
 from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
@@ -20,7 +21,12 @@ from tests.reference.sensor import luminance_of, observe
 # Luminance and samples are float32, errors of both are small differences of them.
 FLOAT32 = 3e-6
 MISMATCH = BEST.chromaticity.mismatch
-CORRECTED = SiteSettings(corrected=True)
+
+
+def corrected(part: Part, mosaic: Mosaic, clipping: float = np.inf) -> Part:
+    """The picture corrected by the samples of a mosaic."""
+    measured, gamma = sampled(mosaic, part.luminance, clipping), np.array(mosaic.calibration.gamma, np.float32)
+    return correct_sites(Missed(measured, gamma)(part, (part.first, part.end)), measured, gamma)
 
 
 def wrong_light(mosaic: Mosaic) -> FloatArray:
@@ -78,12 +84,12 @@ def test_settled_luminance_equals_the_reference(pattern: CfaPattern, shape: tupl
     signal = mosaic.signal.astype(np.float64)
     variance = sites.noise_of(signal, pattern, noise)
     gamma = mosaic.calibration.gamma
-    expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, gamma, CORRECTED.deviations)
+    expected = sites.settle(light.astype(np.float64), coarse, signal, variance, pattern, gamma)
     measured = sampled(mosaic, light)
-    found = settle_luminance(light, blocks, measured, gamma, CORRECTED)
+    found = settle_luminance(light, blocks, measured, np.array(gamma, np.float32), ON)
     assert_close(found, expected, FLOAT32)
     assert np.array_equal(found[pattern.panchromatic_mask(shape)], light[pattern.panchromatic_mask(shape)])
-    assert settle_luminance(light, blocks, measured, gamma, SiteSettings()) is light
+    assert settle_luminance(light, blocks, measured, np.array(gamma, np.float32), OFF) is light
 
 
 def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
@@ -96,7 +102,7 @@ def test_settling_brings_luminance_closer_where_chromaticity_is_known() -> None:
     places = np.ix_(grid.rows.clip(0, shape[0] - 1), grid.columns.clip(0, shape[1] - 1))
     blocks = (scene / true[..., None])[places].astype(np.float32)
     measured = sampled(mosaic, light)
-    found = settle_luminance(light, blocks, measured, mosaic.calibration.gamma, CORRECTED)
+    found = settle_luminance(light, blocks, measured, np.array(mosaic.calibration.gamma, np.float32), ON)
     before, after = (float(np.square(each - true).mean()) for each in (light, found))
     assert after < 0.5 * before
 
@@ -118,8 +124,8 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
     part, noise, gamma = render_of(mosaic), mosaic.calibration.noise, mosaic.calibration.gamma
     light, colour, signal = (each.astype(np.float64) for each in (part.luminance, part.chromaticity, mosaic.signal))
     variance, doubt = sites.noise_of(signal, pattern, noise), sites.doubt_of(light, pattern)
-    expected = sites.correct(light, colour, signal, doubt, variance, pattern, gamma, CORRECTED.deviations)
-    found = correct_sites(part, sampled(mosaic, part.luminance), gamma, CORRECTED)
+    expected = sites.correct(light, colour, signal, doubt, variance, pattern, gamma)
+    found = corrected(part, mosaic)
     assert_close(found.chromaticity * found.luminance[..., None], expected, FLOAT32)
     assert_close(found.chromaticity @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7
     assert np.abs(expected - colour * light[..., None]).max() > 1e-3
@@ -129,8 +135,7 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
 def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, shape: tuple[int, int]) -> None:
     mosaic = shot(pattern, shape, None)
     part = render_of(mosaic)
-    measured = sampled(mosaic, part.luminance)
-    found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
+    measured, found = sampled(mosaic, part.luminance), corrected(part, mosaic)
     for channel, place in zip(measured.sites.channels, measured.sites.places, strict=True):
         seen = found.chromaticity[*place, channel] * found.luminance[place]
         assert_close(seen, mosaic.signal[place], 1e-5)
@@ -139,13 +144,19 @@ def test_without_noise_the_picture_reads_as_the_samples_do(pattern: CfaPattern, 
 def test_a_part_is_corrected_as_the_whole_is() -> None:
     pattern, shape = CfaPattern.bayer(6, origin=(3, 1)), (120, 40)
     mosaic = shot(pattern, shape, 0.01)
-    whole, gamma = render_of(mosaic), mosaic.calibration.gamma
-    measured = sampled(mosaic, whole.luminance)
-    expected = correct_sites(whole, measured, gamma, CORRECTED)
+    picture, gamma = render_of(mosaic), np.array(mosaic.calibration.gamma, np.float32)
+    measured, reach = sampled(mosaic, picture.luminance), site_reach(pattern.period)
+    missed = Missed(measured, gamma)
+    whole = missed(picture, (0, shape[0]))
+    expected = correct_sites(whole, measured, gamma)
     for first, end in ((0, 70), (31, 99), (50, 120)):
-        found = correct_sites(whole.rows(first, end), measured, gamma, CORRECTED)
-        top = first + measured.reach if first else 0
-        bottom = end - measured.reach if end < shape[0] else end
+        part = missed(picture.rows(first, end), (first, end))
+        assert part.missed is not None
+        assert whole.missed is not None
+        assert np.array_equal(part.missed, whole.missed[first:end])
+        found = correct_sites(part, measured, gamma)
+        top = first + reach if first else 0
+        bottom = end - reach if end < shape[0] else end
         assert np.array_equal(found.rows(top, bottom).chromaticity, expected.rows(top, bottom).chromaticity)
         assert np.array_equal(found.rows(top, bottom).luminance, expected.rows(top, bottom).luminance)
 
@@ -160,7 +171,7 @@ def test_noise_alone_corrects_next_to_nothing() -> None:
     mosaic = Mosaic(samples, pattern, replace(clean.calibration, noise=noise))
     light = np.full(shape, 0.9, np.float32)
     part = Part(0, light, np.full((*shape, 3), 1 / 3, np.float32))
-    found = correct_sites(part, sampled(mosaic, light), mosaic.calibration.gamma, CORRECTED)
+    found = corrected(part, mosaic)
     change = found.chromaticity * found.luminance[..., None] - scene
     colour_sites = ~pattern.panchromatic_mask(shape)
     assert np.sqrt(np.square(change[colour_sites]).mean()) < 0.15 * sigma
@@ -171,9 +182,8 @@ def test_blocks_at_the_limit_say_nothing() -> None:
     mosaic = shot(pattern, shape, None)
     limit = float(np.quantile(mosaic.signal, 0.8))
     part = render_of(mosaic)
-    measured = sampled(mosaic, part.luminance, limit)
+    measured, found = sampled(mosaic, part.luminance, limit), corrected(part, mosaic, limit)
     assert 0 < measured.unclipped.mean() < 1
-    found = correct_sites(part, measured, mosaic.calibration.gamma, CORRECTED)
     for place in measured.sites.places:
         same = (found.luminance[place] == part.luminance[place]) == ~measured.unclipped
         assert same.mean() > 0.99
@@ -187,10 +197,7 @@ def test_gamma_only_scales_the_channels() -> None:
     other = observe(materials(shape, 3, 0) / scaled, pattern, tuple(scaled.tolist()))
     part = render_of(mosaic)
     same = replace(part, chromaticity=(part.chromaticity / scaled).astype(np.float32))
-    one, two = (
-        correct_sites(each, sampled(frame, each.luminance), frame.calibration.gamma, CORRECTED)
-        for each, frame in ((part, mosaic), (same, other))
-    )
+    one, two = corrected(part, mosaic), corrected(same, other)
     assert_close(two.chromaticity * scaled, one.chromaticity, 1e-5)
     assert gamma_of(pattern)  # the other tests use unequal gammas
 
@@ -204,6 +211,6 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
     light = np.full(shape, 0.9, np.float32)
     blurred = np.broadcast_to(np.array([1, 1, 1]) / 3, scene.shape)
     part = Part(0, light, blurred.astype(np.float32))
-    found = correct_sites(part, sampled(mosaic, light), mosaic.calibration.gamma, CORRECTED)
+    found = corrected(part, mosaic)
     assert np.array_equal(found.luminance, light)
     assert np.abs(found.chromaticity - blurred).max() > 0.1

@@ -9,8 +9,9 @@ import pytest
 
 from offline import BEST, PAPER, render, render_bands
 from offline import tiling as product
+from offline.parts import Look, Part, windows
 from offline.settings import RefinementSettings, RenderSettings
-from offline.tiling import Part, bands, domain_places, windows
+from offline.tiling import bands, domain_places, patches_of
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
@@ -59,7 +60,7 @@ def test_bands_of_a_clipped_shot_with_defects_are_the_whole() -> None:
 
 def test_wide_frames_have_low_bands_and_are_the_whole() -> None:
     mosaic = shot(CfaPattern.bayer(6, origin=(1, 0)), (290, 3500))
-    assert max(band.patches[1] - band.patches[0] for band in bands(mosaic.pattern.grid(mosaic.shape), 6)) == 120 // 6
+    assert max(end - first for first, end in bands(mosaic.pattern.grid(mosaic.shape))) == 120
     assert np.array_equal(stitched(mosaic), render(mosaic, PAPER).rgb)
 
 
@@ -83,25 +84,23 @@ def test_threads_leave_no_trace(period: int, settings: RenderSettings, each_thre
         assert np.array_equal(np.concatenate(list(render_bands(mosaic, settings))), whole.rgb)
 
 
-@pytest.mark.parametrize("reach", [0, 6, 300])
 @pytest.mark.parametrize("core", [8, 20, 44])
 @pytest.mark.parametrize(("pattern", "shape"), frames(12, 900, seed=6))
 def test_bands_cover_every_row_and_patch_once(
-    pattern: CfaPattern, shape: tuple[int, int], core: int, reach: int, monkeypatch: pytest.MonkeyPatch
+    pattern: CfaPattern, shape: tuple[int, int], core: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     grid = pattern.grid(shape)
     monkeypatch.setattr(product, "core_patches", lambda _: (core, core))
-    found = bands(grid, reach)
-    (above, _), _ = grid.padding
-    assert (found[0].patches[0], found[-1].patches[1]) == (0, grid.patches[0])
-    assert (found[0].rows[0], found[-1].rows[1]) == (0, shape[0])
-    for band, following in pairwise(found):
-        assert band.patches[1] == following.patches[0]
-        assert band.patches[1] % core == 0
-        assert (band.patches[1] - band.patches[0]) * grid.period >= product._BAND
-        assert band.rows[0] <= band.rows[1] == following.rows[0]
-        assert band.rows[1] + reach <= band.patches[1] * grid.period - above or band.rows[0] == band.rows[1]
-        assert following.first == max(following.rows[0] - reach, 0)
+    found = bands(grid)
+    patches = [patches_of(grid, rows) for rows in found]
+    assert (patches[0][0], patches[-1][1]) == (0, grid.patches[0])
+    assert (found[0][0], found[-1][1]) == (0, shape[0])
+    for (_, end), (first, _) in pairwise(found):
+        assert end == first
+    for (first, end), (following, _) in pairwise(patches):
+        assert end == following
+        assert end % core == 0
+        assert (end - first) * grid.period >= product._BAND
 
 
 def test_the_domain_is_the_frame_mirrored_twice() -> None:
@@ -123,7 +122,7 @@ def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int
     cuts = [0, 9, 10, 43, 60, 97, height]
     parts = (Part(first, light[first:end], colour[first:end]) for first, end in pairwise(cuts))
     done = 0
-    for part, (first, end) in windows(parts, height, reach, step, -3):
+    for part, (first, end) in windows(parts, height, Look(reach, step, -3)):
         assert first == done
         assert end == height or (end + 3) % step == 0
         assert part.first <= max(first - reach, 0)
@@ -136,4 +135,4 @@ def test_windows_show_every_row_once_with_its_surroundings(step: int, reach: int
 
 def test_windows_keep_no_more_than_they_need() -> None:
     parts = (Part(first, np.zeros((10, 4), np.float32), np.zeros((10, 4, 3), np.float32)) for first in range(0, 1000, 10))
-    assert max(len(part.luminance) for part, _ in windows(parts, 1000, 12, 16, 0)) <= 2 * 12 + 2 * 16 + 10
+    assert max(len(part.luminance) for part, _ in windows(parts, 1000, Look(12, 16))) <= 2 * 12 + 2 * 16 + 10

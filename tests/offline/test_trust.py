@@ -17,7 +17,7 @@ from tests.reference import chromaticity, trust
 from tests.reference.compare import assert_close
 from tests.reference.sensor import observe
 
-SITES = BEST.sites
+SITES = BEST.trust
 
 
 def silent(mosaic: Mosaic) -> Cleaned:
@@ -30,7 +30,7 @@ def silent(mosaic: Mosaic) -> Cleaned:
 def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma: float | None) -> None:
     mosaic = shot(pattern, shape, sigma)
     gamma, noise, signal = mosaic.calibration.gamma, mosaic.calibration.noise, mosaic.signal.astype(np.float64)
-    expected = trust.trust_in_blocks(signal, pattern, gamma, noise, SITES.agreement)
+    expected = trust.trust_in_blocks(signal, pattern, gamma, noise, SITES.tolerance)
     frame = cleaned(mosaic)
     found = trust_in_blocks(frame, SITES)
     assert found is not None
@@ -44,7 +44,7 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], sigma
 
 def test_the_paper_trusts_every_block() -> None:
     mosaic = shot(CfaPattern.bayer(6), (40, 40), None)
-    assert trust_in_blocks(cleaned(mosaic), PAPER.sites) is None
+    assert trust_in_blocks(cleaned(mosaic), PAPER.trust) is None
     blocks = np.full((*mosaic.pattern.grid(mosaic.shape).shape, 3), 1 / 3, np.float32)
     assert with_trusted_colour(blocks, cleaned(mosaic)) is blocks
 

@@ -21,7 +21,6 @@ def pin(
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
-    deviations: float,
 ) -> DoubleArray:
     """Chromaticity of every pixel, (H, W, C).
 
@@ -34,7 +33,7 @@ def pin(
     seen = sites.at_sites(chromaticity * luminance[..., None] * weights, whole)
     error = sites.at_sites(signal, whole) * weights[index] - np.stack([seen[:, :, s, c] for s, c in enumerate(index)], axis=2)
     noise = (variance * weights[index] ** 2).mean(axis=2)
-    power = sites.signal_power(error, noise, deviations)
+    power = sites.signal_power(error, noise)
     share = np.where(noise > 0, power / np.maximum(power + constants._CAUTION * noise, 1e-30), 1.0)
 
     half, period = (pattern.period - 1) / 2, pattern.period

@@ -64,15 +64,15 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.doubt)
         coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
-    if settings.sites.corrected:
-        trusted = trust.trust_in_blocks(signal, pattern, gamma, noise, settings.sites.agreement)
+    if settings.trust.used:
+        trusted = trust.trust_in_blocks(signal, pattern, gamma, noise, settings.trust.tolerance)
         coarse = trust.with_trusted_colour(coarse, trusted, gamma)
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     variance = sites.noise_of(signal, pattern, noise)
     doubt = sites.doubt_of(light, pattern)
-    if settings.sites.corrected:
-        light = sites.settle(light, coarse, signal, variance, pattern, gamma, settings.sites.deviations)
+    if settings.settling.used:
+        light = sites.settle(light, coarse, signal, variance, pattern, gamma)
 
     alpha = affinity.fields(light, pattern, settings.affinity.scales)
     initial = propagation.propagate(blocks, alpha, light, pattern, settings.propagation.softness)
@@ -81,11 +81,11 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     h = max(last.strength * sigma_of_light(mosaic, light), last.floor)
     refined = refinement.refine(initial, light, pattern.period, h=h, blur_periods=last.blur, repetitions=last.repetitions)
     rgb = refined * light[..., None]  # Eq. 17
-    if settings.sites.corrected and block(pattern).height == pattern.period:  # the sites are scattered
-        refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma, settings.sites.deviations)
+    if settings.pinning.used and block(pattern).height == pattern.period:  # the sites are scattered
+        refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma)
         rgb = refined * light[..., None]
-    elif settings.sites.corrected:
-        rgb = sites.correct(light, refined, signal, doubt, variance, pattern, gamma, settings.sites.deviations)
+    elif settings.correction.used:
+        rgb = sites.correct(light, refined, signal, doubt, variance, pattern, gamma)
         light = rgb @ np.array(gamma)
         refined = rgb / light[..., None]
     return Picture(rgb, light, refined)

@@ -46,7 +46,7 @@ def solve_jointly(
             samples = np.array([signal[y, x] for y, x, _ in sites])
             seen = np.array([[float(name == channel) for channel in pattern.channels] for _, _, name in sites])
             bends = [curvature(luminance, (y, x), pattern) for y, x, _ in sites]
-            doubt = constants._DOUBT * math.sqrt(np.mean(np.square(bends)))
+            doubt = constants._CURVED * math.sqrt(np.mean(np.square(bends)))
             if doubt == 0:
                 continue
             for _ in range(constants._ROUNDS):
@@ -74,9 +74,9 @@ def noise_of(signal: DoubleArray, pattern: CfaPattern, noise: NoiseModel | None)
     return np.array([[[variance(*site) for site in sites] for sites in row] for row in blocks])
 
 
-def signal_power(error: DoubleArray, variance: DoubleArray, deviations: float) -> DoubleArray:
+def signal_power(error: DoubleArray, variance: DoubleArray) -> DoubleArray:
     """Mean square of the errors around each block beyond the noise. error: (rows, columns, S). variance: (rows, columns)."""
-    power: DoubleArray = np.maximum(blur((error**2).mean(axis=2), constants._WIDTH) - deviations * variance, 0)
+    power: DoubleArray = np.maximum(blur((error**2).mean(axis=2), constants._WIDTH) - constants._DEVIATIONS * variance, 0)
     return power
 
 
@@ -84,7 +84,7 @@ def doubt_of(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
     """Standard deviation of the error of filled luminance of the whole blocks, (rows, columns)."""
     blocks = whole_blocks(pattern, (luminance.shape[0], luminance.shape[1]))
     bends = np.array([[[curvature(luminance, (y, x), pattern) for y, x, _ in sites] for sites in row] for row in blocks])
-    doubt: DoubleArray = constants._DOUBT * np.sqrt((bends**2).mean(axis=2))
+    doubt: DoubleArray = constants._CURVED * np.sqrt((bends**2).mean(axis=2))
     return doubt
 
 
@@ -95,7 +95,6 @@ def most_probable(
     variance: DoubleArray,
     blocks: list[list[list[tuple[int, int, str]]]],
     pattern: CfaPattern,
-    deviations: float,
 ) -> tuple[DoubleArray, DoubleArray]:
     """Errors of luminance, (rows, columns, S), and of colour, (rows, columns, S, C), given the errors of the samples.
 
@@ -103,7 +102,7 @@ def most_probable(
     """
     count, sites = len(pattern.channels), error.shape[2]
     index = [pattern.channels.index(name) for _, _, name in blocks[0][0]]
-    power = signal_power(error, variance.mean(axis=2), deviations)
+    power = signal_power(error, variance.mean(axis=2))
     light, tints = np.zeros(error.shape), np.zeros((*error.shape, count))
     aside = np.eye(count) - 1 / count  # takes luminance out of a colour
     for place in product(range(len(blocks)), range(len(blocks[0]))):
@@ -133,7 +132,6 @@ def settle(
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
-    deviations: float,
 ) -> DoubleArray:
     """Luminance, (H, W), with its most probable errors at the colour sites taken off.
 
@@ -146,7 +144,7 @@ def settle(
     colour = coarse[..., index] * weight
     light, samples = at_sites(luminance, blocks), at_sites(signal, blocks)
     error = samples * weight - colour * light
-    delta, _ = most_probable(error, colour, doubt_of(luminance, pattern), variance * weight**2, blocks, pattern, deviations)
+    delta, _ = most_probable(error, colour, doubt_of(luminance, pattern), variance * weight**2, blocks, pattern)
     settled = luminance.copy()
     for row, values in zip(blocks, delta, strict=True):
         for sites, each in zip(row, values, strict=True):
@@ -168,7 +166,6 @@ def correct(
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
-    deviations: float,
 ) -> DoubleArray:
     """The picture, (H, W, C), with what it misses at the sites of each block shared out among all channels there."""
     blocks = whole_blocks(pattern, (signal.shape[0], signal.shape[1]))
@@ -179,7 +176,7 @@ def correct(
     colour = np.stack([here[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
     seen = np.stack([at_sites(rgb * weights, blocks)[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
     error = at_sites(signal, blocks) * weights[index] - seen
-    light, tints = most_probable(error, colour, doubt, variance * weights[index] ** 2, blocks, pattern, deviations)
+    light, tints = most_probable(error, colour, doubt, variance * weights[index] ** 2, blocks, pattern)
     for row, column in product(range(len(blocks)), range(len(blocks[0]))):
         for site, (y, x, _) in enumerate(blocks[row][column]):
             after = luminance[y, x] + light[row, column, site]

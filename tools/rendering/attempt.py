@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shared.arrays import FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError, OutputError
 from shared.writing import OnComplete, keep_old, write_durably
 from tools.host.jobs import Job, Outcome, State, file_status, identity, refuse_existing
@@ -156,18 +156,18 @@ class _Attempt:
             def noted(made: Path) -> OnComplete:
                 return lambda part: pool.submit(self._note_in_journal, made, part, source_digest).result
 
-            shown = self._shown(subject.bands(log), log, development)
+            shown = self._shown(subject.bands(log), subject.lost, development)
             replace = existing[0].replace
             write_picture(outputs[0], shown, development, overwrite=replace, on_complete=noted(outputs[0]), threads=threads())
             for path, each, data in zip(outputs[1:], existing[1:], subject.beside(self.listener), strict=True):
                 write_durably(path, data, overwrite=each.replace, on_complete=noted(path))
         return log
 
-    def _shown(self, bands: Iterable[FloatArray], log: "SolverLog", development: Development) -> Iterator[FloatArray]:
-        """The bands as the picture shows them. log: knows where light is lost from the first band on."""
+    def _shown(self, bands: Iterable[FloatArray], lost: ByteArray | None, development: Development) -> Iterator[FloatArray]:
+        """The bands as the picture shows them. lost: where light is lost."""
         top = 0
         for band in bands:
-            yield development.whitened(band, None if log.places is None else log.places[top : top + len(band)])
+            yield development.whitened(band, None if lost is None else lost[top : top + len(band)])
             top += len(band)
         self.listener.stage("writing", 1)
 

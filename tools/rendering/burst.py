@@ -145,7 +145,7 @@ class BurstSubject(Subject):
         if self._merged is None or self._left == 1:
             bands = super().bands(progress)
         else:
-            bands = render_burst_bands(self._merged, self.settings, progress)
+            self.lost, bands = self._merged.lost, render_burst_bands(self._merged, self.settings, progress)
         if self._reported:
             self._shown = Shown(self.mosaic, self._order.exposure)
             bands = self._shown.taken(bands)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from shared import Mosaic
-from shared.arrays import FloatArray
+from shared.arrays import ByteArray, FloatArray
 from shared.progress import Progress
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ class Subject:
     count: number of frames.
     errors: a line for each file that failed, where others are left to render.
     words: what is special about the picture, for people; "" for nothing.
+    lost: where light is lost in the picture (`offline.Rendering.lost`), after `bands`.
     """
 
     count = 1
@@ -26,15 +27,18 @@ class Subject:
 
     def __init__(self, mosaic: Mosaic, settings: "RenderSettings") -> None:
         self.mosaic, self.settings = mosaic, settings
+        self.lost: ByteArray | None = None
 
     def prepare(self, progress: Progress) -> None:
         """Do all that comes before `bands`. Raises InputError if there can be no picture."""
 
     def bands(self, progress: Progress) -> Iterator[FloatArray]:
         """Yield the picture as `offline.render_bands` does."""
-        from offline import render_bands
+        from offline import colour_bands, measure
 
-        return render_bands(self.mosaic, self.settings, progress)
+        measured = measure(self.mosaic, self.settings, progress)
+        self.lost = measured.lost
+        return colour_bands(measured, self.settings, progress)
 
     def beside(self, progress: Progress) -> list[bytes]:
         """Return the contents of the files beside the picture (`Job.outputs`), once its last band has been taken."""

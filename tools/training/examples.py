@@ -5,16 +5,15 @@ exposure, and a little noise of its own. Then it is simulated and rendered up to
 """
 
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
-from offline.render import measure, spread
+from offline.parts import Part
+from offline.render import measure, parts_of
 from offline.rows.learned import UNKNOWN, Cells, Inputs
 from offline.settings import BEST
-from offline.sites import correct_sites
-from offline.solvers import SolverLog
-from offline.tiling import Part
 from shared import CfaPattern, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.sensor import simulate_additive
@@ -55,16 +54,11 @@ def make_example(source: str, period: int, seed: tuple[int, ...]) -> Example:
     pattern = CfaPattern.bayer(period, origin=(origin[0], origin[1]))
     mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, random)
     settings, gamma = replace(BEST, learned=replace(BEST.learned, used=False)), np.ones(3, np.float32)
-    log = SolverLog()
-    measured = measure(mosaic, settings, log)
-    before: Part | None = None
-    for part in spread(mosaic, measured, settings, log):
-        before = part if before is None else before.joined(part)
-    assert before is not None  # a frame has rows
+    measured = measure(mosaic, settings)
+    corrected = reduce(Part.joined, parts_of(measured, settings))
     assert measured.samples is not None  # BEST uses them
-    corrected = correct_sites(before, measured.samples, mosaic.calibration.gamma, settings.sites)
-    cells = Cells.of(pattern, mosaic.shape)
-    inputs = Inputs(cells, before, corrected, measured.samples, gamma)
+    cells = Cells.of(measured.samples.sites)
+    inputs = Inputs(cells, corrected, measured.samples, gamma)
     rows, columns = ((1, count - 1) for count in cells.shape)  # cells that lie wholly inside the frame
     cut = inputs.cut(rows, columns)
     truth = Part(0, np.ones(mosaic.shape, np.float32), scene)

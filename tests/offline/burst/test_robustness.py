@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from offline import BEST, SolverLog, render
+from offline import BEST, render
 from offline.burst import MergedBurst, judging, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import BoolArray, FloatArray
@@ -165,9 +165,9 @@ def test_a_small_highlight_is_lost_unless_another_frame_has_seen_it(exposures: t
         scene = (light(_SHIFTS[number]) + spark[..., None]).astype(np.float32) * np.float32(exposure)
         taken = simulate_additive(scene, _PATTERN, calibration, 0.002, np.random.default_rng(number))
         shots.append(Mosaic(taken.codes, _PATTERN, calibration))
-    merged, log = merge_burst(shots, _SETTINGS, reference=0), SolverLog()
+    merged = merge_burst(shots, _SETTINGS, reference=0)
     assert [frame.reason for frame in merged.frames] == [""] * 3
-    assert sum(map(len, render_burst_bands(merged, _SETTINGS, log))) == _SHAPE[0]
-    assert log.places is not None
-    assert (log.places[59:62, 68:71] > 200).all() != seen
-    assert (log.places.max() < 60) == seen
+    assert sum(map(len, render_burst_bands(merged, _SETTINGS))) == _SHAPE[0]
+    assert merged.lost is not None
+    assert (merged.lost[59:62, 68:71] > 200).all() != seen
+    assert (merged.lost.max() < 60) == seen

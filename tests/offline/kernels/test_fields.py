@@ -8,11 +8,10 @@ import pytest
 from offline.rows import affinity as product
 from offline.rows.affinity import solve_affinities
 from offline.settings import AffinitySettings
-from offline.tiling import Band, core_patches
+from offline.tiling import bands, core_patches
 from shared import CfaPattern
 from shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
-from tests.offline.scenes import whole
 from tests.reference import affinity as reference
 from tests.reference.compare import assert_close
 
@@ -32,7 +31,7 @@ def light_of(shape: tuple[int, int], seed: int = 0) -> FloatArray:
 
 
 def compare(light: FloatArray, pattern: CfaPattern) -> None:
-    found = solve_affinities(light, pattern, TIGHT, whole(pattern, light.shape))
+    found = solve_affinities(light, pattern, TIGHT)
     expected = reference.fields(light.astype(np.float64), pattern, TIGHT.scales)
     assert_close(found, expected, CUT)
     assert np.sqrt(np.mean((found - expected) ** 2)) < CUT_RMS
@@ -59,13 +58,10 @@ def test_regions_equal_the_whole_frame(period: int, shape: tuple[int, int]) -> N
 def test_rows_of_patches_and_threads_leave_no_trace(period: int, each_thread_count: Iterator[int]) -> None:
     pattern, shape = CfaPattern.bayer(period, origin=(1, 1)), (331, 205)
     light = light_of(shape)
-    entire = solve_affinities(light, pattern, AffinitySettings(), whole(pattern, shape))
-    (down, _), (core, _) = pattern.grid(shape).patches, core_patches(period)
-    assert down > 2 * core
+    entire = solve_affinities(light, pattern, AffinitySettings())
+    steps = bands(pattern.grid(shape))
+    assert len(steps) > 1
     for _ in each_thread_count:
-        parts = [
-            solve_affinities(light, pattern, AffinitySettings(), Band((first, min(first + core, down)), (0, 0), 0))
-            for first in range(0, down, core)
-        ]
+        parts = [solve_affinities(light, pattern, AffinitySettings(), rows) for rows in steps]
         assert np.array_equal(np.concatenate(parts, axis=2), entire)
     assert_close(entire.sum(axis=(0, 1)), np.ones(entire.shape[2:]), SUM)

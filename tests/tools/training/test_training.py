@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from offline.rows.learned import Learner
-from shared import CfaPattern
+from offline.rows.learned import _session
 from shared.errors import InputError
 from shared.progress import SILENT
 from tests.data import ROOT
@@ -51,7 +50,7 @@ def test_it_learns_and_writes_what_the_render_runs(photographs: tuple[str, ...],
     assert said
     assert said[-1].startswith("step 120: left 0.")
     assert (tmp_path / "k4" / "loss.png").stat().st_size > 1000
-    Learner(path, CfaPattern.bayer(4), (1.0, 1.0, 1.0))
+    assert _session(path).get_inputs()
     history = json.loads((tmp_path / "k4" / "plan.json").read_text())
     assert history["steps"] == 120
 
