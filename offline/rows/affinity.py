@@ -43,7 +43,6 @@ def solve_affinities(
         the frame does. None = all.
     Raises ConvergenceError when conjugate gradients do not reach the tolerance.
     """
-    progress.part("affinity")
     grid = pattern.grid((luminance.shape[0], luminance.shape[1]))
     period, across = grid.period, grid.patches[1]
     core = core_patches(period)

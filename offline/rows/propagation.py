@@ -27,7 +27,7 @@ class Propagation(RowStage):
     settings: PropagationSettings
     progress: Progress = SILENT
 
-    name = "propagation"
+    name = "affinity"  # what it begins with
     kernels = "solve_regions", "mix"
 
     def memory(self, pixels: int, channels: int) -> float:

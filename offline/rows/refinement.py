@@ -52,10 +52,13 @@ def refine(
     period: K, pixels.
     sigma: sigma_z of Eq. 16, scene units (see `noise_level`).
     """
+    if not settings.used:
+        return part.rows(*rows).chromaticity.copy()
     result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
     width = max(settings.strength * sigma, settings.floor)  # h
     blur, radius = gaussian(settings.blur * period), period // 2  # a window of (K + 1) x (K + 1) for even K
-    average(part.chromaticity, part.first, luminance, rows, radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
+    initial = np.ascontiguousarray(part.chromaticity)
+    average(initial, part.first, luminance, rows, radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
     return result
 
 

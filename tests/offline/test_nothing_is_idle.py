@@ -111,7 +111,7 @@ def every_stage(letters: str | None) -> Mosaic:
     pattern = CfaPattern.of_letters(letters) if letters else CfaPattern.bayer(4, origin=(1, 2))
     mosaic = shot(pattern, (45, 50), 0.02)
     points = 1 + 0.1 * (np.arange(5)[:, None] - 2 + np.zeros(5))  # a ramp, 1 in the middle
-    shading = Shading([points.tolist()] * len(pattern.planes), (45, 50))
+    shading = Shading((points.tolist(),) * len(pattern.planes), (45, 50))
     return replace(mosaic, calibration=replace(mosaic.calibration, shading=shading))
 
 
