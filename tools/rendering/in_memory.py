@@ -40,12 +40,12 @@ def settings_named(preset: object) -> "RenderSettings":
 
 
 def render_array(mosaic: Mosaic, settings: "RenderSettings") -> tuple[FloatArray, ByteArray | None]:
-    """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light was (`SolverLog.places`).
+    """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light was (`offline.Rendering.lost`).
 
     Standard error has a note while the renderer is being compiled.
     Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
     """
-    from offline import SolverLog, render_bands
+    from offline import colour_bands, measure
 
     check_light(mosaic, settings)
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
@@ -54,10 +54,9 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings") -> tuple[FloatArray
             f"a picture of {columns} x {rows} pixels needs {format_bytes(need)} of memory, and {format_bytes(free)} are free; "
             "close other programs, or use the command `panchroma render`, which needs less: it writes while it renders"
         )
-    log = SolverLog(progress := StageProgress(note=to_stderr))
-    with announced_compilation(progress):
-        picture = joined(render_bands(mosaic, settings, log), mosaic.shape[0])
-    return picture, log.places
+    with announced_compilation(progress := StageProgress(note=to_stderr)):
+        measured = measure(mosaic, settings, progress)
+        return joined(colour_bands(measured, settings, progress), mosaic.shape[0]), measured.lost
 
 
 def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:
