@@ -133,7 +133,7 @@ def test_what_ends_a_render_is_one_line(
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("offline.render_bands", fail)
+    monkeypatch.setattr("offline.measure", fail)
     assert_refused(run("render", shots / SHOT, "-o", tmp_path), words, name=str(shots / SHOT))
     assert names(tmp_path) == {"shots"}
 

@@ -11,7 +11,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from offline import PAPER, PRESETS, render, render_bands
+from offline import PAPER, PRESETS, measure, render
 from offline.settings import RenderSettings
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray
@@ -151,9 +151,9 @@ def test_the_preset_is_the_librarys(out: Path, shot: Path, monkeypatch: pytest.M
 
     def recorded(mosaic: Mosaic, settings: RenderSettings, *rest: Any, **named: Any) -> Any:
         seen.append(settings)
-        return render_bands(mosaic, settings)
+        return measure(mosaic, settings)
 
-    monkeypatch.setattr("offline.render_bands", recorded)
+    monkeypatch.setattr("offline.measure", recorded)
     meant = RenderSettings()  # so that only the one that is meant will do, whatever it is like
     monkeypatch.setitem(PRESETS, preset or "best", meant)
     assert run("render", shot, "-o", out, *(["--preset", preset] if preset else [])).code == 0
@@ -164,7 +164,7 @@ def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path
     def fail(*_: object) -> None:
         raise AssertionError("rendered")
 
-    monkeypatch.setattr("offline.render_bands", fail)
+    monkeypatch.setattr("offline.measure", fail)
     (tmp_path / "text.dng").write_text("no picture")
     (out / "old.tif").write_text("old")
     old = save(tmp_path / "old.dng")

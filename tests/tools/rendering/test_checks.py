@@ -160,7 +160,7 @@ def test_threads_are_those_asked_for_as_far_as_there_are(
 
 def test_the_first_run_on_a_machine_says_that_it_compiles(tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every run but the first finds all kernels compiled: one that is new stands for them."""
-    genuine, shown, shot = offline.render_bands, [], save(tmp_path / "shot.dng", SMALL)
+    genuine, shown, shot = offline.measure, [], save(tmp_path / "shot.dng", SMALL)
 
     @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
     def fresh(a: float) -> float:  # not kept on the disk, as a kernel would be: the next test run finds it new again
@@ -171,7 +171,7 @@ def test_the_first_run_on_a_machine_says_that_it_compiles(tmp_path: Path, out: P
         fresh(1)  # once per type
         return genuine(*given)
 
-    monkeypatch.setattr("offline.render_bands", compiling)
+    monkeypatch.setattr("offline.measure", compiling)
     monkeypatch.setattr(StageProgress, "remark", lambda _, text: shown.append(text))
     monkeypatch.setattr(LineProgress, "remark", StageProgress.remark)
     words = "compiling the renderer for this processor; it takes up to a minute, once\n"
