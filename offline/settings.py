@@ -4,37 +4,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from shared.errors import InputError
+from .stage_settings import StageSettings, Switch, require
 
 _LARGEST = 32  # pixels: side of a DCT block
 _FARTHEST = 16  # pixels: radius of non-local means
 _WIDEST = 64  # blocks: radius of pooling
-
-
-def _require(holds: bool, name: str, value: object, expected: str) -> None:
-    if not holds:
-        raise InputError(f"settings: {name} is {value}, expected {expected}")
-
-
-class StageSettings:
-    """Base of the settings of a stage: whether it is used, and which kernels it then calls, to compile them ahead."""
-
-    @property
-    def used(self) -> bool:
-        """Whether the stage changes anything."""
-        return True
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Names of the kernels that it calls when it is used; stages in rows say so themselves."""
-        return ()
-
-
-@dataclass(frozen=True)
-class Switch(StageSettings):
-    """A stage that is used or not. used: whether it is."""
-
-    used: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,25 +24,22 @@ class DefectSettings(StageSettings):
     floor: scene units, > 0.
     """
 
+    kernels = "find_outliers", "mend_panchromatic", "surroundings"
+
     listed: bool = False
     contrast: float = 0.0
     deviations: float = 6.0
     floor: float = 0.02
 
     def __post_init__(self) -> None:
-        _require(self.contrast >= 0, "defects.contrast", self.contrast, "0 or more")
-        _require(self.deviations >= 0, "defects.deviations", self.deviations, "0 or more")
-        _require(self.floor > 0, "defects.floor", self.floor, "more than 0")
+        require(self.contrast >= 0, "defects.contrast", self.contrast, "0 or more")
+        require(self.deviations >= 0, "defects.deviations", self.deviations, "0 or more")
+        require(self.floor > 0, "defects.floor", self.floor, "more than 0")
 
     @property
     def used(self) -> bool:
         """Whether the stage changes anything."""
         return self.listed or self.contrast > 0
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return "find_outliers", "mend_panchromatic", "surroundings"
 
 
 @dataclass(frozen=True)
@@ -79,21 +50,18 @@ class HighlightSettings(StageSettings):
     shoulder: the uppermost fraction of the colour samples' own range, in which they gradually count as clipped, 0 to 1.
     """
 
+    kernels = "surroundings", "raise_clipped", "interpolate"
+
     restored: bool = False
     shoulder: float = 0.05
 
     def __post_init__(self) -> None:
-        _require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
+        require(0 < self.shoulder < 1, "highlights.shoulder", self.shoulder, "between 0 and 1")
 
     @property
     def used(self) -> bool:
         """Whether the stage changes anything."""
         return self.restored
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return "surroundings", "raise_clipped", "interpolate"
 
 
 @dataclass(frozen=True)
@@ -106,19 +74,16 @@ class LuminanceSettings(StageSettings):
         larger in frames brighter than 3 scene units: half of what they exceed 1 by.
     """
 
+    kernels = "fill_blocks", "shrink_margins"
+
     iterations: int = 50
     decay: float = 2**-0.25
     threshold: float = 1.0
 
     def __post_init__(self) -> None:
-        _require(self.iterations >= 1, "luminance.iterations", self.iterations, "1 or more")
-        _require(0 < self.decay < 1, "luminance.decay", self.decay, "between 0 and 1")
-        _require(self.threshold > 0, "luminance.threshold", self.threshold, "more than 0")
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return "fill_blocks", "shrink_margins"
+        require(self.iterations >= 1, "luminance.iterations", self.iterations, "1 or more")
+        require(0 < self.decay < 1, "luminance.decay", self.decay, "between 0 and 1")
+        require(self.threshold > 0, "luminance.threshold", self.threshold, "more than 0")
 
 
 @dataclass(frozen=True)
@@ -143,6 +108,8 @@ class DenoisingSettings(StageSettings):
     radius: radius of the window of non-local means, pixels.
     """
 
+    kernels = "denoise", "average_similar"
+
     strength: float = 0.0
     sizes: tuple[int, ...] = (4, 8, 12)
     threshold: float = 2.5
@@ -151,23 +118,18 @@ class DenoisingSettings(StageSettings):
     radius: int = 7
 
     def __post_init__(self) -> None:
-        _require(self.strength >= 0, "denoising.strength", self.strength, "0 or more")
+        require(self.strength >= 0, "denoising.strength", self.strength, "0 or more")
         whole = bool(self.sizes) and all(4 <= size <= _LARGEST and size % 4 == 0 for size in self.sizes)
-        _require(whole, "denoising.sizes", self.sizes, f"one or more multiples of 4 up to {_LARGEST}")
-        _require(self.threshold > 0, "denoising.threshold", self.threshold, "more than 0")
-        _require(0 <= self.share <= 1, "denoising.share", self.share, "0 to 1")
-        _require(self.similarity > 0, "denoising.similarity", self.similarity, "more than 0")
-        _require(1 <= self.radius <= _FARTHEST, "denoising.radius", self.radius, f"1 to {_FARTHEST}")
+        require(whole, "denoising.sizes", self.sizes, f"one or more multiples of 4 up to {_LARGEST}")
+        require(self.threshold > 0, "denoising.threshold", self.threshold, "more than 0")
+        require(0 <= self.share <= 1, "denoising.share", self.share, "0 to 1")
+        require(self.similarity > 0, "denoising.similarity", self.similarity, "more than 0")
+        require(1 <= self.radius <= _FARTHEST, "denoising.radius", self.radius, f"1 to {_FARTHEST}")
 
     @property
     def used(self) -> bool:
         """Whether the stage changes anything."""
         return self.strength > 0
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return "denoise", "average_similar"
 
 
 @dataclass(frozen=True)
@@ -187,10 +149,10 @@ class ChromaticitySettings(StageSettings):
     mismatch: float = 0.0
 
     def __post_init__(self) -> None:
-        _require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
-        _require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
-        _require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
-        _require(0 <= self.mismatch < math.inf, "chromaticity.mismatch", self.mismatch, "0 or more")
+        require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
+        require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
+        require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
+        require(0 <= self.mismatch < math.inf, "chromaticity.mismatch", self.mismatch, "0 or more")
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -220,6 +182,8 @@ class PoolingSettings(StageSettings):
     doubt: error of filled luminance, as a multiple of its curvature there, 0 or more.
     """
 
+    kernels = ("pool",)
+
     passes: tuple[PoolingPass, ...] = ()
     light: float = 0.3
     doubt: float = 0.3
@@ -227,19 +191,14 @@ class PoolingSettings(StageSettings):
     def __post_init__(self) -> None:
         allowed = all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in self.passes)
         expected = f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}"
-        _require(allowed, "pooling.passes", self.passes, expected)
-        _require(self.light > 0, "pooling.light", self.light, "more than 0")
-        _require(self.doubt >= 0, "pooling.doubt", self.doubt, "0 or more")
+        require(allowed, "pooling.passes", self.passes, expected)
+        require(self.light > 0, "pooling.light", self.light, "more than 0")
+        require(self.doubt >= 0, "pooling.doubt", self.doubt, "0 or more")
 
     @property
     def used(self) -> bool:
         """Whether the stage changes anything."""
         return bool(self.passes)
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return ("pool",)
 
 
 @dataclass(frozen=True)
@@ -256,9 +215,9 @@ class AffinitySettings(StageSettings):
     iterations: int = 500
 
     def __post_init__(self) -> None:
-        _require(bool(self.scales) and min(self.scales) > 0, "affinity.scales", self.scales, "one or more positive scales")
-        _require(0 < self.tolerance < 1, "affinity.tolerance", self.tolerance, "between 0 and 1")
-        _require(self.iterations >= 1, "affinity.iterations", self.iterations, "1 or more")
+        require(bool(self.scales) and min(self.scales) > 0, "affinity.scales", self.scales, "one or more positive scales")
+        require(0 < self.tolerance < 1, "affinity.tolerance", self.tolerance, "between 0 and 1")
+        require(self.iterations >= 1, "affinity.iterations", self.iterations, "1 or more")
 
 
 @dataclass(frozen=True)
@@ -272,7 +231,7 @@ class PropagationSettings(StageSettings):
     softness: float = 0.0
 
     def __post_init__(self) -> None:
-        _require(0 <= self.softness < math.inf, "propagation.softness", self.softness, "0 or more")
+        require(0 <= self.softness < math.inf, "propagation.softness", self.softness, "0 or more")
 
 
 @dataclass(frozen=True)
@@ -291,10 +250,10 @@ class RefinementSettings(StageSettings):
     repetitions: int = 2
 
     def __post_init__(self) -> None:
-        _require(self.strength >= 0, "refinement.strength", self.strength, "0 or more")
-        _require(self.floor > 0, "refinement.floor", self.floor, "more than 0")
-        _require(self.blur > 0, "refinement.blur", self.blur, "more than 0")
-        _require(self.repetitions >= 0, "refinement.repetitions", self.repetitions, "0 or more")
+        require(self.strength >= 0, "refinement.strength", self.strength, "0 or more")
+        require(self.floor > 0, "refinement.floor", self.floor, "more than 0")
+        require(self.blur > 0, "refinement.blur", self.blur, "more than 0")
+        require(self.repetitions >= 0, "refinement.repetitions", self.repetitions, "0 or more")
 
     @property
     def used(self) -> bool:
@@ -310,25 +269,19 @@ class TrustSettings(Switch):
         its neighbours, > 0.
     """
 
+    kernels = ("surroundings",)
+
     tolerance: float = 0.4
 
     def __post_init__(self) -> None:
-        _require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return ("surroundings",)
+        require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
 
 
 @dataclass(frozen=True)
 class SettlingSettings(Switch):
     """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
 
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        """Those of the stage."""
-        return ("share_out",)
+    kernels = ("share_out",)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from .cleaned import Cleaned, unclipped_blocks
 from .gaussian import gaussian, smoothed
 from .kernels import sites as kernels
 from .measured import BlockSamples
-from .settings import Switch
+from .stage_settings import Switch
 
 _FILLED = 0.5  # correlation of the errors of filled luminance one pixel apart
 _CURVED = 0.7  # error of filled luminance as a multiple of its curvature
