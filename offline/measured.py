@@ -54,7 +54,7 @@ class BlockSamples:
     def missed(self, part: Part, rows: slice) -> FloatArray:
         """What the part says was missed at the sites of these rows of blocks, (rows, columns, S)."""
         if part.missed is None:
-            raise ValueError("nobody has measured what this part of the picture misses: the stage `Missed` does")
+            raise ValueError("nobody has measured what this part of the picture misses: a stage Missed has to come before")
         return np.stack([part.missed[place] for place in self.inside(part, rows)], axis=2)
 
     def scaled_variance(self, gamma: FloatArray, rows: slice) -> FloatArray | None:

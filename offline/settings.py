@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from .stage_settings import StageSettings, Switch, require
+from .stage_settings import NOT_SETTLED, OFF, ON, SettlingSettings, StageSettings, Switch, require
 
 _LARGEST = 32  # pixels: side of a DCT block
 _FARTHEST = 16  # pixels: radius of non-local means
@@ -90,7 +90,7 @@ class LuminanceSettings(StageSettings):
 class NoiseSettings(StageSettings):
     """Where the noise model comes from.
 
-    estimate: estimate it from the mosaic where the calibration has none. If not set, unknown noise is treated as none (the paper).
+    estimate: estimate it from the mosaic where the calibration has none. Otherwise unknown noise is treated as none (the paper).
     """
 
     estimate: bool = False
@@ -278,13 +278,6 @@ class TrustSettings(Switch):
 
 
 @dataclass(frozen=True)
-class SettlingSettings(Switch):
-    """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
-
-    kernels = ("share_out",)
-
-
-@dataclass(frozen=True)
 class RenderSettings:
     """All settings of a render, one part per stage, in order of execution. The presets are `PAPER` and `BEST`.
 
@@ -307,13 +300,13 @@ class RenderSettings:
     denoising: DenoisingSettings = DenoisingSettings()
     chromaticity: ChromaticitySettings = ChromaticitySettings()
     pooling: PoolingSettings = PoolingSettings()
-    settling: SettlingSettings = SettlingSettings()
+    settling: SettlingSettings = NOT_SETTLED
     affinity: AffinitySettings = AffinitySettings()
     propagation: PropagationSettings = PropagationSettings()
     refinement: RefinementSettings = RefinementSettings()
-    correction: Switch = Switch()
-    pinning: Switch = Switch()
-    learned: Switch = Switch()
+    correction: Switch = OFF
+    pinning: Switch = OFF
+    learned: Switch = OFF
 
     @property
     def asks_for_codes(self) -> bool:
@@ -331,10 +324,9 @@ class RenderSettings:
     @property
     def uncorrected(self) -> "RenderSettings":
         """These settings without the stages that look at what a picture misses at the colour sites."""
-        return replace(self, trust=TrustSettings(), settling=SettlingSettings(), correction=OFF, pinning=OFF, learned=OFF)
+        return replace(self, trust=TrustSettings(), settling=NOT_SETTLED, correction=OFF, pinning=OFF, learned=OFF)
 
 
-ON, OFF = Switch(used=True), Switch()
 PAPER = RenderSettings()
 BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),

@@ -6,6 +6,7 @@ from shared.errors import InputError
 
 
 def require(holds: bool, name: str, value: object, expected: str) -> None:
+    """Raise InputError, which names a setting, its value and what is expected, unless this holds."""
     if not holds:
         raise InputError(f"settings: {name} is {value}, expected {expected}")
 
@@ -29,3 +30,13 @@ class Switch(StageSettings):
     """A stage that is used or not. used: whether it is."""
 
     used: bool = False
+
+
+@dataclass(frozen=True)
+class SettlingSettings(Switch):
+    """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
+
+    kernels = ("share_out",)
+
+
+ON, OFF, NOT_SETTLED = Switch(used=True), Switch(), SettlingSettings()

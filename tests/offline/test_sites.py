@@ -7,8 +7,9 @@ import pytest
 
 from offline.parts import Part
 from offline.rows.correction import Missed, correct_sites
-from offline.settings import BEST, OFF, ON, ChromaticitySettings
+from offline.settings import BEST, ChromaticitySettings
 from offline.sites import settle_luminance, site_reach
+from offline.stage_settings import OFF, ON
 from offline.whole.chromaticity import estimate_chromaticities
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import DoubleArray, FloatArray
