@@ -80,7 +80,7 @@ def test_a_preview_that_fails_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("illegal instruction")
 
-    monkeypatch.setattr("device.Preview.for_mosaic", fail)
+    monkeypatch.setattr("device.Preview.run", fail)
     assert (only("preview").state, only("preview").found) == (BAD, "does not run: illegal instruction")
 
 

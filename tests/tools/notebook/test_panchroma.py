@@ -210,7 +210,7 @@ def test_what_is_lost_has_the_shape_of_its_picture() -> None:
 
 
 def test_more_memory_than_is_free_is_refused(shot: panchroma.Shot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tools.host.memory.allowed_memory", lambda _: 1 << 20)
+    monkeypatch.setattr("tools.rendering.in_memory.allowed_memory", lambda _: 1 << 20)
     with pytest.raises(panchroma.PanchromaError, match=r"96 x 72 pixels needs .* and 1 MB are free"):
         panchroma.render(shot)
 
