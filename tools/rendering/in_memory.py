@@ -2,16 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.spelling import meant
-from tools.host.console import to_stderr
+from tools.host.console import fault, to_stderr
 from tools.host.memory import allowed_memory, format_bytes
 from tools.host.processors import processors
 from tools.host.progress import StageProgress
+from tools.host.versions import program_version
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import joined
 
@@ -22,9 +24,20 @@ if TYPE_CHECKING:
     from offline import Rendering
     from offline import RenderSettings as RenderSettings  # noqa: PLC0414  the notebook takes it from here
 
-__all__ = ["RenderSettings", "render_array", "settings_named"]
+__all__ = ["RenderSettings", "missing_package", "note_once", "program_version", "render_array", "settings_named"]
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
+
+
+@cache
+def note_once(line: str) -> None:
+    """Print a remark to standard error, each once in a run: programs open and simulate many shots."""
+    to_stderr(line)
+
+
+def missing_package(error: ModuleNotFoundError) -> str:
+    """What to install where a package is missing."""
+    return fault(error)
 
 
 def settings_named(preset: object) -> "RenderSettings":

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from shared.display import checked_picture
 from shared.errors import InputError
 from tools.evaluation.measures import PLANES, Measures
-from tools.scenes.scene import RGB
 
 from .arguments import checked
 from .pictures import Picture, light_of
@@ -90,8 +89,8 @@ def evaluate(
     if truth is None:
         raise InputError("`truth` is None: only a simulated shot knows what it saw")
     made, seen = light_of(picture), light_of(truth)
-    count = seen.shape[-1] if seen.ndim == 3 else len(RGB)
-    channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), RGB if count == len(RGB) else "")
+    count = seen.shape[-1] if seen.ndim == 3 else len("RGB")
+    channels = next((each.channels for each in (truth, picture) if isinstance(each, Picture)), "RGB" if count == len("RGB") else "")
     if white is None:
         white = next((each.white for each in (truth, picture) if isinstance(each, Picture)), 1.0)
     elif not 0 < white < np.inf:

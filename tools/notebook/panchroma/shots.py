@@ -11,9 +11,9 @@ import numpy as np
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
 from shared.errors import InputError
 from shared.reading import MAX_PIXELS
-from tools.host.console import to_stderr
 from tools.pictures.previews import Previews
 from tools.pictures.samples import upright
+from tools.rendering.in_memory import note_once
 
 from .arguments import check_argument, checked
 from .pictures import Image, Picture
@@ -121,13 +121,8 @@ def preview(shot: Shot | str | Path, *, scale: int = 1) -> Image:
 def with_notes_shown(shot: Shot) -> Shot:
     """The shot, after standard error has those of its notes that it has not had yet: a sweep opens or simulates it many times."""
     for note in shot.notes:
-        _tell(f"{shot.name}: {note}")
+        note_once(f"{shot.name}: {note}")
     return shot
-
-
-@cache  # each line once in a run
-def _tell(line: str) -> None:
-    to_stderr(line)
 
 
 def as_shot(shot: Shot | str | Path) -> Shot:

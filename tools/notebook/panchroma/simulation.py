@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from shared import CfaPattern, read_camera
 from shared.errors import InputError
@@ -15,11 +15,8 @@ from shared.reading import MAX_PIXELS
 from shared.tiles import EXPECTED
 from tools.camera.lens import check_lens, lens_of
 from tools.camera.protocols import chosen_protocol
+from tools.camera.scene_sources import scene_in_array, scene_in_file, scene_of_light
 from tools.camera.simulated_camera import SimulatedCamera
-from tools.scenes.decoders import Decoded, decode_array
-from tools.scenes.load import load_scene
-from tools.scenes.picture import picture_scene
-from tools.scenes.scene import Scene
 
 from .arguments import checked
 from .pictures import Picture
@@ -111,30 +108,21 @@ def _pattern(pattern: str | int | CfaPattern | None) -> CfaPattern:
     raise InputError(f"`pattern` is {pattern!r}, expected {EXPECTED}; or a period, 3 to 16")
 
 
-def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Scene:
+def _scene(source: Any, wanted: str, channels: str | None, linear: bool, max_pixels: int) -> Any:
     """The scene before a pattern with the channels `wanted`."""
     if channels is not None and isinstance(source, Picture | str | Path):
         raise InputError(f"`channels` is {channels!r}, but it names those of an array; a picture or a file has its own")
     if isinstance(source, Picture):
-        known = source.calibration
-        light = np.maximum(source.rgb, 0)  # noise may be negative, light is not
-        return Scene(light, "picture", known.camera_to_xyz, known.neutral, source.metadata, channels=known.channels)
+        return scene_of_light(source.rgb, source.calibration, source.metadata)
     if isinstance(source, str | Path):
-        try:
-            return load_scene(str(source), linear=linear, max_pixels=max_pixels, channels=wanted)
-        except InputError as error:
-            raise type(error)(f"{source}: {error}") from None
+        return scene_in_file(str(source), wanted, linear=linear, max_pixels=max_pixels)
     try:
         array = np.asarray(source)
     except ValueError:  # rows of different lengths
         array = np.array(None)
     if array.dtype == object:
         raise InputError(f"expected the name of a file, an array or a picture, and not {type(source).__name__}")
-    return picture_scene(decode_array(array, wanted) if channels is None else _named(array, channels), "array", linear=linear)
-
-
-def _named(array: NDArray[Any], channels: str) -> Decoded:
-    if array.ndim != 3 or array.shape[2] != len(channels):
-        wanted = f"(rows, columns, {len(channels)})"
-        raise InputError(f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {wanted}")
-    return Decoded(array, np.iinfo(array.dtype).max if array.dtype.kind == "u" else None, channels=channels)
+    if channels is not None and (array.ndim != 3 or array.shape[2] != len(channels)):
+        shape = f"(rows, columns, {len(channels)})"
+        raise InputError(f"`channels` is {channels!r}, but the array has shape {array.shape}; expected {shape}")
+    return scene_in_array(array, wanted, channels, linear=linear)
