@@ -46,12 +46,12 @@ class Recorder:
     @property
     def dropped(self) -> int:
         """Number of frames that came too fast to be saved."""
-        return self._queue.dropped if self._queue else 0
+        return 0 if self._queue is None else self._queue.dropped  # an empty queue counts as false
 
     @property
     def waiting(self) -> int:
         """Number of frames that have come and are not saved yet; of a burst, only those that nobody has taken."""
-        return len(self._queue) if self._queue else 0
+        return 0 if self._queue is None else len(self._queue)
 
     def saved(self, stopped: Stopped, refused: Callable[[str], None], note: Callable[[str], None]) -> Iterator[Saved]:
         """Save frames until they end, and yield each.
