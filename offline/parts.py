@@ -112,7 +112,7 @@ def applied(parts: Iterable[Part], stage: RowStage, height: int, progress: Progr
 
 
 def windows(parts: Iterable[Part], height: int, look: Look) -> Iterator[tuple[Part, tuple[int, int]]]:
-    """Cut a picture that arrives in parts anew: yield (part, rows), where the part holds `look.reach` rows more around `rows`.
+    """Cut a picture into other parts: yield (part, rows), where the part holds `look.reach` rows more around `rows`.
 
     parts: from top to bottom. height: rows of the whole picture.
     """

@@ -1,4 +1,4 @@
-"""What the samples of a block say about errors at its sites: luminance and chromaticity together, then what is left.
+"""Errors at the colour sites, from the samples of each block: of luminance and chromaticity together, then what is left.
 
 Luminance under the colour sites is filled in, and wrong by some delta. A sample is c (l + delta) + noise, with c the chromaticity
 of its channel. So one error of luminance shows in all samples of the block, in proportion to c. Eqs. 8-9 take these errors for
@@ -10,7 +10,7 @@ differs from site to site, because one chromaticity does not describe a whole bl
   bright stroke through a red site then reads as a bright stroke rather than as a red one.
 - `settle_luminance`: given the final chromaticity, delta is what the samples make most probable.
 - `rows.correction`: what the finished picture still misses (sample minus picture) is shared out to all channels of all sites of the
-  block. Some of it is an error of luminance, as far as luminance is in doubt, and the rest an error of colour, which leaves
+  block. Some of it is an error of luminance, as far as luminance is uncertain, and the rest an error of colour, which leaves
   luminance as it is. Where luminance is flat, as at an edge between two colours of one brightness, all of it is colour.
 
 All three are conditional means of a Gaussian model, for any pattern. None is in the paper. The constants were chosen on

@@ -1,4 +1,4 @@
-"""Extremely bright and dark frames are computed in units of their own, and every picture is seen to be finite.
+"""Extremely bright and dark frames are computed in units of their own, and every picture is checked to be finite.
 
 Stages have thresholds in scene units, such as the luminance below which a pixel has no colour, and single precision has limits.
 Both suit scenes whose white is 1. A frame of samples in scene units may be a million times darker, or brighter: it is rendered

@@ -55,7 +55,7 @@ def unclipped(view: View) -> FloatArray:
 
 
 def agreement_of(deviation: FloatArray) -> FloatArray:
-    """Agreement, 0 to 1, given squared deviations in units of what is tolerated."""
+    """Agreement, 0 to 1, from squared deviations in units of the tolerance."""
     found: FloatArray = np.clip((1 / (1 + np.square(deviation)) - _LOW) / (_HIGH - _LOW), 0, 1)
     return found
 
@@ -72,7 +72,7 @@ def _agreement(reference: View, frame: View, measured: FloatArray) -> ByteArray:
 
 
 def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
-    """The squared difference in units of what is tolerated, (H, W): the largest of four."""
+    """The squared difference in units of the tolerance, (H, W): the largest of four."""
     r, f = reference.luminance, frame.luminance
     own, other, apart = reference.variance(r), frame.variance(f), f - r
     noise = own + other

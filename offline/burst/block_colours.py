@@ -1,8 +1,8 @@
-"""Which blocks of a frame deviate from the colour that the reference has around them, whatever their light is.
+"""Which blocks of a frame deviate from the colours of the reference around them, whatever their luminance.
 
-Something may move in front of something else of the same luminance. Its blocks then read shares of the channels that no block
-of the reference nearby has. A thin coloured line, too, meets a block here and misses those there: so a deviation counts where four
-blocks together have it, or most of a neighbourhood.
+Something may move in front of something else of the same luminance. The shares of the channels in its blocks then lie outside those
+of all blocks of the reference nearby. A thin coloured line may do the same to a single block, so a deviation counts where four
+blocks together show it, or most of a neighbourhood.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ _FILLED = 0.3  # error of filled luminance relative to the local contrast
 _LIT = 3.0  # standard deviations
 _RANGE = 1.5  # standard deviations by which noise alone makes the range of nine figures exceed their middle
 _SHARED = 0.15  # variance of the middle of that range, relative to one figure's; neighbours share it
-_FRINGE = 3  # blocks: a deviation counts for those beside it: nobody knows where between them the thing ends
+_FRINGE = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
 _NEAR = 1.5  # pixels: standard deviation of the neighbourhood in which contrast is measured
 
 
@@ -45,7 +45,7 @@ class BlockColours(NamedTuple):
 
 
 def colour_change(known: BlockColours, frame: Frame, motion: Motion, mosaic: Mosaic) -> FloatArray:
-    """Squared deviation of each whole block of the frame, (block rows, block columns), in units of what is tolerated.
+    """Squared deviation of each whole block of the frame, (block rows, block columns), in units of the tolerance.
 
     known: the colours of the reference. mosaic: the reference.
     """

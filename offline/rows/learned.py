@@ -1,4 +1,4 @@
-"""Correction of chromaticity by a network that has seen photographs: one block in K x K pixels does not know everything.
+"""Correction of chromaticity by a network that was trained on photographs, for what one block in K x K pixels cannot measure.
 
 The picture is cut into cells, K x K pixels with the block in the middle. The network works on the grid of cells: the pixels of a
 cell are its channels (space to depth). It sees luminance, chromaticity, what the render missed at the colour sites before that was

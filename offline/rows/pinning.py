@@ -1,7 +1,7 @@
 """Colour of every pixel where colour sites are scattered: each channel is pinned at its own sites.
 
-A tile's one chromaticity says how bright each of its channels is on the whole, but its sites lie pixels apart: each tells the
-chromaticity of its own channel at its own place, sample over luminance there. Between them a channel changes little, except across
+The chromaticity of a tile describes it as a whole, but its sites lie pixels apart: each measures the chromaticity of its own
+channel at its own place, sample over luminance there. Between them a channel changes little, except across
 edges of luminance (the prior of section 3.3). Noise makes a single site worth little, so sites count as far as they show more than
 noise: elsewhere the chromaticity pooled over similar tiles stays. None of this is in the paper, whose sites form blocks.
 """

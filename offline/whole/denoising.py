@@ -5,8 +5,8 @@ need, and a second pass with Wiener gains from the first result, are standard si
 estimates of several sizes are averaged with those weights. This loses texture that hardly rises above the noise. There, the mean of
 samples with similar surroundings keeps more (Buades, Coll and Morel 2005), and the surroundings compared here are already clean.
 
-Neighbouring blocks tell nearly the same: a quarter of them, on a quincunx, loses 0.01 to 0.02 dB. Weights that prefer blocks of few
-coefficients more than their variance says, and surroundings of 3 x 3 pixels, gain 0.05 dB.
+Neighbouring blocks give nearly the same estimate: a quarter of them, on a quincunx, loses 0.01 to 0.02 dB. Weights that prefer
+blocks of few coefficients more than their variance asks for, and surroundings of 3 x 3 pixels, gain 0.05 dB.
 """
 
 import numpy as np

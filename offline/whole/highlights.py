@@ -5,8 +5,8 @@ block measures every channel: by Eq. 7 they add up to the luminance that the cli
 that is clipped too is taken to read what a white surface would; where all are clipped, the block is white, as
 bright as the channel that clips last allows.
 
-A highlight that is smaller than the distance of two blocks, or the rim of one beside the dark, lies between them: no block says how
-bright it is, or of which colour. Such places are lost, and the render tells which they are.
+A highlight smaller than the distance of two blocks, or the rim of one beside the dark, lies between blocks: none measures its light
+or its colour. Such places are lost, and the render reports them.
 """
 
 from dataclasses import replace
@@ -99,9 +99,9 @@ def replace_dark(light: DoubleArray, bright: BoolArray) -> DoubleArray:
 
 
 def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
-    """How far blocks leave open what is clipped around them, 0 to 1, float64 (rows, columns).
+    """How far blocks do not measure the clipped light around them, 0 to 1, float64 (rows, columns).
 
-    A block tells of a highlight if it lies inside it, and of its surroundings as far as the next blocks. A dark block beside one
+    A block measures a highlight if it lies inside it, and its surroundings as far as the next blocks. A dark block beside one
     whose channels are all clipped lies beyond the rim of a burnt-out light: what is clipped between the two is burnt out too.
 
     lowest: the darkest panchromatic sample around each block, as a fraction of the limit.

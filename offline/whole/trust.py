@@ -1,9 +1,9 @@
-"""Which blocks vouch for their colour: those whose samples add up to the luminance around them (Eq. 7).
+"""Trust in the colour of each block: full where its samples add up to the luminance around it (Eq. 7).
 
 If an edge or a stroke runs under a block, its samples show different surfaces, and their ratio is no chromaticity. Then they do not
 add up to luminance as interpolated from the panchromatic samples around the block, unless by chance. The less they do, the more the
-block takes the chromaticity of its neighbours. Beside clipped samples, where nobody knows how luminance runs, more is asked. Blocks
-that do add up keep their colour, however saturated. The paper has none of this.
+block takes the chromaticity of its neighbours. Beside clipped samples, where luminance is not known, the tolerance is smaller.
+Blocks that do add up keep their colour, however saturated. The paper has none of this.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ _TINY = 1e-9  # keeps divisions by luminance and by trust finite
 
 
 def trust_in_blocks(frame: Cleaned, settings: TrustSettings) -> DoubleArray | None:
-    """How far each whole block vouches for its colour, 0 to 1, float64 (rows, columns); None = all do, or nobody asks.
+    """Trust in the colour of each whole block, 0 to 1, float64 (rows, columns); None = all are trusted.
 
     frame: its highlights not restored.
     """

@@ -103,7 +103,7 @@ def filters_for(pattern: CfaPattern, scene: Scene) -> Filters:
 
 
 def _mixtures(scene: Scene) -> dict[str, DoubleArray]:
-    """What filters that the scene does not have let through of its channels, (N,) by letter."""
+    """For each filter that is no channel of the scene: what it passes of the scene's channels, (N,), by letter."""
     broadband = BROADBAND if set(RGB) <= set(scene.channels) else {}
     passed = {letter: tuple(float(each in through) for each in scene.channels) for letter, through in broadband.items()}
     return {letter: np.array(each) for letter, each in (passed | dict(scene.mixtures)).items() if letter not in scene.channels}

@@ -85,7 +85,7 @@ class SimulatedCamera:
         return cls(pattern, sensor, known is not None, protocol, lens)
 
     def before(self, scene: Scene, filters: Filters) -> SensorCalibration:
-        """The calibration before a scene, whose colours, as its filters see them, replace unknown ones."""
+        """The calibration for a scene: colours that it does not know follow from the scene and the filters."""
         known = self.sensor if self.measured else replace(self.sensor, gamma=filters.gamma, noise=filters.noise)
         to_xyz, neutral = filters.colours(scene)
         if known.neutral is None:

@@ -1,4 +1,4 @@
-"""What a rendering becomes a picture file with."""
+"""How a rendering becomes a picture file: its kind, its colours, its capture data."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

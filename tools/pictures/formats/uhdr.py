@@ -1,4 +1,4 @@
-"""Ultra HDR JPEGs (Google's Ultra HDR Image Format 1.1): an ordinary JPEG, which a second JPEG with a map of gains follows.
+"""Ultra HDR JPEGs (Google's Ultra HDR Image Format 1.1): an ordinary JPEG, followed by a second one that holds a map of gains.
 
 Programs that know nothing of it show the first JPEG. Others find the second one by the directory of XMP, or that of a Multi-Picture
 file, and what its codes mean in XMP (Adobe's gain map 1.0) or in the metadata of ISO 21496-1; both are written.
