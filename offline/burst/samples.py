@@ -22,12 +22,12 @@ from .frames import TINY
 from .judging import Kept
 
 _GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in
-_FLOOR = 1e-8  # variance of a sample, scene units squared, where there is no noise
+_FLOOR = 3e-4  # standard deviation of a sample where there is no noise, a share of the mean luminance
 _INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
 _NEAR = 1.0  # pixels: standard deviation of the neighbourhood in which luminance is looked at
 _DOUBT, _KNOWN = 0.3, 0.3  # error of light as a share of the contrast, where the reference is alone; relative variance without it
 _ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full
-_ERROR = 5e-7  # variance of what a picture misses of a sample besides noise, scene units squared
+_ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +66,11 @@ class ColourSamples:
         places, channel, value, lights, variances, weights = (np.concatenate(each) for each in zip(*found, strict=True))
         return cls(places, channel, value, lights, variances, weights, own=len(found[0][0]))
 
+    @property
+    def level(self) -> float:
+        """Mean luminance. Lengths in light are shares of it, so that the exposure changes no picture but its brightness."""
+        return max(float(self.light.mean()), TINY) if self.light.size else 1.0
+
     def relit(self, change: FloatArray) -> "ColourSamples":
         """The samples where luminance has changed. change: (H, W)."""
         there = map_coordinates(change, self.places.T, order=1, mode="nearest")
@@ -80,7 +85,7 @@ class ColourSamples:
         edge = np.sqrt(np.maximum(smoothed(np.square(luminance), _NEAR) - np.square(smoothed(luminance, _NEAR)), 0))
         doubt = _DOUBT * np.maximum(shares - _KNOWN, 0) / (1 - _KNOWN) * edge
         there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (doubt, shares))
-        error = _ERROR + self.variance
+        error = (_ERROR * self.level) ** 2 + self.variance
         weight = self.weight * error / (error + np.square(there))
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
         return replace(self, weight=weight.astype(np.float32))
@@ -95,7 +100,7 @@ class ColourSamples:
         block = np.rint(at).astype(np.intp)
         inside = ((block >= 0) & (block < shape)).all(axis=1)
         far = np.maximum(np.square((at - block) * period).sum(axis=1) - _INSIDE, 0)
-        light, variance = self.light[rest].astype(np.float64), self.variance[rest] + _FLOOR
+        light, variance = self.light[rest].astype(np.float64), self.variance[rest] + (_FLOOR * self.level) ** 2
         share = inside * self.weight[rest] * variance / (variance + np.square(_GRADIENT * light) * far)
         full = *shape, len(sites.pattern.channels)
         place = np.ravel_multi_index((*block.clip(0, np.array(shape) - 1).T, self.channels[rest]), full)
@@ -109,7 +114,8 @@ class ColourSamples:
         order = np.argsort(tile, kind="stable")
         starts = np.searchsorted(tile[order], np.arange(-(-shape[0] // TILE) * across + 1))
         per_channel = gamma[self.channels]
-        precision = _ERROR / (_ERROR + self.variance * per_channel**2)
+        error = (_ERROR * self.level) ** 2
+        precision = error / (error + self.variance * per_channel**2)
         figures = np.empty((len(self.values), 5), np.float32)
         figures[:, :2] = self.places
         figures[:, 2], figures[:, 3], figures[:, 4] = self.values * per_channel, self.light, self.weight * precision

@@ -16,7 +16,8 @@ from .samples import ColourSamples
 
 # With less, where noise is as strong as light, single precision cannot solve the system. At sigma 0.1 it is 5 times as much.
 _LEAST_FADING = 1e-7
-_SMOOTHNESS, _FADING, _EDGE = 0.15, 0.01, 0.03
+_SMOOTHNESS, _FADING = 0.15, 0.01
+_EDGE = 0.08  # difference of luminance that is an edge, a share of the mean luminance
 
 
 @dataclass(eq=False)
@@ -45,7 +46,7 @@ class Spreading(RowStage):
     def __call__(self, part: Part, rows: tuple[int, int]) -> Part:
         """These rows. Raises ConvergenceError when conjugate gradients do not reach their tolerance."""
         gamma, (samples, precision), (height, width) = self.measured.gamma, self._by_tile, self.measured.shape
-        prior = _SMOOTHNESS, max(_FADING * precision, _LEAST_FADING), _EDGE
+        prior = _SMOOTHNESS, max(_FADING * precision, _LEAST_FADING), _EDGE * self.samples.level
         shown, tiles = part.rows(*rows), tiles_of(rows, width)
         corrected, residuals, used = np.empty_like(shown.chromaticity), np.empty(tiles), np.empty(tiles, np.intp)
         where = part.luminance, part.chromaticity, part.first, rows, height

@@ -18,7 +18,9 @@ from .scenes import SHAPE, light
 
 SHIFTS = [(0.0, 0.0), (1.3, -2.2), (-2.6, 0.4), (0.7, 2.9), (2.4, 1.6), (-1.1, -1.7)]
 ROUNDING = 1e-4
+ITERATED = 2e-3  # the iteration of luminance (Eqs. 3-5) stops at a change in scene units
 MOTIONS = [Motion(shift) for shift in SHIFTS]
+STAGES = replace(BEST, learned=PAPER.learned)  # the network has a unit of its own
 
 
 def scene(motion: Motion, channels: int = 3, shape: tuple[int, int] = SHAPE) -> FloatArray:
@@ -166,6 +168,13 @@ def test_memory_grows_with_the_frames() -> None:
     assert burst_memory(9, frame, BEST) > 9 * 4 * frame.samples.size
     scattered = Mosaic(frame.samples, CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), frame.calibration)
     assert burst_memory(8, scattered) > 590 * frame.samples.size  # measured at 1.5 megapixels
+
+
+def test_half_the_light_gives_half_the_picture() -> None:
+    frames = shots(0.0, MOTIONS[:3])
+    halves = [replace(frame, samples=frame.signal / 2) for frame in frames]
+    whole, half = (np.concatenate(list(render_burst_bands(merge_burst(each, STAGES), STAGES))) for each in (frames, halves))
+    assert np.abs(2 * half - whole).max() < ITERATED
 
 
 @pytest.mark.parametrize("scale", [2.0**-30, 2.0**20])

@@ -232,14 +232,6 @@ def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
     assert f"{frame(frames, 2)}: is the only frame that is left; the picture is that of one shot" in outcome.err
 
 
-def test_one_file_is_given_twice(frames: Path, out: Path) -> None:
-    (frames / "link.dng").symlink_to(frame(frames, 1).name)
-    for other in (f"{frames}/./{STEM}-1.dng", str(frames / "link.dng")):
-        outcome = run("burst", frame(frames, 1), other, "-o", out)
-        said = f"panchroma: {other}: is given twice: it is the same file as {frame(frames, 1)}"
-        assert (outcome.code, outcome.errors, names(out)) == (2, [said], set())
-
-
 def test_a_dng_of_another_program_in_the_folder_is_left_out(frames: Path, out: Path) -> None:
     tifffile.imwrite(frames / f"{STEM}-9.dng", np.zeros((20, 20), np.uint16))
     outcome = merged(frames, out)
