@@ -14,19 +14,21 @@ from scipy.ndimage import minimum_filter
 from shared.arrays import ByteArray, FloatArray
 
 from ..gaussian import gaussian
-from .frames import CLIPPED, DEVIATIONS, TINY, View, smoothed
+from .frames import CLIPPED, DEVIATIONS, NEIGHBOURHOOD, TINY, View, smoothed
 
-_NEAR, _SHIFTED, _WIDE = 1.5, 2.0, 5.0  # pixels: standard deviations of the neighbourhoods
+# Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said. What
+# each finds: tests/offline/burst/test_agreement.py.
+_SHIFTED, _WIDE = 2.0, 5.0  # pixels: standard deviations of larger neighbourhoods
 _MEAN, _TEXTURE, _FAR = 0.3, 0.6, 0.1  # difference that is tolerated, as a share of the contrast
 _LIGHT = 0.01  # of the light: what a changed exposure or a cloud may do
-_SHIFT = 0.2  # pixels
+_SHIFT = 0.2  # pixels: what motion may be wrong by (parallax: 0.2 dB)
 _POWER = 0.3  # of the variance of noise: how much the power of differences may vary
 _GAPS = 1.2  # by which pixels that do not measure luminance raise the noise of a mean
-_LOW, _HIGH = 0.3, 0.8  # raw agreement that counts as none, and as all: half-true ghosts of many frames would add up
+_LOW, _HIGH = 0.3, 0.8  # raw agreement that counts as none, and as all: half-true ghosts of many frames would add up (0.1, 1.5 dB)
 _FRINGE = 3  # pixels: size of the neighbourhood that has to agree as a whole
-_BRIGHT = 0.92  # of the limit: light that counts less
+_BRIGHT = 0.92  # of the limit: light that counts less (bracket: 0.3 dB if none does)
 _STRIP = 256  # rows that are compared at a time
-_HALO = sum(len(gaussian(sigma)) // 2 for sigma in (_NEAR, _WIDE)) + _FRINGE // 2  # rows around them that they depend on
+_HALO = sum(len(gaussian(sigma)) // 2 for sigma in (NEIGHBOURHOOD, _WIDE)) + _FRINGE // 2  # rows around them that they depend on
 
 
 def agreement(reference: View, frame: View, measured: FloatArray) -> ByteArray:
@@ -76,10 +78,10 @@ def _deviation(reference: View, frame: View, weight: FloatArray) -> FloatArray:
     r, f = reference.luminance, frame.luminance
     own, other, apart = reference.variance(r), frame.variance(f), f - r
     noise = own + other
-    light, shown, power, power_shown, mean, rest = _means(weight, _NEAR, r, f, r * r, f * f, apart, apart * apart)
+    light, shown, power, power_shown, mean, rest = _means(weight, NEIGHBOURHOOD, r, f, r * r, f * f, apart, apart * apart)
     contrast = np.maximum(np.minimum(power - light * light - own, power_shown - shown * shown - other), 0)
     even = np.square(_LIGHT * light)
-    tolerated, left = _MEAN**2 * contrast + even, _noise_left(_NEAR)
+    tolerated, left = _MEAN**2 * contrast + even, _noise_left(NEIGHBOURHOOD)
     found = mean * mean / (tolerated + DEVIATIONS**2 * left * noise + TINY)
     rest = np.maximum(rest - (1 + DEVIATIONS * (2 * left) ** 0.5) * noise, 0)
     np.maximum(found, rest / (_TEXTURE**2 * contrast + 4 * even + _POWER * noise + TINY), out=found)

@@ -16,17 +16,15 @@ from shared.motion import Motion
 
 from ..blocks import Sites
 from ..gaussian import gaussian, smoothed
-from .frames import DEVIATIONS, TINY, Frame
+from .frames import DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame
 from .frames import smoothed as smoothed_plane
 
-_BLOCK, _AROUND = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood
-_WIDTH = 1.5  # blocks: standard deviation of that neighbourhood
-_FILLED = 0.3  # error of filled luminance relative to the local contrast
-_LIT = 3.0  # standard deviations
-_RANGE = 1.5  # standard deviations by which noise alone makes the range of nine figures exceed their middle
-_SHARED = 0.15  # variance of the middle of that range, relative to one figure's; neighbours share it
-_FRINGE = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between
-_NEAR = 1.5  # pixels: standard deviation of the neighbourhood in which contrast is measured
+# Chosen on a thing that only its colour shows: half and twice of each change its picture by the decibels in brackets.
+_BLOCK, _AROUND = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood (0.02, 0.2)
+_WIDTH = 1.5  # blocks: standard deviation of that neighbourhood (0.4)
+_RANGE = 1.5  # standard deviations by which noise makes nine figures exceed their middle: 1.49 is expected of the largest (0.3)
+_SHARED = 0.15  # variance of the middle of that range, relative to one figure's; neighbours share it (0.1)
+_FRINGE = 3  # blocks: a deviation counts for its neighbours too, as the thing ends somewhere between (1.1)
 
 
 class BlockColours(NamedTuple):
@@ -65,7 +63,7 @@ def colour_change(known: BlockColours, frame: Frame, motion: Motion, mosaic: Mos
     half = np.maximum(half - _RANGE * there(np.sqrt(noise) / np.maximum(light, TINY)), 0)
     seen, light, other, own = block_colours(frame, mosaic)
     beyond = seen - np.clip(seen, (middle_share - half) * light, (middle_share + half) * light)
-    filled = np.square(_FILLED * middle_share) * (other + there(rough[None]))
+    filled = np.square(FILL_ERROR * middle_share) * (other + there(rough[None]))
     expected = there(noise)
     spread = DEVIATIONS**2 * (own + expected)
     alone = np.square(beyond) / (np.square(_BLOCK * light) + filled + spread + TINY)
@@ -97,10 +95,10 @@ def block_colours(frame: Frame, mosaic: Mosaic) -> BlockColours:
     gamma = np.array(mosaic.calibration.gamma)
     sites = Sites.in_frame(mosaic)
     light = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
-    near = smoothed_plane(frame.luminance, _NEAR)
-    rough = smoothed_plane(np.square(frame.luminance - near), _NEAR) - frame.variance(near)
+    near = smoothed_plane(frame.luminance, NEIGHBOURHOOD)
+    rough = smoothed_plane(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
-    light = np.maximum(light, _LIT * frame.noise.sigma(0.0) if frame.noise else TINY)  # in less light shares are noise
+    light = np.maximum(light, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)  # in less light shares are noise
     values = sites.means(frame.colours.astype(np.float64))
     seen, noise = gamma * values, np.zeros_like(values)
     if frame.noise:

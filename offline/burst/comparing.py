@@ -19,6 +19,7 @@ from .block_colours import block_colours
 from .frames import Frame, View, prepared
 from .judging import Judged, Kept, Reference
 
+# Chosen: they decide between frames that would do.
 _CANDIDATES = 4  # frames that are tried as the reference
 _ALIKE = 0.02  # of all pixels: of frames whose usable pixels differ by less, the sharper one is preferred
 _BLURRED = 0.7  # of the median sharpness: below it a frame is no reference if another one is

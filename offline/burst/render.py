@@ -27,10 +27,8 @@ from .copies import copies
 from .frames import noise_models
 from .judging import Judged
 from .merged import denoised, merged_luminance
-from .samples import ColourSamples, relit_sites
+from .samples import ColourSamples, alone_of, relit_sites
 from .spreading import Spreading
-
-_SHARED = 0.4  # relative variance of merged luminance, from which on luminance at the colour sites is uncertain
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +113,7 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     sums = samples.block_sums(sites) if len(found.kept) > 1 else None
     if sums is not None:
         cleaned = relit_sites(cleaned, luminance, sums)
-    alone = np.maximum(sites.of(merged.shares).min(axis=2) - _SHARED, 0) / (1 - _SHARED)
+    alone = alone_of(sites.of(merged.shares).min(axis=2))
     if merged.unseen is not None:
         alone = np.maximum(alone, sites.of(merged.unseen).mean(axis=2))
     # Where the reference is not alone, others measure luminance under its sites.

@@ -18,16 +18,15 @@ from ..blocks import BlockSums, Sites
 from ..cleaned import Cleaned, unclipped_blocks
 from ..gaussian import smoothed
 from ..kernels.spreading import TILE, Samples
-from .frames import TINY
+from .frames import FILL_ERROR, NEIGHBOURHOOD, SHARED, TINY
 from .judging import Kept
 
-_GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in
-_FLOOR = 3e-4  # standard deviation of a sample where there is no noise, a share of the mean luminance
-_INSIDE = 0.5  # squared distance from the middle of a block, pixels, of its own sites
-_NEAR = 1.0  # pixels: standard deviation of the neighbourhood in which luminance is looked at
-_DOUBT, _KNOWN = 0.3, 0.3  # error of light as a share of the contrast, where the reference is alone; relative variance without it
-_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full
-_ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance
+# Chosen: half and twice of each change the picture of a drawn scene by the decibels in brackets, some scenes up and others down.
+_GRADIENT = 0.04  # change of chromaticity per pixel: uncertainty of a sample for a block that it does not lie in (0.1)
+_FLOOR = 3e-4  # standard deviation of a sample where there is no noise, a share of the mean luminance (0.0)
+_INSIDE = 0.5  # squared distance from the middle of a 2 x 2 block, pixels, of its own sites
+_ENOUGH = 4.0  # times what others take off the variance: from there on the reference's own samples count in full (0.0)
+_ERROR = 2e-3  # standard deviation of what a picture misses of a sample besides noise, a share of the mean luminance (1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +81,9 @@ class ColourSamples:
         luminance: (H, W). shares: (H, W), variance of merged luminance relative to the reference's.
         Where few frames overlap, luminance between the reference's pixels is uncertain: beside edges a sample counts less there.
         """
-        edge = np.sqrt(np.maximum(smoothed(np.square(luminance), _NEAR) - np.square(smoothed(luminance, _NEAR)), 0))
-        doubt = _DOUBT * np.maximum(shares - _KNOWN, 0) / (1 - _KNOWN) * edge
-        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (doubt, shares))
+        mean, power = (smoothed(plane, NEIGHBOURHOOD) for plane in (luminance, np.square(luminance)))
+        deviation = FILL_ERROR * alone_of(shares) * np.sqrt(np.maximum(power - np.square(mean), 0))
+        there, alone = (map_coordinates(plane, self.places.T, order=1, mode="nearest") for plane in (deviation, shares))
         error = (_ERROR * self.level) ** 2 + self.variance
         weight = self.weight * error / (error + np.square(there))
         weight[: self.own] *= np.minimum(_ENOUGH * (1 - alone[: self.own]), 1)
@@ -137,3 +136,9 @@ def relit_sites(frame: Cleaned, luminance: FloatArray, sums: BlockSums) -> Clean
         share = product / np.where(known, power, 1)
         signal[place] = np.where(known, share * luminance[place], signal[place])
     return frame.with_samples(signal)
+
+
+def alone_of(shares: FloatArray) -> FloatArray:
+    """How far the reference is alone, 0 to 1, by the variance of merged luminance relative to its own."""
+    alone: FloatArray = np.maximum(shares - SHARED, 0) / (1 - SHARED)
+    return alone

@@ -172,7 +172,7 @@ def test_memory_grows_with_the_frames() -> None:
 
 def test_half_the_light_gives_half_the_picture() -> None:
     frames = shots(0.0, MOTIONS[:3])
-    halves = [replace(frame, samples=frame.signal / 2) for frame in frames]
+    halves = [replace(frame, samples=frame.signal / np.float32(2)) for frame in frames]
     whole, half = (np.concatenate(list(render_burst_bands(merge_burst(each, STAGES), STAGES))) for each in (frames, halves))
     assert np.abs(2 * half - whole).max() < ITERATED
 

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from offline import BEST, render
 from offline.burst import MergedBurst, judging, merge_burst, render_burst_bands
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
-from shared.arrays import BoolArray, FloatArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray
 from shared.sensor import simulate_additive
 
 _SHAPE = (132, 150)
@@ -133,41 +133,41 @@ def test_other_sensors_are_refused_and_other_codes_are_not() -> None:
     assert ["filter pattern" in frames[1].reason, "another camera" in frames[2].reason, frames[3].used] == [True, True, True]
 
 
-def test_a_bracket_shows_what_one_exposure_clips() -> None:
-    """And its steps are measured, so nobody has to state them."""
+def bracketed(
+    exposures: tuple[float, ...], bright: Callable[[FloatArray, DoubleArray], DoubleArray], width: float
+) -> tuple[list[Mosaic], list[FloatArray]]:
+    """Frames of 12 bits with a bright spot, and their true light. bright: puts a Gaussian spot into the light of a scene."""
     y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    noise = NoiseModel((2e-4,) * 4, (2e-3,) * 4)
-    calibration, exposures, shots, truth = replace(SensorCalibration.of_bits(12), noise=noise), (1, 0.25, 2), [], []
+    calibration, shots, truth = replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4)), [], []
     for number, exposure in enumerate(exposures):
         down, across = _SHIFTS[number]
-        sun = 0.6 + 2.0 * np.exp(-((y - down - 60) ** 2 + (x - across - 70) ** 2) / 150)
-        truth.append((light(_SHIFTS[number]) * sun[..., None]).astype(np.float32))
+        spot = np.exp(-((y - down - 60.5) ** 2 + (x - across - 69.5) ** 2) / width)
+        truth.append(bright(light(_SHIFTS[number]), spot[..., None]).astype(np.float32))
         seen = simulate_additive(truth[-1] * np.float32(exposure), _PATTERN, calibration, 0.002, np.random.default_rng(number))
         shots.append(Mosaic(seen.codes, _PATTERN, calibration))
+    return shots, truth
+
+
+def test_a_bracket_shows_what_one_exposure_clips() -> None:
+    """And its steps are measured, so nobody has to state them."""
+    exposures = 1, 0.25, 2
+    shots, (truth, *_) = bracketed(exposures, lambda scene, spot: scene * (0.6 + 2.0 * spot), 150)
     merged = merge_burst(shots, _SETTINGS, reference=0)
     assert [frame.reason for frame in merged.frames] == [""] * 3
     assert [frame.gain for frame in merged.frames] == pytest.approx(exposures, rel=0.01)
-    clipped = truth[0].sum(axis=2) > 3
+    clipped = truth.sum(axis=2) > 3
     assert clipped.any()
     single, both = render(shots[0], _SETTINGS).rgb, picture(merged)
-    assert error(both, truth[0], clipped) < error(single, truth[0], clipped) - 3
-    assert error(both, truth[0], ~clipped) < error(single, truth[0], ~clipped)
+    assert error(both, truth, clipped) < error(single, truth, clipped) - 3
+    assert error(both, truth, ~clipped) < error(single, truth, ~clipped)
     assert merge_burst(shots[::-1], _SETTINGS).reference != 0, "the longest exposure is clipped"
 
 
 @pytest.mark.parametrize(("exposures", "seen"), [((1, 1, 1), False), ((1, 0.1, 1), True)])
 def test_a_small_highlight_is_lost_unless_another_frame_has_seen_it(exposures: tuple[float, ...], seen: bool) -> None:
-    y, x = np.mgrid[: _SHAPE[0], : _SHAPE[1]]
-    calibration, shots = replace(SensorCalibration.of_bits(12), noise=NoiseModel((2e-4,) * 4, (2e-3,) * 4)), []
-    for number, exposure in enumerate(exposures):
-        down, across = _SHIFTS[number]
-        spark = 9.0 * np.exp(-((y - down - 60.5) ** 2 + (x - across - 69.5) ** 2) / 4)
-        scene = (light(_SHIFTS[number]) + spark[..., None]).astype(np.float32) * np.float32(exposure)
-        taken = simulate_additive(scene, _PATTERN, calibration, 0.002, np.random.default_rng(number))
-        shots.append(Mosaic(taken.codes, _PATTERN, calibration))
+    shots, _ = bracketed(exposures, lambda scene, spot: scene + 9.0 * spot, 4)
     merged = merge_burst(shots, _SETTINGS, reference=0)
     assert [frame.reason for frame in merged.frames] == [""] * 3
-    assert sum(map(len, render_burst_bands(merged, _SETTINGS))) == _SHAPE[0]
     assert merged.lost is not None
     assert (merged.lost[59:62, 68:71] > 200).all() != seen
     assert (merged.lost.max() < 60) == seen

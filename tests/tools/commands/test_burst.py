@@ -72,12 +72,6 @@ def test_the_command_gives_what_the_library_gives(taken: Path, out: Path) -> Non
     assert outcome.out.startswith(f"{out / STEM}.tif: {columns} x {rows}, 32 bits, camera, {frames}")
 
 
-def test_the_first_frame_is_the_reference_where_all_are_as_sharp(taken: Path, out: Path) -> None:
-    outcome = merged(taken, out, "--json")
-    assert outcome.records[0]["reference"] == str(frame(taken, 1))
-    assert f"3 of 3 frames, reference {STEM}-1.dng, " in outcome.err
-
-
 def test_machines_learn_what_became_of_each_frame(taken: Path, out: Path) -> None:
     (record,) = merged(taken, out, "--json", "--reference", str(frame(taken, 1))).records
     assert (record["ok"], record["reference"], record["source"]) == (True, str(frame(taken, 1)), str(frame(taken, 1)))
