@@ -1,5 +1,7 @@
 """What the levels of samples say of their number of bits, of black, and of the filters before them."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from shared import CfaPattern, SensorCalibration
@@ -18,6 +20,13 @@ _SAME = 0.85  # a colour filter that passes more than this, of what all filters 
 _LEAST, _WORD = 10, 16  # bits of the samples of any sensor, and of a word into whose upper bits some drivers shift them
 _HIGH = 2.0  # times the black level: the darkest samples of a frame are rarely brighter
 _UNUSED = 2  # bits
+
+
+class Proof(NamedTuple):
+    """What a frame proves wrong in its description, and what is likely right."""
+
+    seen: str
+    likely: str
 
 
 def columns_of_light(codes: CodeArray, black: float, white: int) -> int:
@@ -59,7 +68,7 @@ class Levels:
         shift = (used & -used).bit_length() - 1 if used else 0
         self._shift = shift if self._highest - int(codes.min()) >= 16 << shift else 0
 
-    def wrong(self, *, in_right_format: bool) -> tuple[str, str] | None:
+    def wrong(self, *, in_right_format: bool) -> Proof | None:
         """What they prove wrong, and the remedy; None if nothing.
 
         in_right_format: the frame shows a pattern, so that its format is right; otherwise that may be what is wrong.
@@ -71,17 +80,18 @@ class Levels:
         if not seen:
             return None
         if in_right_format or self._seem_covered(bits):
-            return seen, self._likely(bits)
-        return seen, "another `pixel_format`, `stride`, `sensor_bits`, or `camera` with its levels"
+            return Proof(seen, self._likely(bits))
+        return Proof(seen, "another `pixel_format`, `stride`, `sensor_bits`, or `camera` with its levels")
 
-    def lit(self) -> tuple[str, str] | None:
+    def lit(self) -> Proof | None:
         """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""
         bits = max(self._highest.bit_length(), _LEAST)
         if bits > self._calibration.bits:
-            return f"a sample is {self._highest}, more than {self._calibration.bits} bits hold", self._likely(bits + bits % 2)
+            seen = f"a sample is {self._highest}, more than {self._calibration.bits} bits hold"
+            return Proof(seen, self._likely(bits + bits % 2))
         if not self._are_narrow(self._calibration.bits):
             seen = f"its samples are {self._low:.0f} to {self._high:.0f}, and those of a dark frame are nearly equal"
-            return seen, "light on the sensor (cover the lens, or leave `covered` out), or another `pixel_format`"
+            return Proof(seen, "light on the sensor (cover the lens, or leave `covered` out), or another `pixel_format`")
         return None
 
     def _impossible(self, declared: int, bits: int) -> str:
@@ -113,7 +123,8 @@ class Levels:
                 f"its samples never use the lowest {self._shift} bits: they may be shifted up; then `sensor_bits={_WORD}` is right"
             )
         if declared - self._highest.bit_length() >= _UNUSED:
-            return f"its samples never use the highest of {declared} bits: the light is dim, or they are fewer `sensor_bits`"
+            dim = f"its samples never use the highest of {declared} bits: the light is dim"
+            return f"{dim}, or they have fewer; then give `sensor_bits`"
         if self._low > _HIGH * self._black + self._margin and self._highest < self._calibration.white_level:
             return f"even its darkest samples are far above black, {self._black:.0f}: is `sensor_bits={declared}` right?"
         return ""

@@ -12,7 +12,7 @@ from ..sensor import Sensor
 from .block_order import greens_are_on_their_diagonal
 from .colour_places import likely_place
 from .layout_search import PLAIN, Reading, best_reading
-from .level_check import Levels, columns_of_light
+from .level_check import Levels, Proof, columns_of_light
 from .pattern_search import Found, find_pattern
 from .stride_search import likely_strides
 
@@ -48,7 +48,7 @@ class Look:
         return Levels(codes, self.calibration, are_words=self.layout.format == "u16")
 
     @cached_property
-    def wrong_levels(self) -> tuple[str, str] | None:
+    def wrong_levels(self) -> Proof | None:
         """What the levels prove wrong, and the remedy; None if nothing."""
         return self.levels.wrong(in_right_format=self.found is not None)
 

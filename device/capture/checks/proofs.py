@@ -2,27 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 from .layout_search import BIG_ENDIAN, BYTES, CLEARER, RAW14, Reading, best_reading, refined
+from .level_check import Proof
 from .look import Look
 from .pattern_search import Found, find_pattern
-
-
-class Proof(NamedTuple):
-    """What a frame proves wrong in its description, and what is likely right."""
-
-    seen: str
-    likely: str
-
 
 Check = Callable[[Look], Proof | None]
 
 
 def not_covered(look: Look) -> Proof | None:
     """The levels of a frame that is said to be dark: a sample that is too large, or light."""
-    lit = look.levels_of(look.codes).lit()
-    return Proof(*lit) if lit else None
+    return look.levels_of(look.codes).lit()
 
 
 def wrong_stride(look: Look) -> Proof | None:
@@ -54,7 +45,7 @@ def swapped_bytes(look: Look) -> Proof | None:
 
 def wrong_levels(look: Look) -> Proof | None:
     """Levels that cannot be, in a frame that shows the pattern, or whose rows repeat nowhere."""
-    return Proof(*look.wrong_levels) if look.wrong_levels and (look.shown or not look.aligned) else None
+    return look.wrong_levels if look.shown or not look.aligned else None
 
 
 def too_tall(look: Look) -> Proof | None:
@@ -108,7 +99,7 @@ def wrong_layout(look: Look) -> Proof | None:
 
 def unexplained_levels(look: Look) -> Proof | None:
     """Levels that cannot be, in a frame that no other layout explains."""
-    return Proof(*look.wrong_levels) if look.wrong_levels and not look.found else None
+    return None if look.found else look.wrong_levels
 
 
 def no_filters(look: Look) -> Proof | None:

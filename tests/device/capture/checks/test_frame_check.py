@@ -236,7 +236,7 @@ def test_sensors_of_another_kind() -> None:
     layout = FrameLayout(SIZE[1], SIZE[0], "u16")
     bayer = np.empty(SIZE)
     for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
-        bayer[row::2, column::2] = scene[row::2, column::2, channel] * (0.4, 1.0, 0.5)[channel]
+        bayer[row::2, column::2] = scene[row::2, column::2, channel] * (0.2, 1.0, 0.25)[channel]
     grey = scene.mean(axis=2) + np.random.default_rng(0).normal(0, 0.01, SIZE)
     for light, words in ((bayer, "ordinary Bayer sensor"), (grey, "without colour filters")):
         assert words in refusal(pack((256 + 3000 * light.clip(0, 1)).astype(np.uint16), "u16"), sensor(layout))
