@@ -1,7 +1,6 @@
 """Frames whose description is right are believed, wrong ones are refused with the right value, and dark ones prove nothing."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import cache
 
 import numpy as np
@@ -319,19 +318,6 @@ def test_a_wrong_layout_of_a_scattered_pattern() -> None:
     assert "`stride=400`" in refusal(frame * 3, sensor(FrameLayout(250, SIZE[0], "raw12"), KODAK))
     assert "likely another `height`" in refusal(frame * 4, sensor(FrameLayout(SIZE[1], 191, "raw12", 400), KODAK))
     assert "`pixel_format=raw12` `stride=400`" in refusal(frame * 3, sensor(FrameLayout(SIZE[1], SIZE[0], "u16"), KODAK))
-
-
-def test_a_scattered_pattern_and_others_are_not_taken_for_each_other() -> None:
-    layout = FrameLayout(SIZE[1], SIZE[0], "u16")
-    assert "or one with scattered colours, which `pattern` describes" in refusal(pack(codes(KODAK), "u16"), sensor(layout))
-    assert "a sensor without colour filters, or another `pattern`, `period` or `origin`" in refusal(
-        pack(codes(), "u16"), sensor(layout, KODAK)
-    )
-    scene, bayer = leaves(*SIZE), np.empty(SIZE)
-    for row, column, channel in ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2)):
-        bayer[row::2, column::2] = scene[row::2, column::2, channel]
-    with suppress(InputError):  # its greens are where panchromatic pixels would be
-        assert look(pack((256 + 3000 * bayer.clip(0, 1)).astype(np.uint16), "u16"), sensor(layout, KODAK))
 
 
 def dark_codes(black: float, sigma: float = 3.0) -> CodeArray:
