@@ -19,7 +19,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import ColourTransform
 from shared.sensor import simulate_additive
-from tools.scenes.drawn.builtin import builtin_scene
+from tests.scenes import leaves
 
 PRESETS = {"paper": PAPER, "best": BEST}
 _FACTS, _PICTURES = (Path(__file__).with_name(f"render.{suffix}") for suffix in ("json", "npz"))
@@ -55,9 +55,9 @@ def saved() -> Golden:
 
 
 def _picture(preset: str) -> FloatArray:
-    """The rendering of a noisy shot of the built-in scene, 36 x 28, K = 6."""
+    """The rendering of a noisy shot of leaves, 36 x 28, K = 6."""
     calibration = SensorCalibration.of_bits(12, gamma=(0.9, 1.1, 0.8))
-    taken = simulate_additive(builtin_scene(36, 28).rgb, CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0))
+    taken = simulate_additive(leaves(28, 36), CfaPattern.bayer(6), calibration, 0.02, np.random.default_rng(0))
     rgb = render(Mosaic(taken.codes, taken.pattern, taken.calibration), PRESETS[preset]).rgb
     return np.stack([rgb, ColourTransform.to_space(calibration, "srgb").apply(rgb)])
 

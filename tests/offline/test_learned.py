@@ -17,18 +17,19 @@ from shared.errors import InputError
 from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
-from tools.scenes.load import load_scene
+from tests.scenes import leaves
 
 WITHOUT = replace(BEST, learned=replace(BEST.learned, used=False))
 GREY = SensorCalibration()
 ONES = np.ones(3, np.float32)
+LEAVES = leaves(220, 330)
 # The same sums in another order, where a tile begins elsewhere.
 FLOAT32 = 2e-5
 
 
 def scene(height: int, width: int) -> FloatArray:
-    """The charts and leaves of the built-in scene."""
-    return load_scene("builtin:330x220").rgb[:height, :width]
+    """The upper left corner of a scene of leaves."""
+    return LEAVES[:height, :width]
 
 
 def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[Part, BlockSamples]:
@@ -169,7 +170,7 @@ def test_gamma_only_scales_the_channels() -> None:
 
 
 def test_it_brings_colour_closer_to_the_scene() -> None:
-    rgb = load_scene("builtin:360x240").rgb
+    rgb = leaves(240, 360)
     mosaic = simulate_additive(rgb, CfaPattern.bayer(6), GREY, 0.0, np.random.default_rng(0))
     with_it, without = (float(np.square(render(mosaic, each).rgb - rgb)[15:-15, 15:-15].mean()) for each in (BEST, WITHOUT))
     assert with_it < 0.9 * without
