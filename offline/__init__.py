@@ -5,7 +5,7 @@ from .kernels.compile import available_threads, compilation, kernel_cache, threa
 from .measured import Measured
 from .memory import rendering_memory
 from .parts import Look, Part, RowStage
-from .render import Rendering, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
+from .render import Rendering, Stages, cleaned, colour_bands, coloured, measure, render, render_bands, row_stages, warm_up
 from .rows.learned import network_name
 from .settings import BEST, PAPER, PRESETS, RenderSettings
 from .solvers import Solved, SolverLog
@@ -22,6 +22,7 @@ __all__ = [
     "RowStage",
     "Solved",
     "SolverLog",
+    "Stages",
     "available_threads",
     "cleaned",
     "colour_bands",

@@ -103,6 +103,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
 
 
 Stages = Callable[[Measured, RenderSettings, Progress], list[RowStage]]
+"""Makes the list of stages in rows, as `row_stages` does."""
 
 
 def render(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages) -> Rendering:

@@ -23,8 +23,9 @@ from .compilation import announced_compilation, compile_ahead
 if TYPE_CHECKING:
     from offline import Rendering
     from offline import RenderSettings as RenderSettings  # noqa: PLC0414  the notebook takes it from here
+    from offline import Stages as Stages  # noqa: PLC0414  and this
 
-__all__ = ["RenderSettings", "missing_package", "note_once", "program_version", "render_array", "settings_named"]
+__all__ = ["RenderSettings", "Stages", "missing_package", "note_once", "program_version", "render_array", "settings_named"]
 
 _AS_ARRAY = PictureKind("npy", 32, "camera")
 
@@ -52,13 +53,14 @@ def settings_named(preset: object) -> "RenderSettings":
     return PRESETS[str(preset)]
 
 
-def render_array(mosaic: Mosaic, settings: "RenderSettings") -> tuple[FloatArray, ByteArray | None]:
+def render_array(mosaic: Mosaic, settings: "RenderSettings", stages: "Stages | None" = None) -> tuple[FloatArray, ByteArray | None]:
     """The picture, float32 (H, W, C), scene units, and where the shot does not tell what the light was (`offline.Rendering.lost`).
 
+    stages: makes the list of stages in rows, as `offline.render` takes it; None = `offline.row_stages`.
     Standard error has a note while the renderer is being compiled.
     Raises InputError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
     """
-    from offline import colour_bands, measure
+    from offline import colour_bands, measure, row_stages
 
     check_light(mosaic, settings)
     if (need := needed_memory(mosaic, _AS_ARRAY, settings)) > (free := allowed_memory(None)):
@@ -69,7 +71,7 @@ def render_array(mosaic: Mosaic, settings: "RenderSettings") -> tuple[FloatArray
         )
     with announced_compilation(progress := StageProgress(note=to_stderr)):
         measured = measure(mosaic, settings, progress)
-        return joined(colour_bands(measured, settings, progress), mosaic.shape[0]), measured.lost
+        return joined(colour_bands(measured, settings, progress, stages or row_stages), mosaic.shape[0]), measured.lost
 
 
 def renderings(mosaic: Mosaic, presets: Sequence[str], progress: StageProgress) -> list["Rendering"]:

@@ -14,11 +14,17 @@ from .pictures import Picture
 from .shots import Shot, as_shot
 
 if TYPE_CHECKING:
-    from tools.rendering.in_memory import RenderSettings
+    from tools.rendering.in_memory import RenderSettings, Stages
 
 
 @checked
-def render(shot: Shot | str | Path, *, preset: str | RenderSettings = "best", wb: str | Sequence[float] = "camera") -> Picture:
+def render(
+    shot: Shot | str | Path,
+    *,
+    preset: str | RenderSettings = "best",
+    wb: str | Sequence[float] = "camera",
+    stages: Stages | None = None,
+) -> Picture:
     """Reconstruct every channel at every pixel, on all processors. The same shot gives the same picture, to the bit.
 
     The first render on a machine compiles the renderer, which takes a minute or two and is said on standard error; in a terminal,
@@ -29,6 +35,7 @@ def render(shot: Shot | str | Path, *, preset: str | RenderSettings = "best", wb
         your own, such as dataclasses.replace(offline.BEST, ...).
     wb: white balance of what is shown and saved: "camera" (as shot), "auto" (estimated), or multipliers (2.1, 1, 1.6); it does not
         change `Picture.rgb`.
+    stages: makes the list of stages that go over the picture in rows, as `offline.render` takes it; None = those of the settings.
     Raises PanchromaError for a shot that is all black, or all saturated, and for one that needs more memory than is free.
 
     >>> import panchroma
@@ -39,6 +46,6 @@ def render(shot: Shot | str | Path, *, preset: str | RenderSettings = "best", wb
     settings, white = settings_named(preset), WhiteBalance.parse(wb)
     shot = as_shot(shot)
     mosaic = white.of(shot.mosaic)
-    rgb, lost = render_array(mosaic, settings)
+    rgb, lost = render_array(mosaic, settings, stages)
     level, restored = shot.truth.white if shot.truth else 1.0, settings.highlights.restored
     return Picture(rgb, mosaic.calibration, mosaic.metadata, level, restored, lost)
