@@ -179,21 +179,21 @@ class PoolingSettings(StageSettings):
 
     passes: one `PoolingPass` each; empty = no pooling.
     light: how much the luminance of blocks may differ: standard deviation of the Gaussian weight of log luminance, > 0.
-    doubt: error of filled luminance, as a multiple of its curvature there, 0 or more.
+    curvature_error: error of filled luminance, as a multiple of its curvature there, 0 or more.
     """
 
     kernels = ("pool",)
 
     passes: tuple[PoolingPass, ...] = ()
     light: float = 0.3
-    doubt: float = 0.3
+    curvature_error: float = 0.3
 
     def __post_init__(self) -> None:
         allowed = all(len(each) == 3 and each[0] >= 0 and each[1] > 0 and 1 <= each[2] <= _WIDEST for each in self.passes)
         expected = f"for each pass a blur, 0 or more, a tolerance, more than 0, and a radius, 1 to {_WIDEST}"
         require(allowed, "pooling.passes", self.passes, expected)
         require(self.light > 0, "pooling.light", self.light, "more than 0")
-        require(self.doubt >= 0, "pooling.doubt", self.doubt, "0 or more")
+        require(self.curvature_error >= 0, "pooling.curvature_error", self.curvature_error, "0 or more")
 
     @property
     def used(self) -> bool:

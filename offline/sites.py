@@ -109,12 +109,12 @@ def most_probable(
     sites, variance = measured.sites, measured.scaled_variance(gamma, rows)
     power = signal_power(error, None if variance is None else variance.mean(axis=2))
     share = np.square(colour).mean(axis=2)
-    # Luminance is wrong by its doubt, but not by more than the errors show; the rest of these, or a part at least, is colour.
-    doubt = np.minimum(np.square(measured.fill_error[rows]), power / np.maximum(share, _LEAST_SHARE))
-    tint = np.maximum(power - doubt * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
+    # Luminance is wrong by the error of filling, but not by more than the errors show; the rest of these, or a part, is colour.
+    fill_variance = np.minimum(np.square(measured.fill_error[rows]), power / np.maximum(share, _LEAST_SHARE))
+    tint = np.maximum(power - fill_variance * share, np.float32(_TINT) * power) / np.float32(1 - 1 / len(gamma))
     noise = np.zeros_like(error) if variance is None else variance
     light, tints = np.empty_like(error), np.empty((*error.shape, len(gamma)), np.float32)
-    kernels.share_out(error, colour, doubt, tint, noise, sites.channels, nearness(sites.pattern), light, tints)
+    kernels.share_out(error, colour, fill_variance, tint, noise, sites.channels, nearness(sites.pattern), light, tints)
     return light, tints
 
 

@@ -16,7 +16,7 @@ _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an err
 def solve_jointly(
     light: FloatArray,
     samples: FloatArray,
-    doubt: FloatArray,
+    fill_error: FloatArray,
     variance: FloatArray,
     channels: IndexArray,
     near: DoubleArray,
@@ -28,7 +28,7 @@ def solve_jointly(
     """The chromaticity of each block, by generalised least squares (see `offline.sites`).
 
     light, samples: luminance and sample at each site, (rows, columns, S).
-    doubt: standard deviation of the error of luminance, (rows, columns).
+    fill_error: standard deviation of the error of luminance, (rows, columns).
     variance: variance of the noise at each site, > 0, (rows, columns, S).
     channels: (S,), channel of each site.
     near: (S, S), correlation of the errors of luminance.
@@ -49,7 +49,7 @@ def solve_jointly(
         for group in range(0, columns, _LANES):
             for lane in range(_LANES):
                 column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
-                power[0, lane] = np.float64(doubt[row, column]) ** 2
+                power[0, lane] = np.float64(fill_error[row, column]) ** 2
                 solved[:, lane] = out[row, column]
                 seen[0, :, lane], seen[1, :, lane] = light[row, column], samples[row, column]
                 noise[:, lane] = variance[row, column]
@@ -103,7 +103,7 @@ def _normal(whitened: DoubleArray, grey: float, gamma: DoubleArray, normal: Doub
 def share_out(
     error: FloatArray,
     colour: FloatArray,
-    doubt: FloatArray,
+    fill_variance: FloatArray,
     tint: FloatArray,
     variance: FloatArray,
     channels: IndexArray,
@@ -115,7 +115,7 @@ def share_out(
 
     error: sample minus picture, (rows, columns, S), in units of luminance.
     colour: share of luminance in the channel of each site, (rows, columns, S).
-    doubt: variance of the error of luminance, (rows, columns).
+    fill_variance: variance of the error of luminance, (rows, columns).
     tint: variance of the error of colour, (rows, columns).
     variance: variance of the noise at each site, (rows, columns, S).
     channels: (S,), channel of each site.
@@ -132,7 +132,7 @@ def share_out(
         for group in range(0, columns, _LANES):
             for lane in range(_LANES):
                 column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
-                powers[0, lane], powers[1, lane] = doubt[row, column], tint[row, column]
+                powers[0, lane], powers[1, lane] = fill_variance[row, column], tint[row, column]
                 for site in range(sites):
                     weight[site, lane] = max(np.float64(colour[row, column, site]), 0.0)
                     right[site, 0, lane] = error[row, column, site]

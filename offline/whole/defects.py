@@ -126,9 +126,9 @@ def _mended(frame: Cleaned, bad: BoolArray) -> FloatArray:
     others = channels != channel[:, None]
     left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[channel] * here
     predicted = around.middle[each, site] * here
-    doubt = ((highest - lowest)[*where] / gamma[channel]) ** 2 + _LEAST_LIGHT**2
-    doubt_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + _LEAST_LIGHT**2
-    balanced = (left * doubt_around + predicted * doubt) / (doubt + doubt_around)
+    variance = ((highest - lowest)[*where] / gamma[channel]) ** 2 + _LEAST_LIGHT**2
+    variance_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + _LEAST_LIGHT**2
+    balanced = (left * variance_around + predicted * variance) / (variance + variance_around)
     unseen = np.where((seen | ~others).all(axis=1), balanced, predicted)
     return np.where(seen[each, channel], ratio[each, channel] * here, unseen).astype(np.float32)
 

@@ -46,7 +46,7 @@ def pool_blocks(
     sites, gamma = frame.sites, frame.gamma
     channels, (rows, columns) = len(gamma), sites.shape
     chromaticity = sites.whole(blocks).transpose(2, 0, 1)
-    sums, light = precise_sums(frame, luminance, chromaticity, settings.doubt)
+    sums, light = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
     if others is not None:
         shot, read = (np.array(part[:channels])[:, None, None] for part in (noise.shot, noise.read))
         variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE)
@@ -69,11 +69,11 @@ def pool_blocks(
     return sites.grid.extend(chromaticity.transpose(1, 2, 0))
 
 
-def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, doubt: float) -> tuple[FloatArray, FloatArray]:
+def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
     """The sums of Eqs. 8-9 of each whole block, float32 (2 C + 1, rows, columns), and its luminance, float32 (rows, columns).
 
     The planes are sum l^2 of each channel, then sum l m of each channel, then 1. Each term is divided by the variance of its error.
-    That is the noise of the sample, taking the block for grey, and an error of luminance of `doubt` times its curvature, as the
+    That is the noise of the sample, taking the block for grey, and an error of luminance of `error` times its curvature, as the
     channel sees it: `chromaticity`, (C, rows, columns), is averaged over the block and its neighbours for this.
     """
     channels, noise = len(frame.gamma), frame.noise or NoiseModel.gaussian(0.0, len(frame.gamma))
@@ -84,7 +84,7 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
     for channel, place in zip(frame.sites.channels, places, strict=True):
         value = luminance[place]
         variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
-        variance += (np.float32(doubt) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
+        variance += (np.float32(error) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
         precision = 1 / np.maximum(variance, _LEAST_VARIANCE)
         sums[channel] += value**2 * precision
         sums[channels + channel] += value * signal[place] * precision

@@ -17,7 +17,7 @@ from tests.reference.sensor import luminance_of, observe
 # Weighted means of float32 sums; the exponents of the weights are up to some tens.
 FLOAT32 = 2e-5
 SETTINGS = BEST.pooling
-ONE_PASS = PoolingSettings((PoolingPass(0.0, 0.5, 1),), light=0.1, doubt=1.0)
+ONE_PASS = PoolingSettings((PoolingPass(0.0, 0.5, 1),), light=0.1, curvature_error=1.0)
 
 
 def blocks_of(
@@ -48,7 +48,7 @@ def test_equals_the_reference(pattern: CfaPattern, shape: tuple[int, int], setti
         mosaic, light, coarse = blocks_of(pattern, shape, noise)
         gamma = mosaic.calibration.gamma
         sums = pooling.statistics(
-            mosaic.signal.astype(np.float64), light.astype(np.float64), coarse, pattern, gamma, noise, settings.doubt
+            mosaic.signal.astype(np.float64), light.astype(np.float64), coarse, pattern, gamma, noise, settings.curvature_error
         )
         expected = chromaticity.extend(pooling.pool(coarse, sums, gamma, settings.passes, settings.light), pattern, shape)
         given = chromaticity.extend(coarse, pattern, shape).astype(np.float32)

@@ -22,7 +22,7 @@ IMPOSSIBLE: dict[str, dict[str, list[Any]]] = {
     "pooling": {
         "passes": [((1.0, 0.0, 5),), ((-1.0, 0.1, 5),), ((1.0, 0.1, 0),), ((1.0, 0.1, 65),), ((1.0, 0.1),)],
         "light": [0.0],
-        "doubt": [-0.1],
+        "curvature_error": [-0.1],
     },
     "chromaticity": {"taps": [4, -1], "repetitions": [-1], "trust": [-1.0]},
     "affinity": {"scales": [(), (0.5, 0.0)], "tolerance": [0.0, 1.0], "iterations": [0]},

@@ -124,8 +124,8 @@ def test_correction_equals_the_reference(pattern: CfaPattern, shape: tuple[int, 
     mosaic = shot(pattern, shape, sigma)
     part, noise, gamma = render_of(mosaic), mosaic.calibration.noise, mosaic.calibration.gamma
     light, colour, signal = (each.astype(np.float64) for each in (part.luminance, part.chromaticity, mosaic.signal))
-    variance, doubt = sites.noise_of(signal, pattern, noise), sites.doubt_of(light, pattern)
-    expected = sites.correct(light, colour, signal, doubt, variance, pattern, gamma)
+    variance, fill_error = sites.noise_of(signal, pattern, noise), sites.fill_errors(light, pattern)
+    expected = sites.correct(light, colour, signal, fill_error, variance, pattern, gamma)
     found = corrected(part, mosaic)
     assert_close(found.chromaticity * found.luminance[..., None], expected, FLOAT32)
     assert_close(found.chromaticity @ np.array(gamma), np.ones(shape), 1e-5)  # Eq. 7

@@ -17,7 +17,7 @@ def statistics(
     pattern: CfaPattern,
     gamma: tuple[float, ...],
     noise: NoiseModel,
-    doubt: float,
+    curvature_error: float,
 ) -> tuple[DoubleArray, DoubleArray, DoubleArray]:
     """sum l^2 / v and sum l m / v per channel, and mean luminance, of whole blocks: (rows, columns, C) twice, (rows, columns).
 
@@ -37,7 +37,7 @@ def statistics(
             for y, x, name in sites:
                 channel, value = pattern.channels.index(name), luminance[y, x]
                 variance = noise.sigma(value / sum(gamma), channel) ** 2
-                variance += (doubt * curvature(luminance, (y, x), pattern) * seen[i, j, channel]) ** 2
+                variance += (curvature_error * curvature(luminance, (y, x), pattern) * seen[i, j, channel]) ** 2
                 weight[i, j, channel] += value**2 / variance
                 product[i, j, channel] += value * signal[y, x] / variance
             light[i, j] = np.mean([luminance[y, x] for y, x, _ in sites])

@@ -62,7 +62,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         known = max(sigma_of_colour(mosaic), 1e-6)
         coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.trust)
     if noise is not None and settings.pooling.passes:
-        sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.doubt)
+        sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.curvature_error)
         coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)
     if settings.trust.used:
         trusted = trust.trust_in_blocks(signal, pattern, gamma, noise, settings.trust.tolerance)
@@ -70,7 +70,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
     blocks = chromaticity.extend(coarse, pattern, mosaic.shape)
 
     variance = sites.noise_of(signal, pattern, noise)
-    doubt = sites.doubt_of(light, pattern)
+    fill_error = sites.fill_errors(light, pattern)
     if settings.settling.used:
         light = sites.settle(light, coarse, signal, variance, pattern, gamma)
 
@@ -85,7 +85,7 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         refined = pinning.pin(light, refined, blocks, signal, variance, pattern, gamma)
         rgb = refined * light[..., None]
     elif settings.correction.used:
-        rgb = sites.correct(light, refined, signal, doubt, variance, pattern, gamma)
+        rgb = sites.correct(light, refined, signal, fill_error, variance, pattern, gamma)
         light = rgb @ np.array(gamma)
         refined = rgb / light[..., None]
     return Picture(rgb, light, refined)

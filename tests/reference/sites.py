@@ -46,13 +46,13 @@ def solve_jointly(
             samples = np.array([signal[y, x] for y, x, _ in sites])
             seen = np.array([[float(name == channel) for channel in pattern.channels] for _, _, name in sites])
             bends = [curvature(luminance, (y, x), pattern) for y, x, _ in sites]
-            doubt = constants._CURVED * math.sqrt(np.mean(np.square(bends)))
-            if doubt == 0:
+            fill_error = constants._CURVED * math.sqrt(np.mean(np.square(bends)))
+            if fill_error == 0:
                 continue
             for _ in range(constants._ROUNDS):
                 colour = np.clip(seen @ result[row, column], 0.06 * grey, 3 * grey)
-                covariance = doubt**2 * np.diag(colour) @ near(sites, constants._FILLED) @ np.diag(colour)
-                covariance += (doubt**2 * mismatch * np.mean(colour**2) + sigma**2) * np.eye(len(sites))
+                covariance = fill_error**2 * np.diag(colour) @ near(sites, constants._FILLED) @ np.diag(colour)
+                covariance += (fill_error**2 * mismatch * np.mean(colour**2) + sigma**2) * np.eye(len(sites))
                 design = np.diag(light) @ seen
                 inverse = np.linalg.inv(covariance)
                 count = len(gamma)
@@ -80,18 +80,18 @@ def signal_power(error: DoubleArray, variance: DoubleArray) -> DoubleArray:
     return power
 
 
-def doubt_of(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
+def fill_errors(luminance: DoubleArray, pattern: CfaPattern) -> DoubleArray:
     """Standard deviation of the error of filled luminance of the whole blocks, (rows, columns)."""
     blocks = whole_blocks(pattern, (luminance.shape[0], luminance.shape[1]))
     bends = np.array([[[curvature(luminance, (y, x), pattern) for y, x, _ in sites] for sites in row] for row in blocks])
-    doubt: DoubleArray = constants._CURVED * np.sqrt((bends**2).mean(axis=2))
-    return doubt
+    fill_error: DoubleArray = constants._CURVED * np.sqrt((bends**2).mean(axis=2))
+    return fill_error
 
 
 def most_probable(
     error: DoubleArray,
     colour: DoubleArray,
-    doubt: DoubleArray,
+    fill_error: DoubleArray,
     variance: DoubleArray,
     blocks: list[list[list[tuple[int, int, str]]]],
     pattern: CfaPattern,
@@ -109,7 +109,7 @@ def most_probable(
         if power[place] == 0:
             continue
         share = np.mean(colour[place] ** 2)
-        bright = min(doubt[place] ** 2, power[place] / max(share, constants._LEAST_SHARE))
+        bright = min(fill_error[place] ** 2, power[place] / max(share, constants._LEAST_SHARE))
         odd = max(power[place] - bright * share, constants._TINT * power[place]) / (1 - 1 / count)
         r = near(blocks[place[0]][place[1]], site_errors._NEAR)
         prior = np.zeros((sites + sites * count,) * 2)
@@ -144,7 +144,7 @@ def settle(
     colour = coarse[..., index] * weight
     light, samples = at_sites(luminance, blocks), at_sites(signal, blocks)
     error = samples * weight - colour * light
-    delta, _ = most_probable(error, colour, doubt_of(luminance, pattern), variance * weight**2, blocks, pattern)
+    delta, _ = most_probable(error, colour, fill_errors(luminance, pattern), variance * weight**2, blocks, pattern)
     settled = luminance.copy()
     for row, values in zip(blocks, delta, strict=True):
         for sites, each in zip(row, values, strict=True):
@@ -162,7 +162,7 @@ def correct(
     luminance: DoubleArray,
     chromaticity: DoubleArray,
     signal: DoubleArray,
-    doubt: DoubleArray,
+    fill_error: DoubleArray,
     variance: DoubleArray,
     pattern: CfaPattern,
     gamma: tuple[float, ...],
@@ -176,7 +176,7 @@ def correct(
     colour = np.stack([here[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
     seen = np.stack([at_sites(rgb * weights, blocks)[:, :, site, channel] for site, channel in enumerate(index)], axis=2)
     error = at_sites(signal, blocks) * weights[index] - seen
-    light, tints = most_probable(error, colour, doubt, variance * weights[index] ** 2, blocks, pattern)
+    light, tints = most_probable(error, colour, fill_error, variance * weights[index] ** 2, blocks, pattern)
     for row, column in product(range(len(blocks)), range(len(blocks[0]))):
         for site, (y, x, _) in enumerate(blocks[row][column]):
             after = luminance[y, x] + light[row, column, site]
