@@ -266,11 +266,19 @@ class Trial:
         }
 
     def _run(self, tree: Path, scenes: Path, name: str, factor: float, cases: list[str]) -> str:
-        code = f"from tests.benchmarks.constants import *; measure(Path({str(scenes)!r}), {name!r}, {factor}, {cases})"
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tree), str(ROOT)])}
-        return subprocess.run(
-            [sys.executable, "-c", code], env=environment, cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout
+        code = (
+            f"import offline; assert offline.__file__.startswith({str(tree)!r})\n"
+            f"from tests.benchmarks.constants import *; measure(Path({str(scenes)!r}), {name!r}, {factor}, {cases})"
+        )
+        found = subprocess.run(  # in `tree`, whose `offline` comes before any other
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            cwd=tree,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return found.stdout
 
 
 def shown(changes: dict[str, list[list[float]]] | str) -> str:
