@@ -25,7 +25,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # Fused multiply-add, but nothing that changes the order of a sum: a kernel's result must not depend on where a row begins.
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
-_IMPORT = re.compile(r"^from (\.+)([\w.]+) import ", re.MULTILINE)
+_IMPORT = re.compile(r"^from (\.+|shared\.)([\w.]+) import ", re.MULTILINE)
+_SHARED = Path(__file__).parents[2] / "shared"
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
 
 prange: type[range] = numba.prange
@@ -37,10 +38,11 @@ milliseconds where other programs are at work, as long as a burst of tiny frames
 
 @cache
 def _sources(path: Path) -> frozenset[Path]:
-    """A kernel's file, and the files of `offline` from which its code may come: those that it imports, and so on."""
+    """A kernel's file, and those of `offline` and `shared` from which its code or numbers may come: what it imports, and so on."""
     imported = _IMPORT.findall(path.read_text(encoding="utf-8"))
-    beside = (path.parents[len(dots) - 1].joinpath(*name.split(".")).with_suffix(".py") for dots, name in imported)
-    return frozenset({path}).union(*(_sources(each) for each in beside if each.exists()))
+    folders = ((_SHARED if where == "shared." else path.parents[len(where) - 1], name) for where, name in imported)
+    files = (folder.joinpath(*name.split(".")).with_suffix(".py") for folder, name in folders)
+    return frozenset({path}).union(*(_sources(each) for each in files if each.exists()))
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
