@@ -1,5 +1,7 @@
 """`panchroma demo`: the whole chain in one go, on a scene small enough for a test."""
 
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -115,3 +117,19 @@ def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str
     assert len(outcome.err.splitlines()) == 1
     assert outcome.err.startswith(f"panchroma: {words}")
     assert names(small) == {"file"}
+
+
+def test_an_interrupt_leaves_whole_files_only(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+    fsync = os.fsync
+
+    def interrupted(descriptor: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == 3:  # file and folder of the shot, then the preview
+            signal.raise_signal(signal.SIGINT)
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", interrupted)
+    assert run("demo", "-o", "results").code == 130
+    assert names(small / "results") == {"shot.dng"}
+    read_dng(small / "results" / "shot.dng")
