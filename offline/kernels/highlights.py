@@ -4,7 +4,8 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import parallel_kernel, prange
+from .interpolation import cubic_taps
 
 _TAPS = 4
 
@@ -19,31 +20,22 @@ def interpolate(values: FloatArray, first: tuple[float, float], period: int, pla
     height, width = plane.shape
     rows, columns = values.shape
     for row in prange(height):
-        down, weights_down = _taps((row - first[0]) / period)
+        place = (row - first[0]) / period
+        down = int(np.floor(place))
+        weights_down = cubic_taps(place - down)
         across_line = np.zeros(columns, np.float32)
         for tap in range(_TAPS):
-            line = values[min(max(down + tap, 0), rows - 1)]
+            line = values[min(max(down + tap - 1, 0), rows - 1)]
             for j in range(columns):
                 across_line[j] += np.float32(weights_down[tap]) * line[j]
         for column in range(width):
-            across, weights = _taps((column - first[1]) / period)
+            at = (column - first[1]) / period
+            across = int(np.floor(at))
+            weights = cubic_taps(at - across)
             total = np.float32(0)
             for tap in range(_TAPS):
-                total += np.float32(weights[tap]) * across_line[min(max(across + tap, 0), columns - 1)]
+                total += np.float32(weights[tap]) * across_line[min(max(across + tap - 1, 0), columns - 1)]
             plane[row, column] = total
-
-
-@kernel
-def _taps(place: float) -> tuple[int, tuple[float, float, float, float]]:
-    """The index of the first of four neighbours of a place between samples, and the weights of the four."""
-    before = int(np.floor(place))
-    t = place - before
-    return before - 1, (
-        ((-0.5 * t + 1.0) * t - 0.5) * t,
-        (1.5 * t - 2.5) * t * t + 1.0,
-        ((-1.5 * t + 2.0) * t + 0.5) * t,
-        (0.5 * t - 0.5) * t * t,
-    )
 
 
 @parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]")

@@ -16,7 +16,7 @@ Taps = tuple[Scalar, Scalar, Scalar, Scalar]
 def interpolated(plane: FloatArray, y: Scalar, x: Scalar) -> Scalar:
     """Bicubic interpolation (Keys 1981, a = -1/2); beyond the edges the nearest pixel counts."""
     top, left = int(np.floor(y)), int(np.floor(x))
-    down, along = _taps(np.float32(y - top)), _taps(np.float32(x - left))
+    down, along = cubic_taps(np.float32(y - top)), cubic_taps(np.float32(x - left))
     total = _NONE
     if 1 <= top < plane.shape[0] - 2 and 1 <= left < plane.shape[1] - 2:
         for i in range(4):
@@ -33,8 +33,8 @@ def interpolated(plane: FloatArray, y: Scalar, x: Scalar) -> Scalar:
 
 
 @kernel
-def _taps(t: Scalar) -> Taps:
-    """Weights of four neighbours for a place 0 <= t < 1 after the second."""
+def cubic_taps(t: Scalar) -> Taps:
+    """Weights of four neighbours (Keys 1981, a = -1/2) for a place 0 <= t < 1 after the second, in the precision of `t`."""
     half = np.float32(0.5)
     square, cube = t * t, t * t * t
     return (
