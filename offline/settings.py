@@ -138,20 +138,21 @@ class ChromaticitySettings(StageSettings):
 
     taps: length of the 1-D medians, odd; 5 in the paper, 1 = no medians.
     repetitions: largest number of repetitions of the medians ("till convergence" in the paper).
-    trust: how much detail that the medians removed is returned where blocks add up to their luminance (see `detail`); 0 = none.
+    detail_gain: how much detail that the medians removed is returned where blocks add up to their luminance (see `detail`);
+        0 = none.
     mismatch: variance of the samples of a block that one chromaticity does not explain, relative to that from errors of filled
         luminance, which are solved for together with chromaticity (see `sites`); 0 = Eqs. 8-9 as they are.
     """
 
     taps: int = 5
     repetitions: int = 20
-    trust: float = 0.0
+    detail_gain: float = 0.0
     mismatch: float = 0.0
 
     def __post_init__(self) -> None:
         require(self.taps >= 1 and self.taps % 2 == 1, "chromaticity.taps", self.taps, "an odd number")
         require(self.repetitions >= 0, "chromaticity.repetitions", self.repetitions, "0 or more")
-        require(0 <= self.trust < math.inf, "chromaticity.trust", self.trust, "0 or more")
+        require(0 <= self.detail_gain < math.inf, "chromaticity.detail_gain", self.detail_gain, "0 or more")
         require(0 <= self.mismatch < math.inf, "chromaticity.mismatch", self.mismatch, "0 or more")
 
     @property
@@ -334,7 +335,7 @@ BEST = RenderSettings(
     highlights=HighlightSettings(restored=True),
     luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights exceed 1: the start is further off
     denoising=DenoisingSettings(strength=1.0),
-    chromaticity=ChromaticitySettings(trust=3.0, mismatch=0.5),
+    chromaticity=ChromaticitySettings(detail_gain=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),
     propagation=PropagationSettings(softness=0.25),
     refinement=RefinementSettings(repetitions=0),  # from chromaticities without noise it would only remove detail

@@ -92,8 +92,8 @@ def pool(g: PatternGraph, parts: str, blocks: Blocks) -> Pooled:
     mean = with_neighbours(g, mean, similar, 2)
     mean = with_neighbours(g, mean, g("Slice", similar, [1], [-1], [2]), 2)
     own, light, power, variance, change = (g.inner(each) for each in (colours, light, power, variance, blocks.change))
-    doubt = g("Add", variance, g("Mul", change, _MISREAD))
-    pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, doubt))
+    misread = g("Add", variance, g("Mul", change, _MISREAD))
+    pooled = g("Add", g("Mul", own, g("Mul", power, _POOLING)), g("Mul", mean, misread))
     limit = g("Add", g("Mul", power, _CONTRAST), g("Mul", variance, _NOISE_WEIGHT))
     return Pooled(g("Div", pooled, g.total(pooled, g.channels, axis=0)), light, limit)
 

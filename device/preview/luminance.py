@@ -11,7 +11,7 @@ from .pattern_graph import PatternGraph
 
 _MISSED_NOISE = 2.0
 """Multiple of the noise variance that the mean square of what is missed at the sites of a block must exceed to count."""
-_DOUBT = 0.5
+_CONTRAST_ERROR = 0.5
 """Squared contrast times this is the power of what is missed at which half of it counts as an error of luminance."""
 
 
@@ -97,7 +97,7 @@ def settle(g: PatternGraph, probes: Probes, blocks: Blocks, parts: str) -> str:
     weight = g("Mul", g.total(g("Mul", gamma, gamma), count, axis=0), _MISSED_NOISE / count)
     mean = g("Div", g.total(samples, count, axis=0), g.total(gamma, count, axis=0))
     noise = g("Mul", g.variance(mean), weight)
-    contrast = g("Mul", contrast, _DOUBT)
+    contrast = g("Mul", contrast, _CONTRAST_ERROR)
     share = g(
         "Div", g("Mul", g("Relu", g("Sub", power, noise)), contrast), g("Add", g("Mul", power, g("Add", contrast, power)), 1e-12)
     )

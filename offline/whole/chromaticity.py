@@ -48,8 +48,8 @@ def estimate_chromaticities(
     if total.min() <= _LEAST_TOTAL:
         projected = chromaticity + (1 - total) * gamma / (gamma @ gamma)
         scaled = np.where(total > _LEAST_TOTAL, scaled, projected)
-    if settings.trust:
-        scaled = give_back(unfiltered, scaled, sums, sigma, gamma, settings.trust)
+    if settings.detail_gain:
+        scaled = give_back(unfiltered, scaled, sums, sigma, gamma, settings.detail_gain)
     return frame.sites.grid.extend(scaled.astype(np.float32))
 
 

@@ -19,14 +19,14 @@ _TINY = 1e-30
 
 
 def give_back(
-    unfiltered: DoubleArray, smooth: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, trust: float
+    unfiltered: DoubleArray, smooth: DoubleArray, sums: BlockSums, sigma: float, gamma: DoubleArray, gain: float
 ) -> DoubleArray:
     """Chromaticities between those after the medians and those before, (rows, columns, C).
 
     unfiltered, smooth: chromaticities before and after the medians, (rows, columns, C).
     sums: of the blocks. sigma: sigma_z of Eqs. 8-9.
     gamma: (C,), the weights of Eq. 7.
-    trust: > 0. The estimated error energy is (squared violation of Eq. 7) / trust; larger values return more detail.
+    gain: > 0. The estimated error energy is (squared violation of Eq. 7) / gain; larger values return more detail.
     """
     weight, product = sums.weight, sums.product
     light = weight.mean(axis=2)
@@ -34,5 +34,5 @@ def give_back(
     error = smoothed(light * missing**2, _WIDTH)
     noise = smoothed((sigma**2 * light[..., None] / (weight + sigma**2)).sum(axis=2), _WIDTH)
     removed = smoothed(light * ((unfiltered - smooth) ** 2).sum(axis=2), _WIDTH)
-    share: DoubleArray = np.clip(1 - (error / trust + noise) / np.maximum(removed, _TINY), 0, 1)
+    share: DoubleArray = np.clip(1 - (error / gain + noise) / np.maximum(removed, _TINY), 0, 1)
     return smooth + share[..., None] * (unfiltered - smooth)

@@ -95,7 +95,7 @@ def give_back(
     pattern: CfaPattern,
     gamma: tuple[float, ...],
     sigma: float,
-    trust: float,
+    gain: float,
 ) -> DoubleArray:
     """Return detail that the medians removed, as far as noise and violations of Eq. 7 do not explain it. Not in the paper.
 
@@ -103,7 +103,7 @@ def give_back(
     smooth: chromaticities after the medians, (rows, columns, C).
     signal, luminance: (H, W), scene units.
     sigma: sigma_z of Eqs. 8-9, scene units, > 0.
-    trust: > 0; larger values return more detail.
+    gain: > 0; larger values return more detail.
     """
     shape = (luminance.shape[0], luminance.shape[1])
     down, across = patch_counts(pattern, shape)
@@ -122,7 +122,7 @@ def give_back(
         noise = sum(sigma**2 * light / (square + sigma**2) for square in weights)
         energies[number] = light * missing**2, noise, light * float(np.sum((own[place] - smooth[place]) ** 2))
     error, noise_energy, taken = (gaussian.blur(plane, 2.0) for plane in np.moveaxis(energies.reshape(*own.shape[:2], 3), 2, 0))
-    share = np.clip(1 - (error / trust + noise_energy) / np.maximum(taken, 1e-30), 0, 1)
+    share = np.clip(1 - (error / gain + noise_energy) / np.maximum(taken, 1e-30), 0, 1)
     result: DoubleArray = smooth + share[..., None] * (own - smooth)
     return result
 

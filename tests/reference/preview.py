@@ -82,7 +82,7 @@ class Block:
         self.light = max(self.luminance, pattern_graph._FLOOR)
         self.colours_of_light = self.light * self.chromaticity * np.array(mosaic.calibration.gamma)
         self.alike = chromaticity._ALIKE * self.light**2 + chromaticity._ALIKE_NOISE * self.variance
-        self.doubt = self.variance + chromaticity._MISREAD * self.change
+        self.misread = self.variance + chromaticity._MISREAD * self.change
 
     def settled(self, chromaticity: DoubleArray, mosaic: Mosaic) -> DoubleArray:
         """`filled`, corrected by what chromaticity times luminance misses of the samples (`shared.site_errors`)."""
@@ -90,7 +90,7 @@ class Block:
         channels = [channel for _, _, channel in sites]
         missed = (self.colours - chromaticity[channels] * self.filled) * gamma[channels]
         power, noise = np.mean(missed**2), self._variance(self._mean_light(gamma[channels])) * np.mean(gamma[channels] ** 2)
-        contrast = luminance._DOUBT * self.contrast
+        contrast = luminance._CONTRAST_ERROR * self.contrast
         share = max(power - luminance._MISSED_NOISE * noise, 0) * contrast / max(power * (contrast + power), 1e-30)
         # The most probable errors of every channel at every site, given those of the measured ones; then their sum, luminance.
         count = len(gamma)
@@ -148,7 +148,7 @@ class Colours:
                 total = total + self.similar((row, right), (row, other)) * along_row(other, times - 1)
             return total
 
-        total = own.colours_of_light * chromaticity._POOLING * own.light**2 + own.doubt * along_row(column, 2)
+        total = own.colours_of_light * chromaticity._POOLING * own.light**2 + own.misread * along_row(column, 2)
         result: DoubleArray = total / total.sum() / np.array(self._mosaic.calibration.gamma)
         return result
 

@@ -58,9 +58,9 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
         coarse = sites.solve_jointly(coarse, signal, light, pattern, gamma, known, mismatch)
     own = coarse
     coarse = chromaticity.oriented_medians(own, gamma, settings.chromaticity.taps, settings.chromaticity.repetitions)
-    if settings.chromaticity.trust:
+    if settings.chromaticity.detail_gain:
         known = max(sigma_of_colour(mosaic), 1e-6)
-        coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.trust)
+        coarse = chromaticity.give_back(own, coarse, signal, light, pattern, gamma, known, settings.chromaticity.detail_gain)
     if noise is not None and settings.pooling.passes:
         sums = pooling.statistics(signal, light, coarse, pattern, gamma, noise, settings.pooling.curvature_error)
         coarse = pooling.pool(coarse, sums, gamma, settings.pooling.passes, settings.pooling.light)

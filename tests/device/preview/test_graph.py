@@ -150,7 +150,7 @@ def test_greys_are_grey_from_black_to_white() -> None:
 
 CONSTANTS = {
     pattern_graph: ["_FLOOR", "_STILL"],
-    luminance: ["_MISSED_NOISE", "_DOUBT"],
+    luminance: ["_MISSED_NOISE", "_CONTRAST_ERROR"],
     chromaticity: [
         *("_LEAST_VARIANCE", "_PRIOR", "_POOLING", "_MISREAD", "_ALIKE", "_ALIKE_NOISE"),
         *("_CONTRAST", "_NOISE_WEIGHT", "_SPREAD"),
