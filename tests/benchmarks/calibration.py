@@ -16,7 +16,7 @@ from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
 from tests.data import DATA
-from tests.tools.calibration.known_camera import BLIND, MEASURED, TRUTH
+from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, PATTERNS, TRUTH
 from tools.calibration.chart.find import find_chart
 from tools.calibration.chart_gamma import fit_chart_gamma
 from tools.calibration.dark_frames import measure_dark
@@ -33,15 +33,14 @@ from tools.scenes.drawn.chart import chart_scene
 from tools.scenes.load import load_scene
 
 HOT = 400
-PATTERNS = {
-    **{f"K = {period}": CfaPattern.bayer(period) for period in (4, 6, 8)},
-    "Kodak's tile": CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
-    "RG/BW": CfaPattern.of_letters("RG/BW"),
-}
 SCENES = (
     "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng", "raw/rose.dng", "raw/s40_pantone.crw", "raw/g2_chart_detail.crw",
     "linear/intel_tau_001.png", "linear/intel_tau_004.png", "linear/intel_tau_011.png", "linear/intel_tau_015.png",
     "kodak/kodim05.png", "kodak/kodim23.png",
+)  # fmt: skip
+CHARTS = (
+    "chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng",
+    "chart/g2_cut_off.crw", "chart/s40_cut_off.crw", "chart/table_srgb.jpg",
 )  # fmt: skip
 REFERENCE = color_checker_xyz()
 
@@ -83,10 +82,8 @@ def synthetic_noise(name: str) -> None:
     seen, _ = measure_flats(flats)
     for known, frames in ((dark, "flats and darks"), (None, "flats alone")):
         noise = noise_of_flats(seen, BLIND, known)
-        model, true = noise.model(sum(TRUTH.gamma)), TRUTH.noise
-        assert true is not None
-        gain = 100 * (np.array(model.shot) / true.shot - 1)
-        reading = 100 * (np.array(model.read) / true.read - 1)
+        model = noise.model(sum(TRUTH.gamma))
+        gain, reading = 100 * (np.array(model.shot) / NOISE.shot - 1), 100 * (np.array(model.read) / NOISE.read - 1)
         print(f"{name}, {frames}: gain off by {gain.round(1)} %, read noise by {reading.round(1)} %")
     print(
         f"{name}: hot pixels missed {len(set(hot.tolist()) - found)} of {HOT}, "
@@ -147,9 +144,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     seeds = parser.parse_args().seeds
-    for name in ("chart/g2_full.crw", "raw/indoor1.dng", "raw/outdoor2.dng", "raw/outdoor4.dng"):
-        photograph(DATA / name)
-    for name in ("chart/g2_cut_off.crw", "chart/s40_cut_off.crw", "chart/table_srgb.jpg"):
+    for name in CHARTS:
         photograph(DATA / name)
     for name in ("raw/outdoor2.dng", "raw/s40_pantone.crw"):
         photograph(DATA / name, chart=False)

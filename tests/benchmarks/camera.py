@@ -135,21 +135,10 @@ class Client:
 def measure(name: str, rate: float, seconds: float, shots: float, options: list[str]) -> None:
     """Run `view` on frames of a format, `rate` a second, and save `shots` a second."""
     layout, frames = camera_frames(name)
-    description = [
-        "--width",
-        WIDTH,
-        "--height",
-        HEIGHT,
-        "--pixel-format",
-        name,
-        "--stride",
-        layout.stride,
-        "--sensor-bits",
-        BITS[name],
-    ]
+    sensor = f"--width {WIDTH} --height {HEIGHT} --pixel-format {name} --stride {layout.stride} --sensor-bits {BITS[name]}"
     with tempfile.TemporaryDirectory() as folder:
         folders = ["-o", folder] if shots else []
-        command = [*map(str, description), "--port", "0", *folders, *options]
+        command = [*sensor.split(), "--port", "0", *folders, *options]
         reading, writing = os.pipe()
         process = start("view", "-", *command, stdin=reading)
         os.close(reading)
@@ -252,15 +241,14 @@ def stages(name: str, rounds: int = 9) -> None:
         return float(np.median(found))
 
     print(f"{name}, processor time of a frame")
-    total = sum(
-        (
-            timed("receiving (one copy)", lambda: bytearray(data)),
-            timed("unpacking, mosaic", lambda: sensor.mosaic(frame)),
-            timed("white balance", lambda: balance(mosaic)),
-            timed("preview, 1 : 3", lambda: preview.run(balanced)),
-            timed("JPEG", lambda: _jpeg(picture)),  # type: ignore[arg-type]
-        )
-    )
+    steps: dict[str, Callable[[], object]] = {
+        "receiving (one copy)": lambda: bytearray(data),
+        "unpacking, mosaic": lambda: sensor.mosaic(frame),
+        "white balance": lambda: balance(mosaic),
+        "preview, 1 : 3": lambda: preview.run(balanced),
+        "JPEG": lambda: _jpeg(picture),  # type: ignore[arg-type]
+    }
+    total = sum(timed(title, work) for title, work in steps.items())
     print(f"  {'all':<36}{1e3 * total:7.1f} ms: {os.cpu_count()} cores could show {(os.cpu_count() or 1) / total:.0f} a second")
     timed("a shot beside it, as DNG", lambda: encode_dng(balanced, picture))  # type: ignore[arg-type]
 

@@ -18,7 +18,7 @@ import numpy as np
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from tests.tools.calibration.known_camera import true_place
+from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
 from tools.calibration.parts.gamma import gamma_of
@@ -29,13 +29,6 @@ from tools.scenes.drawn.builtin import builtin_scene
 from tools.scenes.drawn.chart import chart_scene
 
 SHAPE = (400, 600)
-PATTERNS = (
-    CfaPattern.bayer(4),
-    CfaPattern.bayer(6),
-    CfaPattern.bayer(8),
-    CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
-    CfaPattern.of_letters("RG/BW"),
-)
 KINDS = (
     "chart", "charts", "chart+dark", "chart+flat", "chart+flat1", "chart+dark+flat", "charts+dark+flat",
     "scene", "scene+dark+flat", "scenes+dark+flat", "chart+scene+dark+flat", "dark+flat", "flat",
@@ -78,7 +71,7 @@ class SimulatedCamera:
         falls[:3, :2] += colours * random.choice([0.3, 1.0]) * random.normal(0, (0.1, 0.05), (3, 2))
         falls[:3, 2:] += colours * random.normal(0, 0.005, (3, 2))
         return SimulatedCamera(
-            pattern=PATTERNS[int(random.integers(len(PATTERNS)))],
+            pattern=list(PATTERNS.values())[int(random.integers(len(PATTERNS)))],
             states=states,
             gamma=random.uniform(0.6, 1.4, 3),
             black=level + off + black * random.normal(0, level / 256, 4),
@@ -114,13 +107,7 @@ class SimulatedCamera:
 
 
 class Silent(Console):
-    """A console that says nothing."""
-
-    def say(self, *lines: str) -> None:
-        """Say nothing."""
-
-    def note(self, text: str) -> None:
-        """Say nothing."""
+    """A console that says nothing, not even what failed."""
 
     def error(self, text: str) -> None:
         """Say nothing."""
@@ -175,7 +162,7 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
 
 def calibrated(frames: Frames, kind: str) -> Conclusion | None:
     """Calibrate from a subset: chart, charts, scene, scenes, dark, flat, or flat1, one flat frame; None = no frame can be used."""
-    parts, session = set(kind.split("+")), Session(Silent(), read=frames.mosaics.__getitem__)
+    parts, session = set(kind.split("+")), Session(Silent(json=True, quiet=True), read=frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:

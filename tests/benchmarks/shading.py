@@ -11,35 +11,25 @@ difference (CIEDE2000, balanced and exposed for the scene), each with
     unknown         with the shading, of which the shot says nothing; light that is evened out afterwards
 """
 
-import argparse
-from collections.abc import Iterator
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from offline import BEST, PAPER, RenderSettings, render
-from shared import CfaPattern, Mosaic, SensorCalibration, Shading
+from offline import RenderSettings, render
+from shared import Mosaic, SensorCalibration, Shading
 from shared.arrays import DoubleArray, FloatArray
 from shared.colorimetry import SRGB_TO_XYZ, xyz_to_lab
 from shared.colour_difference import delta_e_2000
 from shared.sensor import simulate_additive, simulate_sensor
+from tests.benchmarks.lens import PATTERN, SEED, Corners, compare, photographed
+from tests.tools.calibration.known_camera import stating
 from tools.calibration.shading import measure_shading
 from tools.camera.lens import lens_shading
 from tools.evaluation.metrics import patch_psnr
-from tools.scenes.load import load_scene
 
-PATTERN = CfaPattern.bayer(6)
 KNOWN = SensorCalibration.of_bits(16)
 CORNER, EDGE = 5, 6  # part of the frame, and pixels at its edge that are left out
 FLATS, LIGHT = 8, 0.6
-SEED = 3
-
-
-def photographed(rgb: FloatArray, sigma: float, shading: Shading | None) -> Mosaic:
-    """A shot as it is in a file."""
-    taken = simulate_additive(rgb, PATTERN, replace(KNOWN, shading=shading), sigma, np.random.default_rng(SEED))
-    return Mosaic(taken.codes, PATTERN, taken.calibration)
 
 
 def noisy(rgb: FloatArray, sigma: float, shading: Shading) -> Mosaic:
@@ -59,8 +49,7 @@ def from_flats(shading: Shading, shape: tuple[int, int]) -> Shading:
     sensor = SensorCalibration.of_bits(12, headroom=False, shading=shading)
     even, random = np.ones((*shape, 3), np.float32), np.random.default_rng(SEED)
     frames = [simulate_sensor(even, PATTERN, sensor, LIGHT, random) for _ in range(FLATS)]
-    bare = [replace(frame, calibration=replace(frame.calibration, shading=None)) for frame in frames]
-    found = measure_shading([(f"flat{number}", frame) for number, frame in enumerate(bare)]).shading
+    found = measure_shading([(f"flat{number}", stating(frame, shading=None)) for number, frame in enumerate(frames)]).shading
     assert found is not None
     return found
 
@@ -88,36 +77,21 @@ def figures(picture: FloatArray, rgb: FloatArray) -> list[float]:
     return [*(float(np.median(plane)) for plane in planes), float(np.concatenate(apart).mean())]
 
 
-def pictures(rgb: FloatArray, sigma: float, shading: Shading, settings: RenderSettings) -> Iterator[tuple[str, FloatArray]]:
-    """The pictures that are compared, by name."""
-    shape = rgb.shape[0], rgb.shape[1]
-    yield "no lens", render(photographed(rgb, sigma, None), settings).rgb
-    if sigma:
-        yield "no lens, noisy", render(noisy(rgb, sigma, shading), settings).rgb
-    shot = photographed(rgb, sigma, shading)
-    yield "undone", render(shot, settings).rgb
-    for name, known in (("measured", from_flats(shading, shape)), ("unknown", None)):
-        picture = render(replace(shot, calibration=replace(shot.calibration, shading=known)), settings).rgb
-        yield name, picture if known else picture * shading.of_plane(shape)[..., None]
-
-
-def main() -> None:
-    """Print a table for each scene and noise."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="+")
-    parser.add_argument("--sigma", type=float, nargs="+", default=[0.0, 0.01])
-    parser.add_argument("--lens", nargs=2, type=float, default=(2.0, 0.15))
-    parser.add_argument("--preset", choices=("best", "paper"), default="best")
-    arguments = parser.parse_args()
-    stops, colour = arguments.lens
-    for source in arguments.scenes:
-        rgb = load_scene(source).rgb
-        shading = lens_shading(stops, colour, len(PATTERN.planes), (rgb.shape[0], rgb.shape[1]))
-        for sigma in arguments.sigma:
-            print(f"{Path(source).name}, sigma {sigma:g}: RGB, luminance, chrominance (dB), dE2000")
-            for name, picture in pictures(rgb, sigma, shading, BEST if arguments.preset == "best" else PAPER):
-                print(f"  {name:16}" + "".join(f"{figure:8.2f}" for figure in figures(picture, rgb)), flush=True)
+def pictures(
+    scenes: Mapping[str, FloatArray], sigma: float, corners: Corners, settings: RenderSettings
+) -> Iterator[tuple[str, str, FloatArray]]:
+    """The pictures that are compared: source, name, picture."""
+    for source, rgb in scenes.items():
+        shape = rgb.shape[0], rgb.shape[1]
+        shading = lens_shading(*corners, len(PATTERN.planes), shape)
+        shot = photographed(rgb, sigma, shading=shading)
+        yield source, "no lens", render(photographed(rgb, sigma), settings).rgb
+        if sigma:
+            yield source, "no lens, noisy", render(noisy(rgb, sigma, shading), settings).rgb
+        yield source, "undone", render(shot, settings).rgb
+        yield source, "measured", render(stating(shot, shading=from_flats(shading, shape)), settings).rgb
+        yield source, "unknown", render(stating(shot, shading=None), settings).rgb * shading.of_plane(shape)[..., None]
 
 
 if __name__ == "__main__":
-    main()
+    compare(__doc__, "RGB, luminance, chrominance (dB), dE2000", (2.0, 0.15), pictures, figures)

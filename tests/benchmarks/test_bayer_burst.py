@@ -47,12 +47,6 @@ def test_frames_are_aligned_and_each_adds_detail() -> None:
     assert np.diff(found).min() > 1
 
 
-def test_an_even_colour_comes_back() -> None:
-    colour = np.array([0.25, 0.5, 0.75], np.float32)
-    picture = render_bayer_burst([sample_bayer(np.broadcast_to(colour, (40, 44, 3)))] * 4, 0, None, motions=QUAD)
-    np.testing.assert_allclose(picture, np.broadcast_to(colour, picture.shape), atol=1e-5)  # sums in float32
-
-
 @pytest.mark.skipif(package_version("bm3d") is None, reason="bm3d is missing: pip install 'panchroma[rivals]'")
 def test_noise_is_averaged_and_removed() -> None:
     even, sigma = np.full((64, 66, 3), 0.4, np.float32), 0.03

@@ -12,16 +12,22 @@ or that of the whole image, always in the scene's red, green and blue, whatever 
 
 import argparse
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
 
 from shared.errors import InputError
+from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
+from tools.evaluation.scene_sets import cut
 from tools.scenes.drawn.spectral import BANDS
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
 from . import bands, broadband, steps
-from .cameras import Level, Rows, middle, print_table
 
-Study = Callable[[Scene, Level], Iterator[tuple[str, list[float]]]]
+Rows = dict[tuple[str, str], list[list[float]]]
+"""Figures of a table: by noise and by what is tried, one list for each scene."""
+Study = Callable[[Scene, Protocol], Iterator[tuple[str, list[float]]]]
 # Title, names of the figures, study.
 STUDIES: dict[str, tuple[str, tuple[str, ...], Study]] = {
     "steps": ("Steps of the reconstruction", steps.MEASURES, steps.steps),
@@ -39,11 +45,12 @@ def main() -> None:
     parser.add_argument("--light", nargs="*", type=float, default=[], help="noise of a sensor in this part of the scene's light")
     parser.add_argument("--size", type=int, default=600, metavar="PIXELS", help="of each scene, the middle (default: %(default)s)")
     arguments = parser.parse_args()
-    levels = [*map(Level, arguments.sigma), *(Level(light=light) for light in arguments.light)]
+    levels = [*map(PaperProtocol, arguments.sigma), *map(SensorProtocol, arguments.light)]
     photographs: dict[str, Rows] = {}
     for source in arguments.scenes:
         try:
-            scene = middle(load_scene(source), arguments.size)
+            scene = load_scene(source)
+            scene = replace(scene, rgb=cut(scene.rgb, arguments.size))
         except InputError as error:
             raise SystemExit(f"{source}: {error}") from None
         drawn: dict[str, Rows] = {}
@@ -52,16 +59,19 @@ def main() -> None:
                 rows = (drawn if study == "bands" else photographs).setdefault(study, {})
                 for level in levels:
                     for name, figures in STUDIES[study][2](scene, level):
-                        rows.setdefault((str(level), name), []).append(figures)
+                        rows.setdefault((level.text, name), []).append(figures)
         print_tables(drawn, source)
     print_tables(photographs, "means over the photographs")
 
 
 def print_tables(tables: dict[str, Rows], what: str) -> None:
-    """Print the tables of some scenes."""
+    """Print the tables of some scenes in Markdown: means over them."""
     for study, rows in tables.items():
         title, measures, _ = STUDIES[study]
-        print_table(f"{title}: {what}", measures, rows)
+        print(f"\n### {title}: {what}\n\n| | | {' | '.join(measures)} |\n|{'---|' * (len(measures) + 2)}")
+        for (level, name), found in rows.items():
+            print(f"| {level} | {name} | {' | '.join(f'{figure:.3g}' for figure in np.mean(found, axis=0))} |")
+        print(flush=True)
 
 
 if __name__ == "__main__":

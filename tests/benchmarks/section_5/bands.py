@@ -7,14 +7,17 @@ from itertools import product
 import numpy as np
 
 from offline import PRESETS
+from shared import CfaPattern
 from shared.arrays import BoolArray, DoubleArray, FloatArray
+from tools.camera.filters import filters_for
+from tools.camera.protocols import Protocol
 from tools.evaluation.metrics import BORDER, quality
 from tools.evaluation.ours import render_preset
 from tools.evaluation.rivals.plane_denoising import denoised_planes
 from tools.evaluation.rivals.planes import planes
 from tools.scenes.scene import Scene
 
-from .cameras import Camera, Level
+from .cameras import camera
 
 MEASURES = "luminance", "median RGB", "chrominance", "RMS of bands", "mean angle", "angle where RGB errs"
 BLOCKS = "HIJ/KWL/NOP", "HIJK/LNOP"
@@ -23,23 +26,21 @@ MOSAIC = "HIJ/KWL/NOP"  # the tile of the traditional mosaic
 _ERRS = 10.0  # degrees from the truth, of what is guessed from perfect red, green and blue
 
 
-def bands(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
+def bands(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each way to the bands: of the picture in red, green and blue (PSNR, dB), and of the spectra."""
     truth, unlearned = Truth(scene), partial(render_preset, PRESETS["unlearned"])
-    yield "perfect R, G, B; bands guessed", truth.measured(truth.rgb @ truth.guess)
+    guessed = truth.filters @ truth.guess  # bands that three filters show
+    yield "perfect R, G, B; bands guessed", truth.measured(scene.rgb @ guessed)
     for period in (4, 6):
-        camera = Camera.of("RG/GB", period, scene)
-        yield (
-            f"sparse `RG/GB`, K = {period}; bands guessed",
-            truth.measured(camera.render(scene.rgb, level, unlearned) @ truth.guess),
-        )
+        picture = camera("RG/GB", period, scene, level).render_sparse(unlearned)
+        yield f"sparse `RG/GB`, K = {period}; bands guessed", truth.measured(picture @ guessed)
     for block, period in product(BLOCKS, PERIODS):
-        picture = Camera.of(block, period, scene).render(scene.rgb, level, unlearned)
+        picture = camera(block, period, scene, level).render_sparse(unlearned)
         yield f"sparse `{block}`, K = {period}", truth.measured(picture)
-    dense = Camera.of(MOSAIC, 3, scene)
-    yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(dense.render(scene.rgb, level, planes))
-    if level != Level():
-        yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(dense.render(scene.rgb, level, denoised_planes))
+    dense = camera(MOSAIC, 3, scene, level)
+    yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(dense.render_sparse(planes))
+    if not level.clear:
+        yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(dense.render_sparse(denoised_planes))
 
 
 class Truth:
@@ -47,7 +48,7 @@ class Truth:
 
     def __init__(self, scene: Scene) -> None:
         self.bands = scene.rgb
-        self.filters = np.array(Camera.of("RG/GB", 6, scene).filters.matrix, np.float32).T
+        self.filters = np.array(filters_for(CfaPattern.bayer(6), scene).matrix, np.float32).T
 
     @cached_property
     def rgb(self) -> FloatArray:
@@ -70,14 +71,8 @@ class Truth:
         angles = self._angles(picture)
         error = (picture - self.bands)[BORDER:-BORDER, BORDER:-BORDER]
         rms = float(np.sqrt(np.mean(error.astype(np.float64) ** 2)))
-        return [
-            found.luminance[2],
-            found.rgb[2],
-            found.chrominance[2],
-            rms,
-            float(angles.mean()),
-            float(angles[self._mistaken].mean()),
-        ]
+        medians = found.luminance[2], found.rgb[2], found.chrominance[2]
+        return [*medians, rms, float(angles.mean()), float(angles[self._mistaken].mean())]
 
     def _angles(self, picture: FloatArray) -> DoubleArray:
         """Angles between spectra, degrees: how different they are whatever their brightness."""

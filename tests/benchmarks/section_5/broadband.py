@@ -7,28 +7,28 @@ import numpy as np
 
 from offline import BEST, PRESETS
 from shared.arrays import FloatArray
+from tools.camera.protocols import Protocol
 from tools.evaluation.hue import wrong_hue
 from tools.evaluation.metrics import BORDER, psnr, quality
 from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
-from .cameras import Camera, Level
+from .cameras import camera
 
 MEASURES = "median RGB", "luminance", "chrominance", "10 % chrominance", "whole image", "wrong hue, %"
 BLOCKS = "RG/GB", "RG/BW", "CM/YC", "MY/CM", "CY/YM", "CM/YW"
 _INNER = np.s_[BORDER:-BORDER, BORDER:-BORDER]
 
 
-def broadband(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
+def broadband(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each block, K = 6, all in the scene's RGB."""
     for block in BLOCKS:
-        camera = Camera.of(block, 6, scene)
+        pair = camera(block, 6, scene, level)
         presets = {f"`{block}`": PRESETS["unlearned"]}
         if block == "RG/GB":  # there is a network for no other of these
             presets[f"`{block}`, network"] = BEST
         for name, settings in presets.items():
-            picture = camera.render(scene.rgb, level, partial(render_preset, settings)) @ camera.to_scene()
-            yield name, measured(picture, scene.rgb)
+            yield name, measured(pair.render_sparse(partial(render_preset, settings)), scene.rgb)
 
 
 def measured(picture: FloatArray, truth: FloatArray) -> list[float]:

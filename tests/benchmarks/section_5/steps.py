@@ -11,11 +11,12 @@ from device import Preview
 from offline import BEST, PAPER, PRESETS, render, use_threads
 from shared import Mosaic
 from shared.arrays import FloatArray
+from tools.camera.protocols import Protocol
 from tools.evaluation.metrics import quality
 from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
-from .cameras import Camera, Level
+from .cameras import camera
 
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
@@ -36,15 +37,15 @@ STEPS = {
 }
 
 
-def steps(scene: Scene, level: Level) -> Iterator[tuple[str, list[float]]]:
+def steps(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each variant, the paper's camera, K = 6."""
     use_threads(1)  # so that the processor's time is that of the work
-    mosaic = Camera.of("RG/GB", 6, scene).shot(scene.rgb, level)
+    mosaic = camera("RG/GB", 6, scene, level).sparse
     small = Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration)
     for name, make in _variants(mosaic, scene.rgb).items():
         make(small)  # loads what is compiled
         start = time.process_time()
-        picture = make(mosaic) / np.float32(level.light or 1)
+        picture = make(mosaic) / np.float32(level.light)
         seconds = time.process_time() - start
         found = quality(picture, scene.rgb)
         yield name, [*found.median, found.rgb[0], found.chrominance[0], 1e6 * seconds / mosaic.samples.size]

@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
+from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from shared.perspective import apply_homography, homography, rectangle
 from shared.sensor import simulate_sensor
 from tools.calibration.assumed import Assumed
@@ -15,9 +17,10 @@ from tools.calibration.chart.place import COLUMNS, PATCH, ROWS, ChartPlace
 from tools.scenes.drawn.chart import CORNERS, chart_scene
 from tools.scenes.scene import Scene
 
+NOISE = NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4))
 TRUTH = SensorCalibration(
     gamma=(0.9, 1.1, 0.8),
-    noise=NoiseModel((2e-4, 2.2e-4, 1.8e-4, 2.4e-4), (6e-4, 7e-4, 8e-4, 9e-4)),
+    noise=NOISE,
     black_level=(256.0, 257.0, 255.0, 258.0),
     white_level=4095,
     sensor="bench",
@@ -31,6 +34,11 @@ def measured(says: SensorCalibration) -> Assumed:
 
 
 MEASURED = measured(BLIND)
+PATTERNS = {
+    **{f"K = {period}": CfaPattern.bayer(period) for period in (4, 6, 8)},
+    "Kodak's tile": CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"),
+    "RG/BW": CfaPattern.of_letters("RG/BW"),
+}
 WIDTH, HEIGHT = 600, 400
 
 
@@ -51,15 +59,25 @@ def frame(
 
 def edited(mosaic: Mosaic, edit: Callable[[np.ndarray], ArrayLike]) -> Mosaic:
     """The frame with other codes; edit: gets them as float64, a copy."""
-    codes = np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535).astype(np.uint16)
-    return Mosaic(codes, mosaic.pattern, mosaic.calibration)
+    return replace(mosaic, samples=np.rint(edit(mosaic.codes.astype(float))).clip(0, 65535).astype(np.uint16))
 
 
 def with_code(mosaic: Mosaic, place: tuple[int, int], code: float) -> Mosaic:
     """The frame with another code at one place (row, column)."""
     codes = mosaic.codes.copy()
     codes[place] = code
-    return Mosaic(codes, mosaic.pattern, mosaic.calibration)
+    return replace(mosaic, samples=codes)
+
+
+def stating(mosaic: Mosaic, **facts: Any) -> Mosaic:
+    """The frame with other statements in its calibration, `aberration=None` for example."""
+    return replace(mosaic, calibration=replace(mosaic.calibration, **facts))
+
+
+def save(path: Path, mosaic: Mosaic) -> Path:
+    """Write the frame as a DNG with a black preview."""
+    write_dng(path, mosaic, np.zeros((20, 30, 3), np.uint8))
+    return path
 
 
 def true_place() -> ChartPlace:

@@ -1,5 +1,6 @@
 """95 % are 95 %: a small part of `tests.benchmarks.coverage`, on cameras whose black and lens are not what is assumed."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -7,14 +8,15 @@ import numpy as np
 import pytest
 
 from shared import SensorCalibration
-from tests.benchmarks.coverage import PATTERNS, SHAPE, Frames, SimulatedCamera, calibrated, campaign, charts
-from tests.tools.calibration.known_camera import true_place
+from tests.benchmarks.coverage import SHAPE, Frames, SimulatedCamera, calibrated, campaign, charts
+from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
+from tools.calibration.measure import Conclusion
 from tools.calibration.parts.gamma import gamma_of
 
 pytest.importorskip("cv2")
 SIMPLE = SimulatedCamera(
-    pattern=PATTERNS[1],
+    pattern=PATTERNS["K = 6"],
     states=SensorCalibration.of_bits(12, headroom=False),
     gamma=np.array([0.9, 1.15, 0.8]),
     black=np.full(4, 256.0),
@@ -22,6 +24,12 @@ SIMPLE = SimulatedCamera(
     read=np.full(4, 3.0),
     falls=np.zeros((4, 4)),
 )
+
+
+def concluded(frames: Frames, kind: str) -> Conclusion:
+    outcome = calibrated(frames, kind)
+    assert outcome is not None
+    return outcome
 
 
 def frames_of(camera: SimulatedCamera, light: Any = 1.0, number: int = 1, darks: SimulatedCamera | None = None) -> Frames:
@@ -49,43 +57,35 @@ def test_intervals_hold_whatever_was_not_measured(kind: str) -> None:
 def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
-        outcome = calibrated(frames_of(off, number=number), "charts" if number > 1 else "chart")
-        assert outcome is not None
+        outcome = concluded(frames_of(off, number=number), "charts" if number > 1 else "chart")
         gamma = gamma_of(outcome.evidence)
         assert gamma is not None
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"
         (said,) = outcome.contradictions
-        assert "contradict the black level that is assumed" in said
-        assert "it seems to be 1" in said
-        assert "codes higher; take dark frames (`dark`)" in said
+        assert re.search(
+            r"contradict the black level that is assumed.*it seems to be 1.* codes higher; take dark frames \(`dark`\)", said
+        )
         assert outcome.camera is not None  # gamma is honest, and dark frames may be added
 
 
 def test_dark_frames_of_another_exposure_are_contradicted_and_nothing_is_written() -> None:
-    outcome = calibrated(frames_of(SIMPLE, darks=replace(SIMPLE, black=np.full(4, 270.0))), "chart+dark")
-    assert outcome is not None
+    outcome = concluded(frames_of(SIMPLE, darks=replace(SIMPLE, black=np.full(4, 270.0))), "chart+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
-    assert "contradict the black level that the dark frames show" in outcome.refusal
-    assert "take dark frames anew" in outcome.refusal
+    assert re.search("contradict the black level that the dark frames show.*take dark frames anew", outcome.refusal)
 
 
 def test_shots_of_two_cameras_are_contradicted() -> None:
     one, other = frames_of(SIMPLE), frames_of(replace(SIMPLE, gamma=np.array([0.8, 1.2, 0.9])))
     one.mosaics["chart1"], one.places["chart1"] = other.mosaics["chart0"], other.places["chart0"]
-    outcome = calibrated(one, "charts+dark")
-    assert outcome is not None
+    outcome = concluded(one, "charts+dark")
     assert (outcome.verdict, outcome.camera) == ("do not use it", None)
-    assert "the shots contradict each other in gamma" in outcome.refusal
-    assert "standard deviations: chart0 0.89" in outcome.refusal
+    assert re.search(r"the shots contradict each other in gamma.*standard deviations: chart0 0\.89", outcome.refusal)
 
 
 def test_blue_light_is_called_blue() -> None:
-    outcome = calibrated(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
-    assert outcome is not None
+    outcome = concluded(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
     said = " ".join(outcome.warnings)
-    assert "the light is strongly coloured: on grey R reads 5 % of what B does" in said
-    assert "take white light" in said
-    assert "uneven" not in said
-    assert "black level" not in said
+    assert re.search("the light is strongly coloured: on grey R reads 5 % of what B does.*take white light", said)
+    assert not re.search("uneven|black level", said)
     assert not outcome.contradictions

@@ -6,7 +6,7 @@ import pytest
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.errors import InputError
 from shared.sensor import sample, simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, edited, frame, true_place, with_code
+from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, edited, frame, true_place, with_code
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
 from tools.calibration.noise import measure_flats, noise_of_flats, noise_of_places
@@ -30,10 +30,9 @@ def flats(*levels: float) -> list[Mosaic]:
 
 def test_black_level_and_read_noise_of_dark_frames_per_filter() -> None:
     dark = measure_dark(darks(6))
-    assert TRUTH.noise is not None
     assert (np.abs(dark.black - TRUTH.black_level) < 5 * dark.black_error + 1e-9).all()
     read = dark.read * FULL / (4095 - dark.black)
-    np.testing.assert_allclose(read, TRUTH.noise.read, rtol=0.05)
+    np.testing.assert_allclose(read, NOISE.read, rtol=0.05)
     assert len(dark.defects) <= 1e-5 * SHAPE[0] * SHAPE[1]
 
 
@@ -66,26 +65,24 @@ def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> 
 
 
 def test_gain_and_read_noise_of_flats_and_darks() -> None:
-    assert TRUTH.noise is not None
     dark = measure_dark(darks(4))
     seen, alone = measure_flats(flats(0.05, 0.3, 0.8))
     model = noise_of_flats(seen, BLIND, dark).model(FULL)
-    np.testing.assert_allclose(model.shot, TRUTH.noise.shot, rtol=0.05)
-    np.testing.assert_allclose(model.read, TRUTH.noise.read, rtol=0.05)
+    np.testing.assert_allclose(model.shot, NOISE.shot, rtol=0.05)
+    np.testing.assert_allclose(model.read, NOISE.read, rtol=0.05)
     assert seen.dead == ()
     assert alone == []
 
 
 def test_flats_alone_say_how_little_they_know_of_read_noise() -> None:
     """Shot noise hides it: 5 % are out of reach, but the interval is honest and the warning names the remedy."""
-    assert TRUTH.noise is not None
     frames = flats(0.02, 0.3, 0.8)
     seen, _ = measure_flats(frames)
     noise = noise_of_flats(seen, BLIND, None)
-    off = np.array([line.read for line in noise.lines]) - np.array(TRUTH.noise.read) / FULL
+    off = np.array([line.read for line in noise.lines]) - np.array(NOISE.read) / FULL
     error = np.array([line.read_error for line in noise.lines])
     assert (np.abs(off) < 4 * error).all()
-    assert (error < 0.5 * np.array(TRUTH.noise.read) / FULL)[-1]
+    assert (error < 0.5 * np.array(NOISE.read) / FULL)[-1]
     blamed = [line for line in conclude(Observations(frames[0], flats=seen), color_checker_xyz()).warnings if "`dark`" in line]
     assert len(blamed) == 1
     known = Observations(frames[0], measure_dark(darks(4)), seen)
@@ -105,23 +102,20 @@ def test_flats_without_partner_and_dead_pixels() -> None:
 
 def test_one_exposure_is_enough_only_with_dark_frames() -> None:
     """Without them nothing tells shot noise from read noise, and the fit may give either as 0."""
-    assert TRUTH.noise is not None
     even = [frame(np.full((*SHAPE, 3), 0.5), seed=seed) for seed in range(2)]
     for pair in (even, flats(0.5)):
         seen, _ = measure_flats(pair)
         with pytest.raises(InputError, match=r"1 pair of flat frames tell the noise at full scale only to ±.*several exposures"):
             noise_of_flats(seen, BLIND, None)
         shot = noise_of_flats(seen, BLIND, measure_dark(darks(4))).model(FULL).shot
-        np.testing.assert_allclose(shot, TRUTH.noise.shot, rtol=0.1)
+        np.testing.assert_allclose(shot, NOISE.shot, rtol=0.1)
 
 
 def test_codes_too_coarse_for_the_read_noise_leave_it_unknown() -> None:
     """Rounding hides a read noise of 0.2 codes: what is left after Sheppard's correction would be 0."""
     blunt = replace(BLIND, noise=NoiseModel((2e-4,) * 4, (0.2 * FULL / 3839,) * 4))
-    frames = [
-        simulate_sensor(np.zeros((*SHAPE, 3), np.float32), CfaPattern.bayer(), blunt, 1.0, np.random.default_rng(seed))
-        for seed in range(2)
-    ]
+    black, bayer = np.zeros((*SHAPE, 3), np.float32), CfaPattern.bayer()
+    frames = [simulate_sensor(black, bayer, blunt, 1.0, np.random.default_rng(seed)) for seed in range(2)]
     dark = measure_dark(frames)
     assert not dark.shows_read
     assert dark.defects == ()  # some pixels read a code more or less
@@ -140,11 +134,10 @@ def test_a_chart_without_noise_measures_none() -> None:
 
 
 def test_gain_from_the_chart() -> None:
-    assert TRUTH.noise is not None
     places = patch_samples(frame(chart().rgb), true_place().regions())
     model = noise_of_places(places, BLIND, measure_dark(darks(4))).model(FULL)
-    np.testing.assert_allclose(model.shot, TRUTH.noise.shot, rtol=0.15)
-    np.testing.assert_allclose(model.shot[3], TRUTH.noise.shot[3], rtol=0.03)
+    np.testing.assert_allclose(model.shot, NOISE.shot, rtol=0.15)
+    np.testing.assert_allclose(model.shot[3], NOISE.shot[3], rtol=0.03)
 
 
 def test_texture_does_not_pass_for_noise() -> None:
@@ -208,12 +201,11 @@ def test_black_that_is_lower_than_taken_for_does_not_tilt_the_line() -> None:
     wrong = replace(BLIND, black_level=tuple(black - 100 for black in BLIND.black_level))
     frames = [Mosaic(each.codes, each.pattern, wrong) for each in flats(0.1, 0.3, 0.8)]
     seen, _ = measure_flats(frames)
-    assert TRUTH.noise is not None
     outcome = conclude(Observations(frames[0], flats=seen), color_checker_xyz())
     assert outcome.camera is not None
     assert outcome.camera.calibration.noise is not None
     found, errors = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
-    off = (np.array(found.shot) * FULL / 3 - TRUTH.noise.shot) / (1.96 * np.array(errors["shot_error"]))
+    off = (np.array(found.shot) * FULL / 3 - NOISE.shot) / (1.96 * np.array(errors["shot_error"]))
     assert np.abs(off).max() < 1.5
-    off = (np.array(found.read) * FULL / 3 - TRUTH.noise.read) / (1.96 * np.array(errors["read_error"]))
+    off = (np.array(found.read) * FULL / 3 - NOISE.read) / (1.96 * np.array(errors["read_error"]))
     assert np.abs(off).max() < 1

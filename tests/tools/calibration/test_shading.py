@@ -19,6 +19,12 @@ PATTERN = CfaPattern.bayer(6)
 Light = Callable[[DoubleArray, DoubleArray], DoubleArray]
 
 
+def places(shape: tuple[int, int]) -> tuple[DoubleArray, DoubleArray]:
+    """Rows (H, 1) and columns (1, W) from the middle, in half diagonals."""
+    down, right = ((np.arange(size) - size / 2) / (np.hypot(*shape) / 2) for size in shape)
+    return down[:, None], right[None]
+
+
 def flats(
     light: float = 0.6,
     lens: tuple[float, float] = (2.0, 0.15),
@@ -32,8 +38,7 @@ def flats(
 
     saturated: share of the red samples that are clipped, the brightest ones.
     """
-    down, right = ((np.arange(size) - size / 2) / (np.hypot(*shape) / 2) for size in shape)
-    light_at = np.ones(shape) if surface is None else surface(down[:, None], right[None])
+    light_at = np.ones(shape) if surface is None else surface(*places(shape))
     rgb = np.empty((*shape, 3), np.float32)
     rgb[...] = light_at if light_at.ndim == 3 else light_at[..., None]
     shading = lens_shading(*lens, 4, shape)
@@ -65,8 +70,8 @@ def test_a_lens_is_measured(lens: tuple[float, float], tile: tuple[str, ...] | N
 
 def test_a_lens_with_steep_corners_is_measured() -> None:
     shape = (600, 900)
-    down, right = ((np.arange(size) - size / 2) / (np.hypot(*shape) / 2) for size in shape)
-    square = down[:, None] ** 2 + right**2
+    down, right = places(shape)
+    square = down**2 + right**2
     truth = 1 / (1 - 0.3 * square - 0.4 * square**3)
     found = measure_shading(flats(lens=(0.0, 0.0), surface=lambda *_: 1 / truth, shape=shape)).shading
     assert found is not None
@@ -90,16 +95,14 @@ def falls_off(row: float, column: float) -> Light:
     return lambda down, right: 0.9 / (1 + (down - row) ** 2 + (right - column) ** 2) ** 2
 
 
-def coloured(row: float, column: float) -> Light:
-    """Light that falls off, red more and blue less, around a place."""
-    square: Light = lambda down, right: (down - row) ** 2 + (right - column) ** 2  # noqa: E731
-    return lambda down, right: (
-        falls_off(row, column)(down, right)[..., None] * (1 - np.array([0.15, 0.0, -0.15]) * square(down, right)[..., None])
-    )
-
-
 def test_a_centre_a_little_off_the_middle_is_a_lens() -> None:
-    assert measure_shading(flats(lens=(0.0, 0.0), surface=coloured(0.05, 0.08))).shading is not None
+    """Light that falls off, red more and blue less."""
+
+    def coloured(down: DoubleArray, right: DoubleArray) -> DoubleArray:
+        square = ((down - 0.05) ** 2 + (right - 0.08) ** 2)[..., None]
+        return np.asarray(falls_off(0.05, 0.08)(down, right)[..., None] * (1 - np.array([0.15, 0.0, -0.15]) * square))
+
+    assert measure_shading(flats(lens=(0.0, 0.0), surface=coloured)).shading is not None
 
 
 def test_frames_that_fall_off_differently_are_refused() -> None:
@@ -117,20 +120,14 @@ def test_frames_that_fall_off_differently_are_refused() -> None:
         ({"saturated": 0.1}, "all are clipped; flat[01].dng is least so, in [0-9.]+ % of the samples of R; expose less"),
         ({"light": 0.02}, "too dark, and tell the shading only to"),
         ({"light": 0.0003}, "dark"),
+        ({"surface": lambda y, x: 1 + 0.06 * x + 0 * y}, r"the light is tilted: (9|10|11)\.. % brighter at the right"),
+        ({"surface": lambda y, x: 1 - 0.06 * y + 0 * x, "lens": (0, 0)}, "the light is tilted: .* at the top"),
         (
-            {"surface": lambda down, right: 1 + 0.06 * right + 0 * down},
-            r"the light is tilted: (9|10|11)\.. % brighter at the right",
-        ),
-        ({"surface": lambda down, right: 1 - 0.06 * down + 0 * right, "lens": (0, 0)}, "the light is tilted: .* at the top"),
-        (
-            {"surface": lambda down, right: np.stack([1 + 0.05 * right, 1 - 0.05 * right, 1 + 0 * right], 2) + 0 * down[..., None]},
+            {"surface": lambda y, x: np.stack([1 + 0.05 * x, 1 - 0.05 * x, 1 + 0 * x], 2) + 0 * y[..., None]},
             "the light is tilted in [RG], compared with W: [78].. % brighter at the (right|left)",
         ),
         ({"surface": falls_off(0.1, 0.28), "lens": (0, 0.1)}, "around a place that is 1[4-6] % of the diagonal off the middle"),
-        (
-            {"surface": lambda down, right: 1 + 0.05 * np.sin(20 * right) * np.cos(15 * down)},
-            "in [RGBW] they differ by .* from any smooth",
-        ),
+        ({"surface": lambda y, x: 1 + 0.05 * np.sin(20 * x) * np.cos(15 * y)}, "in [RGBW] they differ by .* from any smooth"),
         ({"shape": (300, 84)}, "84 x 300 pixels do not tell it; along each side it takes 90, 15 periods of the pattern"),
         ({"focal": (35.0, 50.0)}, "flat0.dng is taken at 35 mm, flat1.dng at 50 mm"),
     ],

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shared import Camera, CfaPattern, Mosaic, SensorCalibration, read_camera, read_dng, write_dng
+from shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera, read_dng
 from shared.errors import InputError
 from shared.sensor import simulate_sensor, typical_noise
-from tests.tools.calibration.known_camera import BLIND, TRUTH, chart, frame, true_place, with_code
+from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, save, true_place, with_code
 from tests.tools.command import run
 from tools.calibration.camera_file import difference, write_camera
 from tools.calibration.reference import read_reference, ti3
@@ -25,9 +25,9 @@ CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
 BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green and blue
 
 
-def save(path: Path, mosaic: Mosaic) -> Path:
-    write_dng(path, mosaic, np.zeros((20, 30, 3), np.uint8))
-    return path
+def noise_of(camera: Camera) -> NoiseModel:
+    assert camera.calibration.noise is not None
+    return camera.calibration.noise
 
 
 STEPS: dict[str, list[str]] = {
@@ -63,11 +63,9 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     outcome = run("calibrate", folder, "-o", output, "--report", tmp_path, "--json")
     assert outcome.code == 0, outcome.err
     camera = read_camera(output)
-    assert TRUTH.noise is not None
-    assert camera.calibration.noise is not None
     np.testing.assert_allclose(camera.calibration.gamma, TRUTH.gamma, rtol=0.01)
     np.testing.assert_allclose(camera.calibration.black_level, TRUTH.black_level, atol=0.1)
-    np.testing.assert_allclose(camera.calibration.noise.shot, TRUTH.noise.shot, rtol=0.06)
+    np.testing.assert_allclose(noise_of(camera).shot, NOISE.shot, rtol=0.06)
     assert set(camera.measured) == {"gamma", "noise", "black_level", "defects", "colour", "shading"}
     assert camera.calibration.shading is None  # the flat frames are even
     assert camera.pattern == read_dng(folder / "chart.dng").pattern
@@ -101,13 +99,8 @@ def test_an_update_replaces_what_was_measured_and_keeps_the_old_file(folder: Pat
     outcome = run("calibrate", "--dark", folder / "dark0.dng", folder / "dark1.dng", "-o", output, "--update")
     assert outcome.code == 0, outcome.err
     after = read_camera(output)
-    replaced = {"black_level", "defects"}
-    assert after.calibration == replace(
-        before.calibration,
-        black_level=after.calibration.black_level,
-        defects=after.calibration.defects,
-        camera=after.calibration.id,
-    )
+    replaced = {part: getattr(after.calibration, part) for part in ("black_level", "defects")}
+    assert after.calibration == replace(before.calibration, **replaced, camera=after.calibration.id)
     assert {part: how for part, how in after.measured.items() if part not in replaced} == before.measured
     assert (tmp_path / "camera.json.bak").read_text() == text
     assert "black_level: [256, 257, 255, 258] -> " in outcome.out
@@ -180,14 +173,11 @@ def test_the_noise_of_flat_frames_is_not_replaced_by_that_of_a_chart(folder: Pat
     calibrated(folder, path, "chart")
     new = read_camera(path)
     assert new.measured["noise"] == old.measured["noise"]
-    assert TRUTH.noise is not None
-    assert old.calibration.noise is not None
-    assert new.calibration.noise is not None
     ratio = new.calibration.full_scale / old.calibration.full_scale
     assert abs(ratio - 1) > 0.05
     for name in ("shot", "read"):
-        np.testing.assert_allclose(getattr(new.calibration.noise, name), ratio * np.array(getattr(old.calibration.noise, name)))
-    np.testing.assert_allclose(new.calibration.noise.shot, TRUTH.noise.shot, rtol=0.06)
+        np.testing.assert_allclose(getattr(noise_of(new), name), ratio * np.array(getattr(noise_of(old), name)))
+    np.testing.assert_allclose(noise_of(new).shot, NOISE.shot, rtol=0.06)
     whole = calibrated(folder, path, "chart", "flat", "dark")  # flat frames replace it
     assert whole["camera"]["measured"]["noise"]["shot_error"] != list(old.measured["noise"]["shot_error"])
 
@@ -220,36 +210,31 @@ def test_hot_pixels_stay_when_only_flat_frames_are_new(folder: Path, tmp_path: P
     assert (50, 70) not in read_camera(path).calibration.defects
 
 
-@pytest.mark.parametrize("camera", [[], ["--period", "4", "--sensor-bits", "16"]])
-def test_the_built_in_scenes_make_a_camera_to_use(camera: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [[], ["--period", "4", "--sensor-bits", "16"]])
+def test_the_built_in_scenes_make_a_camera_to_use(options: list[str], tmp_path: Path) -> None:
     """As the README tells a newcomer who has no camera."""
     frames: dict[str, list[Path]] = {"chart": [], "dark": [], "flat": []}
     for kind, light, seed in (("chart", 1, 0), *product(["dark"], [1], (1, 2, 3, 4)), *product(["flat"], (0.1, 0.3, 0.6), (1, 2))):
         to = tmp_path / f"{kind}{light}-{seed}"
-        options = ["--protocol", "sensor", "--seed", str(seed), *camera]
-        if light != 1:
-            options += ["--light", str(light)]
-        outcome = run("simulate", f"{kind}:720x480", "-o", to, *options)
+        lit = [] if light == 1 else ["--light", str(light)]
+        outcome = run("simulate", f"{kind}:720x480", "-o", to, "--protocol", "sensor", "--seed", str(seed), *options, *lit)
         assert outcome.code == 0, outcome.err
         frames[kind] += to.iterdir()
     output = tmp_path / "camera.json"
     outcome = run("calibrate", *frames["chart"], "--dark", *frames["dark"], "--flat", *frames["flat"], "-o", output, "--json")
     assert (outcome.code, outcome.records[-1]["warnings"]) == (0, [])
     assert outcome.records[-1]["verdict"] == "use it"
-    known = read_camera(output).calibration
-    np.testing.assert_allclose(known.gamma, (1, 1, 1), rtol=0.01)
-    typical = typical_noise(known)
-    assert known.noise is not None
-    np.testing.assert_allclose(known.noise.shot, typical.shot, rtol=0.05)
-    np.testing.assert_allclose(known.noise.read, typical.read, rtol=0.05)
+    camera = read_camera(output)
+    np.testing.assert_allclose(camera.calibration.gamma, (1, 1, 1), rtol=0.01)
+    found, typical = noise_of(camera), typical_noise(camera.calibration)
+    np.testing.assert_allclose((found.shot, found.read), (typical.shot, typical.read), rtol=0.05)
 
 
 def test_the_read_noise_of_dark_frames_reaches_the_noise_of_a_chart(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "camera.json"
     first, second = calibrated(folder, path, "chart"), calibrated(folder, path, "chart", "dark")
     assert any("read noise" in warning and "(--dark)" in warning for warning in first["warnings"])
-    assert TRUTH.noise is not None
-    np.testing.assert_allclose(second["camera"]["noise"]["read"], TRUTH.noise.read, rtol=0.05)
+    np.testing.assert_allclose(second["camera"]["noise"]["read"], NOISE.read, rtol=0.05)
     assert [warning for warning in first["warnings"] if "read noise" not in warning] == second["warnings"]
     assert second["verdict"] == "use it with care"  # the chart's texture is still in the noise
 
@@ -311,7 +296,7 @@ def test_a_scattered_tile_of_cyan_magenta_and_yellow_from_end_to_end(tmp_path: P
     assert outcome.code == 0, outcome.err
     measured = read_camera(tmp_path / "camera.json")
     np.testing.assert_allclose(measured.calibration.gamma, TRUTH.gamma, rtol=0.01)
-    np.testing.assert_allclose(measured.calibration.noise.shot, TRUTH.noise.shot, rtol=0.1)  # type: ignore[union-attr]
+    np.testing.assert_allclose(noise_of(measured).shot, NOISE.shot, rtol=0.1)
     assert measured.pattern == CMY
 
 

@@ -1,30 +1,26 @@
 """A lens with shading, from its simulation to pictures, by the commands."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import tifffile
 
-from shared import CaptureMetadata, Mosaic, read_camera, read_dng, write_dng
+from shared import read_camera, read_dng
+from tests.tools.calibration.known_camera import edited, save, stating
 from tests.tools.command import run
+from tests.tools.commands.taken import taken
 from tools.camera.lens import lens_shading
 
 SIZE, SHAPE = "450x300", (300, 450)
+LENS = lens_shading(1.5, 0.1, 4, SHAPE)
 
 
-def photographed(folder: Path, scene: str, name: str, *options: str, focal: float | None = 35.0) -> Path:
+def photographed(folder: Path, scene: str, name: str, *options: str, focal: float | None = 35.0) -> None:
     """A shot of a camera that does not know the shading of its lens."""
-    outcome = run("simulate", f"{scene}:{SIZE}", "-o", folder / "true", "--shading", "1.5,10", "--overwrite", *options)
-    assert outcome.code == 0, outcome.err
-    shot = read_dng(folder / "true" / f"{scene}-{SIZE}.dng")
-    assert shot.calibration.shading == lens_shading(1.5, 0.1, 4, SHAPE)
-    calibration = replace(shot.calibration, shading=None)
-    shot = Mosaic(shot.codes, shot.pattern, calibration, CaptureMetadata(focal_length=focal))
-    write_dng(folder / name, shot, np.zeros((20, 30, 3), np.uint8))
-    return folder / name
+    taken(folder, name, f"{scene}:{SIZE}", "--shading", "1.5,10", *options, focal=focal, shading=None)
+    assert read_dng(folder / "true" / f"{scene}-{SIZE}.dng").calibration.shading == LENS
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("lens")
     for light in ("0.2", "0.6"):
         for seed in ("1", "2"):
-            photographed(folder, "flat", f"flat{light}-{seed}.dng", "--protocol", "sensor", "--light", light, "--seed", seed)
-    photographed(folder, "builtin", "shot.dng", "--sensor-bits", "12", "--protocol", "sensor", "--light", "0.9", focal=50.0)
+            photographed(folder, "flat", f"flat{light}-{seed}.dng", "--light", light, "--seed", seed)
+    photographed(folder, "builtin", "shot.dng", "--sensor-bits", "12", "--light", "0.9", focal=50.0)
     outcome = run("calibrate", "--flat", *folder.glob("flat*.dng"), "-o", folder / "camera.json", "--report", folder)
     assert outcome.code == 0, outcome.err
     assert "shading: 1.4" in outcome.out
@@ -42,21 +38,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture
+def path(folder: Path, tmp_path: Path) -> Path:
+    """A copy of the camera file."""
+    (tmp_path / "camera.json").write_bytes((folder / "camera.json").read_bytes())
+    return tmp_path / "camera.json"
+
+
 def test_flat_frames_make_a_camera_file_that_keeps_it(folder: Path) -> None:
     camera = read_camera(folder / "camera.json")
     assert camera.calibration.shading is not None
-    np.testing.assert_allclose(
-        camera.calibration.shading.of_plane(SHAPE, 0), lens_shading(1.5, 0.1, 4, SHAPE).of_plane(SHAPE, 0), rtol=0.02
-    )
-    assert camera.measured["shading"]["frames"] == 4
-    assert camera.measured["shading"]["focal_length"] == 35
-    shown = run("inspect", folder / "camera.json").out
-    assert "% between colours at 35 mm; undone" in shown
+    np.testing.assert_allclose(camera.calibration.shading.of_plane(SHAPE, 0), LENS.of_plane(SHAPE, 0), rtol=0.02)
+    facts = camera.measured["shading"]
+    assert (facts["frames"], facts["focal_length"]) == (4, 35)
+    assert "% between colours at 35 mm; undone" in run("inspect", folder / "camera.json").out
 
 
-def test_commands_undo_it_and_tell_another_focal_length(folder: Path, tmp_path: Path) -> None:
+def test_commands_undo_it_and_tell_another_focal_length(folder: Path, path: Path, tmp_path: Path) -> None:
     told = "shot.dng: taken at 50 mm, but its shading was measured at 35 mm"
-    camera = "--camera", folder / "camera.json"
+    camera = "--camera", path
     outcome = run("render", folder / "shot.dng", "-o", tmp_path, "--bits", "32", "--space", "camera", *camera)
     assert outcome.code == 0, outcome.err
     assert told in outcome.err
@@ -68,36 +68,32 @@ def test_commands_undo_it_and_tell_another_focal_length(folder: Path, tmp_path: 
     outcome = run("preview", folder / "shot.dng", "-o", tmp_path, *camera)
     assert outcome.code == 0
     assert told in outcome.err
-    (tmp_path / "camera.json").write_bytes((folder / "camera.json").read_bytes())
-    outcome = run("calibrate", "--no-chart", folder / "shot.dng", "-o", tmp_path / "camera.json", "--update")
-    assert told in outcome.err
+    assert told in run("calibrate", "--no-chart", folder / "shot.dng", "-o", path, "--update").err
 
 
-def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, tmp_path: Path) -> None:
+def test_refused_flat_frames_leave_what_is_known_of_noise(folder: Path, path: Path, tmp_path: Path) -> None:
     """Light that is tilted: shading is not measured, and the reason is told; nor is what the shots say of it taken over.
 
     What a camera file knows of it stays.
     """
     slope = np.linspace(0.9, 1.1, SHAPE[1])
-    for path in folder.glob("flat*.dng"):
-        flat = read_dng(path)
-        codes = np.rint((flat.codes - 256.0) * slope + 256).astype(np.uint16)
-        known = replace(flat.calibration, shading=lens_shading(1.5, 0.1, 4, SHAPE))
-        write_dng(tmp_path / path.name, Mosaic(codes, flat.pattern, known, flat.metadata), np.zeros((20, 30, 3), np.uint8))
-    outcome = run("calibrate", "--flat", *tmp_path.glob("flat*.dng"), "-o", tmp_path / "camera.json", "--json")
+    for flat_path in folder.glob("flat*.dng"):
+        flat = read_dng(flat_path)
+        save(tmp_path / flat_path.name, stating(edited(flat, lambda codes: (codes - 256) * slope + 256), shading=LENS))
+    tilted, new = sorted(tmp_path.glob("flat*.dng")), tmp_path / "new.json"
+    reason = "flat frames: the light is tilted"
+    outcome = run("calibrate", "--flat", *tilted, "-o", new, "--json")
     assert outcome.code == 0
-    assert "no shading was measured: flat frames: the light is tilted" in outcome.err
+    assert f"no shading was measured: {reason}" in outcome.err
     assert outcome.records[-1]["verdict"] == "use it with care"
-    assert "shading" not in json.loads((tmp_path / "camera.json").read_text())
-    one = next(tmp_path.glob("flat*.dng"))  # tells no noise either, and both reasons are told
-    refused = run("calibrate", "--flat", one, "-o", tmp_path / "none.json")
+    assert "shading" not in json.loads(new.read_text())
+    refused = run("calibrate", "--flat", tilted[0], "-o", tmp_path / "none.json")  # tells no noise either, and both are told
     assert refused.code == 1
     assert "no two unclipped frames have the same exposure" in refused.err
-    assert "no shading was measured: flat frames: the light is tilted" in refused.err
-    (tmp_path / "known.json").write_bytes((folder / "camera.json").read_bytes())
-    kept = run("calibrate", "--flat", *tmp_path.glob("flat*.dng"), "-o", tmp_path / "known.json", "--update")
-    assert "no shading was measured, and the one before is kept: flat frames: the light is tilted" in kept.err
-    assert read_camera(tmp_path / "known.json").calibration.shading == read_camera(folder / "camera.json").calibration.shading
+    assert f"no shading was measured: {reason}" in refused.err
+    kept = run("calibrate", "--flat", *tilted, "-o", path, "--update")
+    assert f"no shading was measured, and the one before is kept: {reason}" in kept.err
+    assert read_camera(path).calibration.shading == read_camera(folder / "camera.json").calibration.shading
 
 
 def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path) -> None:
@@ -107,13 +103,12 @@ def test_one_flat_frame_tells_shading_and_no_noise(folder: Path, tmp_path: Path)
     assert list(read_camera(tmp_path / "camera.json").measured) == ["shading"]
 
 
-def test_even_frames_replace_a_shading(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "camera.json").write_bytes((folder / "camera.json").read_bytes())
-    assert run("simulate", f"flat:{SIZE}", "-o", tmp_path, "--protocol", "sensor", "--light", "0.6").code == 0
-    outcome = run("calibrate", "--flat", tmp_path / f"flat-{SIZE}.dng", "-o", tmp_path / "camera.json", "--update")
+def test_even_frames_replace_a_shading(folder: Path, path: Path) -> None:
+    flat = taken(path.parent, "flat.dng", f"flat:{SIZE}", "--light", "0.6")
+    outcome = run("calibrate", "--flat", flat, "-o", path, "--update")
     assert outcome.code == 0, outcome.err
     assert "no shading: 1 flat frame, even to" in outcome.out
-    camera, shot = read_camera(tmp_path / "camera.json"), read_dng(folder / "true" / f"builtin-{SIZE}.dng")
+    camera, shot = read_camera(path), read_dng(folder / "true" / f"builtin-{SIZE}.dng")
     assert camera.calibration.shading is None
     assert camera.measured["shading"]["frames"] == 1
     assert shot.calibration.shading is not None

@@ -14,7 +14,8 @@ from shared import Aberration, CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.progress import SILENT
 from shared.sensor import simulate_additive
-from tests.benchmarks.aberration import figures, photographed
+from tests.benchmarks.aberration import figures
+from tests.benchmarks.lens import photographed
 from tests.data import photograph
 from tests.reference.aberration import changes
 from tools.camera.lens import lens_aberration, lens_shading
@@ -43,7 +44,7 @@ def test_samples_change_as_an_independent_transcription_says(first: int) -> None
 @pytest.mark.parametrize("settings", [BEST, PAPER])
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 def test_more_than_half_of_the_lost_chrominance_comes_back(settings: RenderSettings, sigma: float) -> None:
-    shots = photographed(scene(), sigma, None), *known_and_unknown(scene(), sigma, LENS)
+    shots = photographed(scene(), sigma), *known_and_unknown(scene(), sigma, LENS)
     without, unknown, undone = (figures(render(shot, settings).rgb, scene())[MEDIAN] for shot in shots)
     assert undone - unknown > 0.5 * (without - unknown) > 0.05
 
@@ -52,7 +53,7 @@ def test_more_than_half_of_the_lost_chrominance_comes_back(settings: RenderSetti
 def test_so_it_does_in_photographs(name: str, sigma: float) -> None:
     rgb = np.minimum(load_scene(str(photograph(name))).rgb, 1)  # brighter highlights of a few pixels would decide the whole
     lens = lens_aberration(1, -1, 3, (rgb.shape[0], rgb.shape[1]))
-    shots = photographed(rgb, sigma, None), *known_and_unknown(rgb, sigma, lens)
+    shots = photographed(rgb, sigma), *known_and_unknown(rgb, sigma, lens)
     without, unknown, undone = (np.array(figures(render(shot).rgb, rgb)[MEDIAN : WHOLE + 1]) for shot in shots)
     assert (without - unknown).min() > 0.3
     assert ((undone - unknown) / (without - unknown)).min() > 0.5
@@ -60,7 +61,7 @@ def test_so_it_does_in_photographs(name: str, sigma: float) -> None:
 
 def known_and_unknown(rgb: FloatArray, sigma: float, lens: Aberration) -> tuple[Mosaic, Mosaic]:
     """A shot that knows nothing of its lens, and the same one that does."""
-    shot = photographed(rgb, sigma, lens)
+    shot = photographed(rgb, sigma, aberration=lens)
     return replace(shot, calibration=replace(shot.calibration, aberration=None)), shot
 
 
@@ -72,14 +73,14 @@ def test_a_lens_without_it_changes_no_bit() -> None:
 
 
 def test_bands_are_the_picture() -> None:
-    shot = photographed(scene(), 0.01, LENS)
+    shot = photographed(scene(), 0.01, aberration=LENS)
     assert np.array_equal(np.concatenate(list(render_bands(shot))), render(shot).rgb)
 
 
 def test_shading_is_undone_too() -> None:
     shaded = replace(SensorCalibration.of_bits(16), shading=lens_shading(1.5, 0.1, 4, SHAPE), aberration=LENS)
     shot = simulate_additive(scene(), CfaPattern.bayer(6), shaded, 0.0, np.random.default_rng(0))
-    both, one = (figures(render(each).rgb, scene()) for each in (shot, photographed(scene(), 0.0, LENS)))
+    both, one = (figures(render(each).rgb, scene()) for each in (shot, photographed(scene(), 0.0, aberration=LENS)))
     assert min(np.subtract(both, one)) > -0.3  # dB
 
 
@@ -94,12 +95,12 @@ def test_what_is_saturated_stays_so() -> None:
 
 def test_dark_samples_beside_bright_ones_become_no_black_dots() -> None:
     rgb = np.where(np.random.default_rng(0).random((*SHAPE, 1)) < 0.5, 0.9, 0.05).astype(np.float32).repeat(3, axis=2)
-    shot = photographed(rgb, 0.0, LENS)
+    shot = photographed(rgb, 0.0, aberration=LENS)
     assert (registered(shot, BEST, SILENT).signal >= np.minimum(shot.signal, 0.499 * shot.signal)).all()
 
 
 def test_frames_of_a_burst_lose_it() -> None:
-    shots = [photographed(np.roll(scene(), (step, -step), (0, 1)), 0.01, LENS, step) for step in range(3)]
+    shots = [photographed(np.roll(scene(), (step, -step), (0, 1)), 0.01, step, aberration=LENS) for step in range(3)]
     motions = [Motion((float(step), float(-step))) for step in range(3)]
 
     def seen(frames: list[Mosaic]) -> list[float]:

@@ -10,7 +10,8 @@ from offline import BEST, PAPER, RenderSettings, render, render_bands
 from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
-from tests.benchmarks.shading import figures, noisy, photographed
+from tests.benchmarks.lens import photographed
+from tests.benchmarks.shading import figures, noisy
 from tools.camera.lens import lens_shading
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -29,18 +30,18 @@ def seen(mosaic: Mosaic, settings: RenderSettings = BEST) -> list[float]:
 
 @pytest.mark.parametrize("settings", [BEST, PAPER])
 def test_corners_are_those_of_a_render_without_shading(settings: RenderSettings) -> None:
-    even, undone = seen(photographed(scene(), 0.0, None), settings), seen(photographed(scene(), 0.0, LENS), settings)
+    even, undone = seen(photographed(scene(), 0.0), settings), seen(photographed(scene(), 0.0, shading=LENS), settings)
     assert min(np.subtract(undone[:3], even[:3])) > -0.3  # dB
     assert undone[3] - even[3] < 0.2  # dE2000
 
 
 def test_noise_in_the_corners_is_that_of_the_gain() -> None:
-    amplified, undone = seen(noisy(scene(), 0.01, LENS)), seen(photographed(scene(), 0.01, LENS))
+    amplified, undone = seen(noisy(scene(), 0.01, LENS)), seen(photographed(scene(), 0.01, shading=LENS))
     assert min(np.subtract(undone[:3], amplified[:3])) > -0.5
 
 
 def test_bands_are_the_picture() -> None:
-    shot = photographed(scene(), 0.01, LENS)
+    shot = photographed(scene(), 0.01, shading=LENS)
     assert np.array_equal(np.concatenate(list(render_bands(shot))), render(shot).rgb)
 
 
