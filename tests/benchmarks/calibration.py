@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
-from shared.sensor import simulate_additive, simulate_sensor
+from shared.sensor import simulate_additive
 from tests.data import DATA
-from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, PATTERNS, TRUTH
+from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, PATTERNS, TRUTH, edited, frame
 from tools.calibration.chart.find import find_chart
 from tools.calibration.chart_gamma import fit_chart_gamma
 from tools.calibration.dark_frames import measure_dark
@@ -45,18 +44,13 @@ CHARTS = (
 REFERENCE = color_checker_xyz()
 
 
-def shot(rgb: DoubleArray | FloatArray, pattern: CfaPattern, rng: np.random.Generator) -> Mosaic:
-    """A frame of the true sensor, whose file says nothing but the black and white levels."""
-    return Mosaic(simulate_sensor(rgb.astype(np.float32), pattern, TRUTH, 1.0, rng).codes, pattern, BLIND)
-
-
 def synthetic_gamma(name: str, seeds: int) -> None:
     """Print errors and coverage of gamma."""
     scene, pattern, truth = chart_scene(1200, 800), PATTERNS[name], np.array(TRUTH.gamma)
-    place = find_chart(shot(scene.rgb, pattern, np.random.default_rng(0)), REFERENCE).place
+    place = find_chart(frame(scene.rgb, pattern=pattern), REFERENCE).place
     errors, covered = [], []
     for seed in range(seeds):
-        samples = patch_samples(shot(scene.rgb, pattern, np.random.default_rng(seed)), place.regions())
+        samples = patch_samples(frame(scene.rgb, pattern=pattern, seed=seed), place.regions())
         fit = fit_chart_gamma(samples, BLIND, MEASURED)
         errors.append(fit.gamma / truth - 1)
         covered.append(np.abs(fit.gamma - truth) <= fit.half_width)
@@ -69,16 +63,15 @@ def synthetic_noise(name: str) -> None:
     pattern, shape = PATTERNS[name], (600, 900)
     rng = np.random.default_rng(pattern.period)
     hot = rng.choice(shape[0] * shape[1], HOT, replace=False)
-    above = rng.uniform(20, 800, HOT)
-    darks = []
-    for _ in range(8):
-        codes = shot(np.zeros((*shape, 3)), pattern, rng).codes.astype(np.int64).ravel()
-        codes[hot] = np.minimum(codes[hot] + above, 4095).astype(np.int64)
-        darks.append(Mosaic(codes.reshape(shape).astype(np.uint16), pattern, BLIND))
+    above = np.zeros(shape)
+    above.flat[hot] = rng.uniform(20, 800, HOT)
+    black = np.zeros((*shape, 3))
+    darks = [edited(frame(black, pattern=pattern, seed=n), lambda codes: np.minimum(codes + above, 4095)) for n in range(8)]
     dark = measure_dark(darks)
     found = {row * shape[1] + column for row, column in dark.defects}
     falling = 1 - 0.3 * np.linspace(0, 1, shape[1])[None, :, None] * np.ones((shape[0], 1, 3))
-    flats = [shot(level * falling, pattern, rng) for level in (0.02, 0.1, 0.3, 0.6, 0.9) for _ in range(2)]
+    levels = np.repeat((0.02, 0.1, 0.3, 0.6, 0.9), 2)
+    flats = [frame(level * falling, pattern=pattern, seed=10 + n) for n, level in enumerate(levels)]
     seen, _ = measure_flats(flats)
     for known, frames in ((dark, "flats and darks"), (None, "flats alone")):
         noise = noise_of_flats(seen, BLIND, known)
@@ -123,7 +116,7 @@ def scenes(name: str) -> None:
     errors, widths, refused = [], [], 0
     for source in SCENES:
         try:
-            taken = shot(load_scene(str(DATA / source)).rgb, PATTERNS[name], np.random.default_rng(0))
+            taken = frame(load_scene(str(DATA / source)).rgb, pattern=PATTERNS[name])
             fit = fit_scene_gamma(taken, assumed=MEASURED)
         except InputError:
             refused += 1

@@ -9,7 +9,7 @@ error, in half widths: of gamma; of black level, gain and read noise, where fram
 
 import argparse
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -95,16 +95,6 @@ class SimulatedCamera:
         codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
         return Mosaic(codes.astype(np.uint16), self.pattern, self.states)
 
-    def truths(self) -> Mapping[str, DoubleArray]:
-        """What the parts of a camera file should say."""
-        full = self.gamma.sum()
-        return {
-            "gamma": self.gamma,
-            "black": self.black,
-            "shot": np.full(4, full / self.electrons),
-            "read": full * self.read / self.electrons,
-        }
-
 
 class Silent(Console):
     """A console that says nothing, not even what failed."""
@@ -182,15 +172,17 @@ def calibrated(frames: Frames, kind: str) -> Conclusion | None:
 
 def errors(outcome: Conclusion, camera: SimulatedCamera, *, gamma_known: bool) -> dict[str, DoubleArray]:
     """How far each figure is off, in half widths of its interval; a figure that was not measured is left out."""
-    truths, found = camera.truths(), {}
+    found = {}
+    full = camera.gamma.sum()  # of a file whose gamma is known
+    truths = {"shot": full / camera.electrons, "read": full * camera.read / camera.electrons}
     gamma, dark = gamma_of(outcome.evidence), outcome.evidence.seen.dark
     if gamma is not None:
-        found["gamma"] = (gamma.gamma - truths["gamma"]) / gamma.half_width
+        found["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width
     if dark is not None:
-        found["black"] = (dark.black - truths["black"]) / (SIGMAS * dark.black_error)
+        found["black"] = (dark.black - camera.black) / (SIGMAS * dark.black_error)
     if outcome.camera is not None and "noise" in outcome.camera.measured:
         model, how = outcome.camera.calibration.noise, outcome.camera.measured["noise"]
-        scale = 1.0 if gamma_known else 3.0 / camera.gamma.sum()
+        scale = 1.0 if gamma_known else 3.0 / full
         for name in ("shot", "read"):
             half = SIGMAS * np.array(how[f"{name}_error"])
             found[name] = (np.array(getattr(model, name)) - scale * truths[name]) / half

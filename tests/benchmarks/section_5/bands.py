@@ -17,7 +17,7 @@ from tools.evaluation.rivals.plane_denoising import denoised_planes
 from tools.evaluation.rivals.planes import planes
 from tools.scenes.scene import Scene
 
-from .cameras import camera
+from .cameras import rendered
 
 MEASURES = "luminance", "median RGB", "chrominance", "RMS of bands", "mean angle", "angle where RGB errs"
 BLOCKS = "HIJ/KWL/NOP", "HIJK/LNOP"
@@ -32,15 +32,14 @@ def bands(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     guessed = truth.filters @ truth.guess  # bands that three filters show
     yield "perfect R, G, B; bands guessed", truth.measured(scene.rgb @ guessed)
     for period in (4, 6):
-        picture = camera("RG/GB", period, scene, level).render_sparse(unlearned)
+        picture = rendered("RG/GB", period, scene, level, unlearned)
         yield f"sparse `RG/GB`, K = {period}; bands guessed", truth.measured(picture @ guessed)
     for block, period in product(BLOCKS, PERIODS):
-        picture = camera(block, period, scene, level).render_sparse(unlearned)
+        picture = rendered(block, period, scene, level, unlearned)
         yield f"sparse `{block}`, K = {period}", truth.measured(picture)
-    dense = camera(MOSAIC, 3, scene, level)
-    yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(dense.render_sparse(planes))
+    yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(rendered(MOSAIC, 3, scene, level, planes))
     if not level.clear:
-        yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(dense.render_sparse(denoised_planes))
+        yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(rendered(MOSAIC, 3, scene, level, denoised_planes))
 
 
 class Truth:

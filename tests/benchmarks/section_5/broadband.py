@@ -13,7 +13,7 @@ from tools.evaluation.metrics import BORDER, psnr, quality
 from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
-from .cameras import camera
+from .cameras import rendered
 
 MEASURES = "median RGB", "luminance", "chrominance", "10 % chrominance", "whole image", "wrong hue, %"
 BLOCKS = "RG/GB", "RG/BW", "CM/YC", "MY/CM", "CY/YM", "CM/YW"
@@ -23,12 +23,11 @@ _INNER = np.s_[BORDER:-BORDER, BORDER:-BORDER]
 def broadband(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each block, K = 6, all in the scene's RGB."""
     for block in BLOCKS:
-        pair = camera(block, 6, scene, level)
         presets = {f"`{block}`": PRESETS["unlearned"]}
         if block == "RG/GB":  # there is a network for no other of these
             presets[f"`{block}`, network"] = BEST
         for name, settings in presets.items():
-            yield name, measured(pair.render_sparse(partial(render_preset, settings)), scene.rgb)
+            yield name, measured(rendered(block, 6, scene, level, partial(render_preset, settings)), scene.rgb)
 
 
 def measured(picture: FloatArray, truth: FloatArray) -> list[float]:

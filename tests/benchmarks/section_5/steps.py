@@ -16,7 +16,7 @@ from tools.evaluation.metrics import quality
 from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
 
-from .cameras import camera
+from .cameras import photographed
 
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
@@ -40,7 +40,7 @@ STEPS = {
 def steps(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each variant, the paper's camera, K = 6."""
     use_threads(1)  # so that the processor's time is that of the work
-    mosaic = camera("RG/GB", 6, scene, level).sparse
+    mosaic, _ = photographed("RG/GB", 6, scene, level)
     small = Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration)
     for name, make in _variants(mosaic, scene.rgb).items():
         make(small)  # loads what is compiled

@@ -12,7 +12,7 @@ from shared.errors import InputError
 from shared.metadata import CaptureField
 from shared.tiff import FieldType
 from tools.camera import burst as module
-from tools.camera import motion, moving_thing
+from tools.camera import filters, motion, moving_thing
 from tools.camera.burst import SimulatedBurst, burst_frames, motion_text, reduced, tremor
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -28,9 +28,9 @@ def leaves() -> FloatArray:
     return builtin_scene(240, 200).rgb
 
 
-@pytest.mark.parametrize("documented", [module, motion, moving_thing])
+@pytest.mark.parametrize("documented", [module, filters, motion, moving_thing])
 def test_the_examples(documented: object) -> None:
-    assert doctest.testmod(documented).failed == 0  # type: ignore[arg-type]
+    assert doctest.testmod(documented, optionflags=doctest.ELLIPSIS).failed == 0  # type: ignore[arg-type]
 
 
 def test_a_hand_stays_within_the_limits_and_moves_by_parts_of_a_pixel() -> None:
@@ -106,9 +106,8 @@ def test_a_thing_moves_by_itself_and_hides_what_is_behind(leaves: FloatArray) ->
         assert not changed[distance > radius + 1].any()
         assert changed[distance < radius - 1].mean() > 0.99
         colour = frame.rgb[(distance < radius - 1) & (frame.rgb.sum(axis=2) > 0.1)]
-        np.testing.assert_allclose(
-            colour / colour.sum(axis=1, keepdims=True), [colour[0] / colour[0].sum()] * len(colour), atol=1e-3
-        )
+        hues = colour / colour.sum(axis=1, keepdims=True)
+        assert np.ptp(hues, axis=0).max() < 2e-3
         assert radius == 20
         assert radius <= row <= 200 - radius
         assert radius <= column <= 240 - radius
@@ -130,10 +129,8 @@ def test_a_thing_is_where_the_truth_says_in_larger_pixels_too(leaves: FloatArray
 def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
     frames = list(burst_frames(leaves, SimulatedBurst(3, stops=(0, -2, 1)), random()))
     assert [frame.exposure for frame in frames] == [1, 0.25, 2]
-    kept, dropped = (
-        CaptureField("exif", 37383, FieldType.SHORT, b"\5\0"),
-        CaptureField("exif", 37377, FieldType.SRATIONAL, b"12345678"),
-    )
+    kept = CaptureField("exif", 37383, FieldType.SHORT, b"\5\0")
+    dropped = CaptureField("exif", 37377, FieldType.SRATIONAL, b"12345678")
     scene = CaptureMetadata(exposure_time=0.01, more=(kept, dropped))
     assert [frame.metadata(scene).exposure_time for frame in frames] == [0.01, 0.0025, 0.02]
     assert frames[0].metadata(scene).more == (kept,)
@@ -166,9 +163,8 @@ def test_the_text_of_the_motion(leaves: FloatArray) -> None:
     ],
 )
 def test_bursts_that_there_are_not(figures: dict[str, float], words: str) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=words):
         SimulatedBurst(**{"frames": 3, **figures})  # type: ignore[arg-type]
-    assert words in str(refused.value)
 
 
 def test_a_scene_too_small_for_the_motion(leaves: FloatArray) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from shared import Camera, CfaPattern, Mosaic, NoiseModel, SensorCalibration, read_camera, read_dng
 from shared.errors import InputError
@@ -255,7 +256,7 @@ def test_no_gamma_is_stated_that_was_not_measured(folder: Path, tmp_path: Path) 
     # A gamma that is known already stays, whatever becomes of further charts.
     assert run("calibrate", folder / "chart.dng", "--corners", *CORNERS, "-o", output, "--update").code == 0
     known = read_camera(output).calibration.gamma
-    assert run("calibrate", other, "--dark", folder / "dark0.dng", folder / "dark1.dng", "-o", output, "--update").code == 1
+    assert run("calibrate", other, *darks, "-o", output, "--update").code == 1
     assert read_camera(output).calibration.gamma == known
 
 
@@ -268,30 +269,32 @@ def test_a_frame_and_its_copy_measure_nothing(kind: str, folder: Path, tmp_path:
     assert re.search("copy.dng and .* have the same noise", outcome.err)
 
 
+def seen(rgb: ArrayLike, pattern: CfaPattern, seed: int = 0) -> Mosaic:
+    """What the true sensor with this pattern of RGB or CMY filters records of light (H, W, 3), and says of itself."""
+    true, says = (replace(each, channels=pattern.channels) for each in (TRUTH, BLIND))
+    light = np.asarray(rgb, np.float32) if pattern.channels == "RGB" else (np.asarray(rgb) @ BROAD).astype(np.float32)
+    return replace(simulate_sensor(light, pattern, true, 1.0, np.random.default_rng(seed)), calibration=says)
+
+
 @pytest.mark.parametrize(
     ("right", "wrong", "names"),
     [
-        *(
-            (CfaPattern.bayer(6, right), CfaPattern.bayer(6, wrong), "red and blue")
-            for right, wrong in (("BGGR", "RGGB"), ("GRBG", "GBRG"), ("RGGB", "BGGR"))
-        ),
+        (CfaPattern.bayer(6, "BGGR"), CfaPattern.bayer(6, "RGGB"), "red and blue"),
+        (CfaPattern.bayer(6, "GRBG"), CfaPattern.bayer(6, "GBRG"), "red and blue"),
+        (CfaPattern.bayer(6, "RGGB"), CfaPattern.bayer(6, "BGGR"), "red and blue"),
         (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
     ],
 )
 def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
-    light = chart().rgb if right.channels == "RGB" else chart().rgb @ BROAD
-    true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
-    codes = simulate_sensor(light.astype(np.float32), right, true, 1.0, np.random.default_rng(0)).codes
+    shot = replace(seen(chart().rgb, right), pattern=wrong)
     with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
-        measure_chart("chart.dng", Mosaic(codes, wrong, says), color_checker_xyz(), true_place().corners)
+        measure_chart("chart.dng", shot, color_checker_xyz(), true_place().corners)
 
 
 def test_a_scattered_tile_of_cyan_magenta_and_yellow_from_end_to_end(tmp_path: Path) -> None:
-    for number, (name, level) in enumerate((("chart", 0.0), *(("dark", 0.0),) * 2, *(("flat", 0.1),) * 2, *(("flat", 0.8),) * 2)):
-        light = chart().rgb @ BROAD if name == "chart" else np.full((*chart().shape, 3), level)
-        true, says = (replace(each, channels="CMY") for each in (TRUTH, BLIND))
-        codes = simulate_sensor(light.astype(np.float32), CMY, true, 1.0, np.random.default_rng(number)).codes
-        save(tmp_path / f"{name}{number}.dng", Mosaic(codes, CMY, says))
+    save(tmp_path / "chart.dng", seen(chart().rgb, CMY))
+    for number, (name, level) in enumerate((*(("dark", 0.0),) * 2, *(("flat", 0.1),) * 2, *(("flat", 0.8),) * 2)):
+        save(tmp_path / f"{name}{number}.dng", seen(np.full((*chart().shape, 3), level), CMY, number + 1))
     outcome = run("calibrate", tmp_path, "-o", tmp_path / "camera.json", "--report", tmp_path)
     assert outcome.code == 0, outcome.err
     measured = read_camera(tmp_path / "camera.json")

@@ -18,6 +18,7 @@ from shared.pattern import BAYER_ORDERS
 from tools.scenes.camera_colour import camera_to_xyz, estimate_neutral
 from tools.scenes.camera_raw import bayer_pattern
 from tools.scenes.load import load_scene
+from tools.scenes.scene import Scene
 
 LINEAR_RAW, CFA = 34892, 32803
 SHORT, LONG, RATIONAL, SRATIONAL = 3, 4, 5, 10
@@ -36,10 +37,8 @@ def write_dng(
     tags: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True), (50708, "s", 0, "Test camera", True)]
     if kind == CFA:
         side = round(len(order) ** 0.5)
-        tags += [
-            (33421, "H", 2, (side, side), True),
-            (33422, "B", len(order), bytes("RGB".index(letter) for letter in order), True),
-        ]
+        filters = bytes("RGB".index(letter) for letter in order)
+        tags += [(33421, "H", 2, (side, side), True), (33422, "B", len(order), filters, True)]
     for tag, (field_type, values) in (fields or {}).items():
         count = 0 if isinstance(values, str) else len(values) // (2 if field_type in (RATIONAL, SRATIONAL) else 1)
         tags.append((tag, field_type, count, values if isinstance(values, str) else tuple(values), True))
@@ -51,6 +50,11 @@ def write_dng(
     return str(path)
 
 
+def loaded(path: Path, *arguments: Any, **options: Any) -> Scene:
+    """The scene in a DNG with these samples. Arguments: of `write_dng`."""
+    return load_scene(write_dng(path / "a.dng", *arguments, **options))
+
+
 def noise(rows: int, columns: int, *more: int) -> CodeArray:
     return np.random.default_rng(rows * columns).integers(200, 4000, (rows, columns, *more)).astype(np.uint16)
 
@@ -59,7 +63,7 @@ def noise(rows: int, columns: int, *more: int) -> CodeArray:
 @pytest.mark.parametrize(("rows", "columns"), [(60, 80), (61, 83)])
 def test_quads_of_every_order_become_pixels(tmp_path: Path, order: str, rows: int, columns: int) -> None:
     samples = noise(rows, columns)
-    scene = load_scene(write_dng(tmp_path / "a.dng", samples, order, fields={50714: (SHORT, [100]), 50717: (SHORT, [4095])}))
+    scene = loaded(tmp_path, samples, order, fields={50714: (SHORT, [100]), 50717: (SHORT, [4095])})
     assert scene.shape == (rows // 2, columns // 2)
     light = (samples - 100.0) / 3995
     for row, column in ((0, 0), (7, 13), (rows // 2 - 1, columns // 2 - 1)):
@@ -77,14 +81,14 @@ def test_the_visible_area_may_begin_anywhere(tmp_path: Path, order: str, top: in
     for row, column in np.ndindex(64, 72):
         samples[row, column] = phase[order[(row - top) % 2 * 2 + (column - left) % 2]]
     fields = {50829: (LONG, [top, left, 64, 72]), 50717: (SHORT, [4000])}
-    scene = load_scene(write_dng(tmp_path / "a.dng", samples, order, fields=fields))
+    scene = loaded(tmp_path, samples, order, fields=fields)
     np.testing.assert_array_equal(scene.rgb, np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), scene.rgb.shape))
 
 
 def test_each_colour_has_its_own_black(tmp_path: Path) -> None:
     fields = {50713: (SHORT, [2, 2]), 50714: (SHORT, [100, 200, 300, 400]), 50717: (SHORT, [1400])}
     samples = np.full((60, 80), 500, np.uint16)
-    scene = load_scene(write_dng(tmp_path / "a.dng", samples, "RGGB", fields=fields))
+    scene = loaded(tmp_path, samples, "RGGB", fields=fields)
     expected = (400 / 1300, (300 / 1200 + 200 / 1100) / 2, 100 / 1000)
     np.testing.assert_allclose(scene.rgb, np.broadcast_to(expected, scene.rgb.shape), rtol=1e-6)
 
@@ -92,7 +96,7 @@ def test_each_colour_has_its_own_black(tmp_path: Path) -> None:
 def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: Path) -> None:
     samples = np.full((60, 80), 90, np.uint16)
     samples[:2, :2] = 2100
-    scene = load_scene(write_dng(tmp_path / "a.dng", samples, fields={50714: (SHORT, [100]), 50717: (SHORT, [1100])}))
+    scene = loaded(tmp_path, samples, fields={50714: (SHORT, [100]), 50717: (SHORT, [1100])})
     assert scene.rgb[1:, 1:].max() == 0
     np.testing.assert_array_equal(scene.rgb[0, 0], [2, 2, 2])
 
@@ -101,7 +105,7 @@ def test_noise_below_black_becomes_dark_and_brighter_than_white_stays(tmp_path: 
 def test_white_balance_and_matrix_of_the_file(tmp_path: Path, also: dict[int, Any]) -> None:
     """Of two matrices the one for daylight is used."""
     fields = {50721: (SRATIONAL, rationals(MATRIX)), 50778: (SHORT, [21]), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625))), **also}
-    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+    scene = loaded(tmp_path, noise(60, 80), fields=fields)
     assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
     assert scene.notes == ()
     assert scene.camera_to_xyz is not None
@@ -113,31 +117,26 @@ def test_without_white_balance_one_is_estimated_and_said(tmp_path: Path) -> None
     shade = rng.uniform(0.1, 0.9, (30, 40, 1)) * (0.5, 1.0, 0.7) * 4000
     samples = np.zeros((60, 80))
     samples[::2, ::2], samples[::2, 1::2], samples[1::2, ::2], samples[1::2, 1::2] = np.moveaxis(shade[..., [0, 1, 1, 2]], -1, 0)
-    scene = load_scene(write_dng(tmp_path / "a.dng", samples.astype(np.uint16), fields={50717: (SHORT, [4000])}))
+    scene = loaded(tmp_path, samples.astype(np.uint16), fields={50717: (SHORT, [4000])})
     assert scene.neutral == pytest.approx((0.5, 1.0, 0.7), abs=0.005)
     assert any("no white balance" in note and "0.500, 1.000" in note for note in scene.notes)
     assert scene.camera_to_xyz is None
-    black = load_scene(write_dng(tmp_path / "b.dng", np.zeros((60, 80), np.uint16)))
+    black = loaded(tmp_path, np.zeros((60, 80), np.uint16))
     assert black.neutral is None
     assert any("too dark" in note for note in black.notes)
 
 
 def test_a_unit_matrix_is_no_matrix(tmp_path: Path) -> None:
     fields = {50721: (SRATIONAL, rationals(np.eye(3))), 50728: (RATIONAL, rationals((0.5, 1.0, 0.625)))}
-    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+    scene = loaded(tmp_path, noise(60, 80), fields=fields)
     assert scene.camera_to_xyz is None
     assert scene.neutral == pytest.approx((0.5, 1.0, 0.625), abs=1e-6)
 
 
 def test_capture_data(tmp_path: Path) -> None:
-    fields = {
-        271: (2, "Maker"),
-        272: (2, "Model 1"),
-        306: (2, "2024:05:06 07:08:09"),
-        315: (2, "Somebody"),
-        33434: (RATIONAL, (1, 50)),
-    }
-    metadata = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields)).metadata
+    texts = {271: "Maker", 272: "Model 1", 306: "2024:05:06 07:08:09", 315: "Somebody"}
+    fields = {**{tag: (2, text) for tag, text in texts.items()}, 33434: (RATIONAL, (1, 50))}
+    metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
     assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
     assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
     assert metadata.exposure_time == pytest.approx(0.02)
@@ -145,14 +144,14 @@ def test_capture_data(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
 def test_orientation_goes_along_and_pixels_stay(tmp_path: Path, orientation: int) -> None:
-    scene = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields={274: (SHORT, [orientation])}))
+    scene = loaded(tmp_path, noise(60, 80), fields={274: (SHORT, [orientation])})
     assert scene.metadata.orientation == orientation
     assert scene.shape == (30, 40)
 
 
 def test_odd_capture_data_are_left_out(tmp_path: Path) -> None:
     fields = {306: (2, "yesterday"), 33434: (RATIONAL, (1, 0)), 33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
-    metadata = load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields)).metadata
+    metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
     assert (metadata.taken, metadata.exposure_time, metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 5
 
 
@@ -173,7 +172,7 @@ def test_sensors_without_quads_are_refused_with_the_reason(
     tmp_path: Path, samples: CodeArray, order: str, kind: int, reason: str
 ) -> None:
     with pytest.raises(InputError, match=reason):
-        load_scene(write_dng(tmp_path / "a.dng", samples, order, kind))
+        loaded(tmp_path, samples, order, kind)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +197,7 @@ def test_other_quads_are_refused(letters: str, pattern: list[list[int]], reason:
 def test_levels_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     fields = {50714: (SHORT, [3000]), 50717: (SHORT, [2000])}
     with pytest.raises(InputError, match="black level"):
-        load_scene(write_dng(tmp_path / "a.dng", noise(60, 80), fields=fields))
+        loaded(tmp_path, noise(60, 80), fields=fields)
 
 
 @pytest.mark.parametrize("illuminant", [D65_XY, (0.4476, 0.4074)])

@@ -14,6 +14,7 @@ from shared.reading import MAX_PIXELS
 from tests.data import DATA
 from tests.python import run_python
 from tests.tools.scenes.files import save
+from tests.tools.scenes.test_camera_raw import write_dng
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene, check_size
 
@@ -55,24 +56,24 @@ def test_negative_light_is_refused_and_rounding_is_not() -> None:
     assert Scene(rgb, "a").rgb[0, 0, 0] == 0
     assert rgb[0, 0, 0] < 0  # the caller's array is left alone
     rgb[0, 0, 0] = -0.005
-    with pytest.raises(InputError, match="light is not negative"):
-        Scene(rgb, "a")
-    with pytest.raises(InputError, match="light is not negative"):
-        Scene(-np.ones((1, 1, 3), np.float32), "a")
+    for negative in (rgb, -np.ones((1, 1, 3), np.float32)):
+        with pytest.raises(InputError, match="light is not negative"):
+            Scene(negative, "a")
     assert Scene(np.zeros((1, 1, 3), np.float32), "black").rgb.max() == 0
 
 
 def test_sizes_are_bounded_before_decoding() -> None:
     check_size(11648, 8736, 6, 300 * 2**20)
-    with pytest.raises(InputError, match="empty"):
-        check_size(0, 5)
-    with pytest.raises(InputError, match="`max_pixels` raises it"):
-        check_size(MAX_PIXELS, 2)
-    with pytest.raises(InputError, match="fill the memory"):
-        check_size(10000, 10000, 6, 500_000)
     check_size(4000, 3000, 8, 6000)  # even light compresses well, and is a picture
-    with pytest.raises(InputError, match="save it without compression"):
-        check_size(4000, 3300, 8, 6000)
+    refused: dict[str, tuple[int, ...]] = {
+        "empty": (0, 5),
+        "`max_pixels` raises it": (MAX_PIXELS, 2),
+        "fill the memory": (10000, 10000, 6, 500_000),
+        "save it without compression": (4000, 3300, 8, 6000),
+    }
+    for words, size in refused.items():
+        with pytest.raises(InputError, match=words):
+            check_size(*size)
 
 
 def test_even_light_is_a_picture_however_well_it_compresses(tmp_path: Path) -> None:
@@ -96,12 +97,8 @@ def test_tiles_that_hold_more_than_the_picture_are_refused(tmp_path: Path) -> No
 
 def test_missing_empty_and_folder(tmp_path: Path) -> None:
     (tmp_path / "empty.dng").touch()
-    for name, message in (
-        ("absent.dng", "no such file"),
-        ("empty.dng", "empty"),
-        (".", "is a folder"),
-        ("a\0b.png", "cannot be read"),
-    ):
+    refused = {"absent.dng": "no such file", "empty.dng": "empty", ".": "is a folder", "a\0b.png": "cannot be read"}
+    for name, message in refused.items():
         with pytest.raises(InputError, match=message):
             load_scene(str(tmp_path / name))
 
@@ -150,20 +147,10 @@ def test_our_own_shots_are_refused_with_the_right_command(tmp_path: Path, beside
     version: list[Any] = [(50706, "B", 4, bytes((1, 4, 0, 0)), True)]
     pattern: list[Any] = [(33421, "H", 2, (6, 6), True), (33422, "B", 36, bytes([0, 1, 6, 6, 6, 6] * 6), True)]
     path = tmp_path / f"shot{suffix}"
+    first, second = (tags + (private if beside == where else []) for where, tags in (("preview", version), ("samples", pattern)))
     with tifffile.TiffWriter(path) as file:
-        file.write(
-            np.zeros((32, 32, 3), np.uint8),
-            photometric="rgb",
-            subifds=1,
-            extratags=version + (private if beside == "preview" else []),
-            metadata=None,
-        )
-        file.write(
-            np.zeros((96, 96), np.uint16),
-            photometric=32803,
-            extratags=pattern + (private if beside == "samples" else []),
-            metadata=None,
-        )
+        file.write(np.zeros((32, 32, 3), np.uint8), photometric="rgb", subifds=1, extratags=first, metadata=None)
+        file.write(np.zeros((96, 96), np.uint16), photometric=32803, extratags=second, metadata=None)
     with pytest.raises(InputError, match=r"this is a shot.*render it"):
         load_scene(str(path))
 
@@ -180,9 +167,7 @@ def test_files_that_are_cut_short_are_refused_in_one_line(tmp_path: Path, suffix
     path = tmp_path / f"good{suffix}"
     picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
     if suffix == ".dng":
-        version, size, colours = bytes((1, 4, 0, 0)), (2, 2), bytes((0, 1, 1, 2))
-        tags = [(50706, "B", 4, version, True), (33421, "H", 2, size, True), (33422, "B", 4, colours, True)]
-        tifffile.imwrite(path, picture[..., 0], photometric=32803, extratags=tags, metadata=None)
+        write_dng(path, picture[..., 0])
     else:
         dtypes = {".exr": np.float32, ".jpg": np.uint8, ".webp": np.uint8}
         save(path, picture.astype(dtypes.get(suffix, np.uint16)))

@@ -1,4 +1,4 @@
-import hashlib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from shared.errors import InputError
 from tools.scenes.drawn.builtin import CHARTS, GAP, HEIGHT, builtin_scene
 from tools.scenes.drawn.charts import COOL, WARM
 from tools.scenes.drawn.color_checker import BRIGHTEST, COLOR_CHECKER_LAB, DARKEST, color_checker
+from tools.scenes.drawn.spectral import BANDS, spectral_scene
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
@@ -22,12 +23,19 @@ def scene() -> Scene:
 @pytest.mark.parametrize(
     ("width", "height"), [(1, 1), (2, 1), (1, 3), (7, 5), (64, 48), (143, 96), (144, 96), (61, 300), (300, 61)]
 )
-def test_any_size_works_and_repeats(width: int, height: int) -> None:
-    first, second = builtin_scene(width, height), load_scene(f"builtin:{width}x{height}")
-    assert first.shape == (height, width)
-    assert hashlib.sha256(first.rgb.tobytes()).digest() == hashlib.sha256(second.rgb.tobytes()).digest()
-    assert first.rgb.min() >= np.float32(0.01)
-    assert first.rgb.max() <= np.float32(0.95)
+@pytest.mark.parametrize(
+    ("drawn", "channels", "least", "most"),
+    [
+        (builtin_scene, "RGB", np.float32(0.01), np.float32(0.95)),
+        (spectral_scene, BANDS, np.float32(1e-9), np.nextafter(np.float32(1), 0)),
+    ],
+)
+def test_any_size_works_and_repeats(drawn: Any, channels: str, least: float, most: float, width: int, height: int) -> None:
+    first = drawn(width, height)
+    second = load_scene(first.name.replace("-", ":"))
+    assert (first.shape, first.channels) == ((height, width), channels)
+    assert np.array_equal(first.rgb, second.rgb)
+    assert least <= first.rgb.min() <= first.rgb.max() <= most
 
 
 def test_strips_do_not_show(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,3 @@
-import hashlib
-
 import numpy as np
 import pytest
 
@@ -8,7 +6,6 @@ from shared.colorimetry import D50
 from tools.camera.filters import Filters, filters_for
 from tools.scenes.drawn.builtin import ASPECT, GAP, HEIGHT
 from tools.scenes.drawn.spectral import BANDS, CHARTS, MIXTURES, PATCHES, light, metamers, spectral_scene
-from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
 ROUNDING = 2e-6  # of sums of float32
@@ -21,14 +18,6 @@ def scene() -> Scene:
 
 def filters(block: tuple[str, ...], scene: Scene) -> Filters:
     return filters_for(CfaPattern.with_block(block, period=6), scene)
-
-
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (143, 96), (144, 96), (61, 300)])
-def test_any_size_works_and_repeats(width: int, height: int) -> None:
-    first, second = spectral_scene(width, height), load_scene(f"spectral:{width}x{height}")
-    assert (first.shape, first.channels, first.name) == ((height, width), BANDS, f"spectral-{width}x{height}")
-    assert hashlib.sha256(first.rgb.tobytes()).digest() == hashlib.sha256(second.rgb.tobytes()).digest()
-    assert 0 < first.rgb.min() <= first.rgb.max() < 1
 
 
 def test_no_band_has_the_letter_of_another_filter() -> None:
