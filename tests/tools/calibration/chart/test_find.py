@@ -73,7 +73,7 @@ def test_a_chart_too_small_for_the_period_is_refused_with_the_size_it_needs() ->
 def test_corners_by_hand_pass_the_same_tests() -> None:
     shot = frame(chart().rgb)
     assert chart_at(shot, true_place().corners, REFERENCE).difference < 2
-    refused: dict[str, tuple[tuple[float, float], ...]] = {
+    refused: dict[str, tuple[tuple[float, ...], ...]] = {
         "there is no ColorChecker": ((5.0, 5.0), (300.0, 5.0), (300.0, 200.0), (5.0, 200.0)),
         "outside the frame": ((50.0, 50.0), (700.0, 50.0), (700.0, 300.0), (50.0, 300.0)),
         "clockwise": tuple(reversed(true_place().corners)),
