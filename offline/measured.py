@@ -74,6 +74,13 @@ class Measured:
     blocks: chromaticity of every block, float32 (block rows, block columns, C).
     samples: of the whole blocks; None where the settings do nothing with them.
     lost: where a clipped shot does not tell how bright it was, uint8 (H, W), see `Cleaned`; None = nowhere.
+
+    >>> import numpy as np
+    >>> from offline import Measured
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> Measured.outline(grey).shape
+    (30, 40)
     """
 
     pattern: CfaPattern

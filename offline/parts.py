@@ -25,6 +25,11 @@ class Part:
     chromaticity: float32 (rows, W, C).
     missed: sample minus picture at the colour sites, times gamma (so that all channels have the unit of luminance), before the
         picture was corrected; 0 elsewhere and beside clipped samples, float32 (rows, W). None = not measured yet.
+
+    >>> import numpy as np
+    >>> from offline import Part
+    >>> Part(10, np.ones((4, 6), np.float32), np.ones((4, 6, 3), np.float32)).rows(11, 13).end
+    13
     """
 
     first: int
@@ -56,6 +61,10 @@ class Look(NamedTuple):
 
     reach: rows above and below that the result of a row depends on.
     step, origin: the rows that it is asked for end where (row - origin) is a multiple of `step`, or at the end of the picture.
+
+    >>> from offline import Look
+    >>> Look(reach=3)
+    Look(reach=3, step=1, origin=0)
     """
 
     reach: int = 0
@@ -67,6 +76,13 @@ class RowStage(Protocol):
     """A stage that goes over the picture in rows. What is said here are defaults; a stage needs no more than `__call__`.
 
     name: for progress. kernels: those that it calls, so that they can be compiled ahead.
+
+    >>> from offline import RowStage
+    >>> class Same(RowStage):
+    ...     def __call__(self, part, rows):
+    ...         return part.rows(*rows)
+    >>> Same().look
+    Look(reach=0, step=1, origin=0)
     """
 
     name: str = "stage"

@@ -84,6 +84,13 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
     """The stages that make a picture of what was measured, in their order. Every choice among them is made here.
 
     progress: hears what their solvers did.
+
+    >>> import numpy as np
+    >>> from offline import BEST, measure, row_stages
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> [stage.name for stage in row_stages(measure(grey), BEST)][0]
+    'affinity'
     """
     samples, gamma = measured.samples, measured.gamma
     stages: list[RowStage] = [Propagation(measured, settings.affinity, settings.propagation, progress)]  # c, Eqs. 10-14
@@ -153,7 +160,15 @@ def render_bands(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Prog
 def colour_bands(
     measured: Measured, settings: RenderSettings = BEST, progress: Progress = SILENT, stages: Stages = row_stages
 ) -> Iterator[FloatArray]:
-    """Yield the picture of what was measured, as `render_bands` does. stages: see `render`."""
+    """Yield the picture of what was measured, as `render_bands` does. stages: see `render`.
+
+    >>> import numpy as np
+    >>> from offline import colour_bands, measure
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> [band.shape for band in colour_bands(measure(grey))]
+    [(30, 40, 3)]
+    """
     for _, band in _pictures(measured, settings, progress, stages):
         yield band
 
@@ -172,7 +187,15 @@ def warm_up(settings: RenderSettings = BEST) -> None:
 
 
 def measure(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress = SILENT) -> Measured:
-    """Everything that looks at a single frame as a whole."""
+    """Everything that looks at a single frame as a whole.
+
+    >>> import numpy as np
+    >>> from offline import measure
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> measure(grey).luminance.shape
+    (30, 40)
+    """
     exponent = own_unit([mosaic])
     return replace(_measured(scaled(mosaic, exponent), settings, progress), exponent=exponent)
 
@@ -191,6 +214,13 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
 
     With shading the frame stays darker towards its corners, equally for all filters, so that noise and saturation are those of the
     sensor everywhere; the stage `EvenLight` makes the light even at the end.
+
+    >>> import numpy as np
+    >>> from offline import cleaned
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> bool((cleaned(grey).signal == grey.signal).all())
+    True
     """
     samples = with_noise(registered(mosaic, settings, progress).evenly_shaded(), settings.noise)
     return restored(mend_defects(Cleaned(samples, clipping_level(mosaic)), settings.defects, progress), settings, progress)
@@ -225,6 +255,13 @@ def coloured(
 
     luminance: (H, W), filled in and denoised, scene units.
     others: what the other frames of a burst know.
+
+    >>> import numpy as np
+    >>> from offline import cleaned, coloured
+    >>> from shared import CfaPattern, Mosaic, SensorCalibration
+    >>> grey = Mosaic(np.full((30, 40), 0.75, np.float32), CfaPattern.bayer(6), SensorCalibration())
+    >>> coloured(cleaned(grey), np.full((30, 40), 0.75, np.float32)).blocks.shape[2]
+    3
     """
     sums, alone = others or (None, None)
     blocks = estimate_chromaticities(frame, luminance, settings.chromaticity, progress, sums)  # c_j, Eqs. 6-9
