@@ -244,7 +244,7 @@ class Trial:
         """Case -> change of FIGURES of each scene, of cases whose picture of the first scene changes; or why there is none."""
         name = number.name if number.file == _SETTING else ""
         with tempfile.TemporaryDirectory(dir=self._folder) as folder:
-            tree = Path(folder)
+            tree = ROOT if name else Path(folder)
             if not name:  # what is compiled stays valid but for the kernels that this number is in
                 shutil.copytree(ROOT / "offline", tree / "offline")
                 path = tree / "offline" / number.file
