@@ -62,7 +62,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
-    return run_limited(path, ("rawpy", "PIL.Image"), _read, path, name, max_pixels)
+    return run_limited(path, ("rawpy", "PIL.Image", "scipy.ndimage"), _read, path, name, max_pixels)
 
 
 def _read(path: Path, name: str, max_pixels: int) -> Scene:
