@@ -24,7 +24,7 @@ from ..whole.noise import estimate_noise
 _FINE, _COARSE = 0.8, 1.6  # pixels: Gaussians whose difference shows detail that a soft frame has lost
 _TILE = 32  # pixels
 CLIPPED = 0.98
-"""Of the limit: light that counts as clipped."""
+"""Share of the sensor's limit from which on light counts as clipped."""
 DEVIATIONS = 3.0
 """Standard deviations of noise that are tolerated: 0.3 % of Gaussian noise exceed them."""
 NEIGHBOURHOOD = 1.5

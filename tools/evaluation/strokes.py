@@ -26,7 +26,7 @@ from .team import Team
 from .tiles import Tile
 
 VERSION = 1
-"""Of the drawing and of what is measured in it: raise it whenever either changes, so that kept results are made again."""
+"""Version of the drawing and of what is measured in it: raise it whenever either changes, so that kept results are made again."""
 WIDTHS = (8, 12, 16, 24, 36)
 """Pixels across a stroke."""
 COLOURS = {"red": (0.5, 0.05, 0.05), "blue": (0.03, 0.05, 0.3), "dark red": (0.12, 0.015, 0.015)}
