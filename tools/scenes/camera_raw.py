@@ -32,6 +32,8 @@ from .exif_reading import raw_directories
 from .limited import run_limited
 from .scene import Scene, check_size
 
+NEEDED = "rawpy", "PIL.Image", "scipy.ndimage"
+"""Packages that reading a RAW imports: they are loaded before its time is counted, which is less than they take."""
 _CHANNELS = "RGB"
 _COLOR_MATRICES = ((Tag.COLOR_MATRIX_1, Tag.CALIBRATION_ILLUMINANT_1), (Tag.COLOR_MATRIX_2, Tag.CALIBRATION_ILLUMINANT_2))
 # CIE x, y of Exif's LightSource values (tungsten, A, D50, D55, daylight, D75); all others are treated as D65.
@@ -62,7 +64,7 @@ def camera_raw_scene(path: Path, name: str, max_pixels: int = MAX_PIXELS) -> Sce
     Raises InputError, with the reason, for sensors without a 2 x 2 Bayer pattern and for files without sensor samples.
     """
     # LibRaw decodes whatever size the JPEGs inside a RAW declare: it can take minutes and all memory for two kilobytes.
-    return run_limited(path, ("rawpy", "PIL.Image", "scipy.ndimage"), _read, path, name, max_pixels)
+    return run_limited(path, NEEDED, _read, path, name, max_pixels)
 
 
 def _read(path: Path, name: str, max_pixels: int) -> Scene:

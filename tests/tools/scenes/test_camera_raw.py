@@ -15,6 +15,7 @@ from shared.arrays import CodeArray
 from shared.colorimetry import D50, D65_XY, adaptation, xyz
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
+from tests.python import run_python
 from tools.scenes.camera_colour import camera_to_xyz, estimate_neutral
 from tools.scenes.camera_raw import bayer_pattern
 from tools.scenes.load import load_scene
@@ -220,3 +221,23 @@ def test_the_estimate_ignores_clipped_and_dark_pixels() -> None:
     assert estimate_neutral(rgb.astype(np.float32)) == pytest.approx((0.6, 1.0, 0.4), abs=1e-6)
     assert estimate_neutral(np.ones((20, 20, 3), np.float32)) is None
     assert estimate_neutral(np.full((5, 5, 3), 0.5, np.float32)) is None  # too few to tell
+
+
+READING = """
+import sys
+from importlib import import_module
+from pathlib import Path
+from tools.scenes import camera_raw
+for module in camera_raw.NEEDED:
+    import_module(module)
+before = set(sys.modules)
+camera_raw._read(Path(sys.argv[1]), "a", 1 << 20)
+print(*sorted({name.partition(".")[0] for name in set(sys.modules) - before} - set(sys.stdlib_module_names)))
+"""
+
+
+def test_reading_imports_no_package_while_its_time_is_counted(tmp_path: Path) -> None:
+    """Importing SciPy took longer than reading a small file may take: on a busy machine it was called damaged."""
+    samples = np.random.default_rng(0).integers(100, 4000, (60, 80), np.uint16)
+    samples[20:30, 20:30] = 65535  # clipped: to be made white
+    assert run_python(READING, write_dng(tmp_path / "a.dng", samples)) == "\n"
