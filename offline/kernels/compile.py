@@ -37,12 +37,12 @@ milliseconds where other programs are at work, as long as a burst of tiny frames
 
 
 @cache
-def _sources(path: Path) -> frozenset[Path]:
-    """A kernel's file, and those of `offline` and `shared` from which its code or numbers may come: what it imports, and so on."""
+def sources(path: Path) -> frozenset[Path]:
+    """A module's file, and those of `offline` and `shared` from which its code or numbers may come: what it imports, and so on."""
     imported = _IMPORT.findall(path.read_text(encoding="utf-8"))
     folders = ((_SHARED if where == "shared." else path.parents[len(where) - 1], name) for where, name in imported)
     files = (folder.joinpath(*name.split(".")).with_suffix(".py") for folder, name in folders)
-    return frozenset({path}).union(*(_sources(each) for each in files if each.exists()))
+    return frozenset({path}).union(*(sources(each) for each in files if each.exists()))
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -56,7 +56,7 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         super().__init__(function)
         name, stamp = f"{self._impl.filename_base}-{_PROCESSOR}", self._impl.locator.get_source_stamp()
         self._cache_file = IndexDataCacheFile(self._cache_path, name, stamp)
-        texts = (path.read_bytes() for path in sorted(_sources(Path(function.__code__.co_filename))))
+        texts = (path.read_bytes() for path in sorted(sources(Path(function.__code__.co_filename))))
         self._digest = hashlib.sha256(b"".join(texts)).hexdigest()
 
     def _index_key(self, *args: Any) -> tuple[Any, ...]:

@@ -20,6 +20,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from scipy.ndimage import shift
 
 from offline import BEST, PAPER, RenderSettings, render, use_threads
 from offline.burst import merge_burst, render_burst_bands
+from offline.kernels.compile import sources
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.aberration import Aberration
 from shared.arrays import FloatArray
@@ -42,7 +44,6 @@ FIGURES = "median", "10 %", "whole"
 _SETTING = "settings"
 _NAME = re.compile(r"_?[A-Z][A-Z0-9_]*")
 _LEFT_OUT = {"memory.py", "ahead.py", "compile.py", "version.py"}  # about memory and compilation, not about pictures
-_IMPORT = re.compile(r"^from (\.+)([\w.]*) import ", re.MULTILINE)
 _REFUSED = "refused"
 _LENS = ((2e-3, 0.0), (0.0, 0.0), (-2e-3, 0.0))  # a quarter of a pixel in the corners of a crop
 _MOTIONS = (0.0, 0.0), (1.25, 2.5), (2.0, -1.75), (-2.4, 1.1)  # pixels
@@ -82,17 +83,6 @@ def numbers() -> list[Number]:
     for path in sorted((ROOT / "offline").rglob("*.py")):
         if path.name not in _LEFT_OUT:
             found += constants_of(path.read_text(encoding="utf-8"), path.relative_to(ROOT / "offline").as_posix())
-    return found
-
-
-def reached(path: Path) -> set[Path]:
-    """The modules of `offline` that a module needs: itself, those that it imports, and so on."""
-    found, new = set(), {path}
-    while new:
-        found |= new
-        pairs = [(each, *match) for each in new for match in _IMPORT.findall(each.read_text(encoding="utf-8"))]
-        new = {each.parents[len(dots) - 1].joinpath(*name.split(".")).with_suffix(".py") for each, dots, name in pairs}
-        new = {each for each in new if each.exists()} - found
     return found
 
 
@@ -214,8 +204,6 @@ scattered: 0.01, Kodak's pattern. paper: 0.01, the preset `paper`. burst: four f
 
 def measure(scenes: Path, name: str, factor: float, only: list[str]) -> None:
     """In a process of its own: print the FIGURES and a digest of each case and scene, as JSON."""
-    from hashlib import sha256
-
     use_threads(1)
     settings = with_setting(BEST, name, factor) if name else BEST
     found: dict[str, list[list[Any]]] = {case: [] for case in only}
@@ -237,7 +225,7 @@ class Trial:
         self._first, self._all = folder / "first.npz", folder / "all.npz"
         np.savez(self._first, scenes[0])
         np.savez(self._all, *scenes)
-        self._single = reached(ROOT / "offline/render.py")
+        self._single = sources(ROOT / "offline/render.py")
         self.whole: dict[str, list[list[Any]]] = json.loads(self._run(ROOT, self._all, "", 1.0, list(CASES)))
 
     def of(self, number: Number, factor: float) -> dict[str, list[list[float]]] | str:
