@@ -7,6 +7,7 @@ from math import ceil
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from shared.aberration import Aberration
 from shared.mosaic import Mosaic
 from shared.progress import Progress
 
@@ -15,17 +16,15 @@ from .kernels.mixing import colour
 from .parts import Look, Part, windows
 
 
-def without_aberration(mosaic: Mosaic, picture: Iterable[Part], progress: Progress) -> Mosaic:
+def without_aberration(mosaic: Mosaic, lens: Aberration, picture: Iterable[Part], progress: Progress) -> Mosaic:
     """The mosaic as it would be if its lens had no lateral chromatic aberration, which its calibration then does not name.
 
+    lens: what its calibration says of it.
     picture: a first picture of it, rendered as if there were none, in scene units. It tells how much the displacement of channels
         changes each sample. What is not in that picture, such as noise, stays as it is.
 
     Samples that are saturated stay so, with those around them that their light reaches; none loses more than half of its light.
     """
-    lens = mosaic.calibration.aberration
-    if lens is None:
-        return mosaic
     planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
     radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)
     is_coded, reach = mosaic.samples.dtype == np.uint16, ceil(lens.reach(mosaic.shape))

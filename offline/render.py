@@ -277,13 +277,13 @@ def coloured(
 
 def registered(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Mosaic:
     """The mosaic as it would be if its lens had no lateral chromatic aberration (see `aberration`); itself if it has none."""
-    if mosaic.calibration.aberration is None:
+    if (lens := mosaic.calibration.aberration) is None:
         return mosaic
     # At its sites a picture that is corrected shows the displaced samples themselves, and would hide what is displaced.
     rough, plain = settings.uncorrected, replace(mosaic, calibration=replace(mosaic.calibration, aberration=None))
     progress.stage("aberration", mosaic.shape[0])
     measured = _measured(plain, rough, SILENT)  # needs the most memory, and comes before what is kept beside it
-    return without_aberration(mosaic, parts_of(measured, rough), progress)
+    return without_aberration(mosaic, lens, parts_of(measured, rough), progress)
 
 
 def parts_of(
