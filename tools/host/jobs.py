@@ -83,8 +83,9 @@ class Outcome:
 
 
 Work = Callable[[Job, StageProgress], Outcome]
-JobWorkers = Workers[Job, Outcome]
 """Does one job; its notes and stages go to the listener."""
+JobWorkers = Workers[Job, Outcome]
+"""A way to do jobs, several at a time or one after the other."""
 
 
 _created: list[Path] = []  # output folders of this command
