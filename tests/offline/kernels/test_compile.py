@@ -125,8 +125,12 @@ def test_a_full_disk_behind_the_cache_costs_only_time(monkeypatch: pytest.Monkey
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    def unkept(numbers: IndexArray) -> None:  # another test, in an earlier run, keeps `more`
+        for place in product.prange(len(numbers)):
+            numbers[place] += 1
+
     monkeypatch.setattr(IndexDataCacheFile, "save", full)
-    made, numbers = product.ParallelKernel(more, "i8[::1]"), np.arange(3)
+    made, numbers = product.ParallelKernel(unkept, "i8[::1]"), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
     assert not made.kept()
