@@ -15,7 +15,7 @@ from shared.pattern_text import read_pattern
 from shared.tiles import TILES
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
-from tools.evaluation.verdict import plain_text
+from tools.evaluation.report import plain_text
 from tools.host.cluster import SchedulerGoneError, absolute_path, connected
 from tools.host.console import Console
 from tools.host.countdown import duration

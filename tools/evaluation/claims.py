@@ -11,6 +11,7 @@ from .figures import SetFigures
 from .measures import TITLES
 
 FEW = 6  # scenes: by a sign test at 5 %, being ahead on all of fewer may be chance (2 / 2^5 = 0.06, 2 / 2^6 = 0.03)
+_PLANES = RGB, LUMINANCE, CHROMINANCE
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Claim:
     scenes: on how many scenes it holds, and by how much.
     """
 
-    text: str
+    claim: str
     finding: str
     scenes: str
     why: str
@@ -33,19 +34,21 @@ def claims(group: SetFigures) -> list[Claim]:
     own = "paper" if "paper" in group.study.methods else group.study.ours
     if rival is None or own is None:
         return []
-    levels = group.study.levels
-    pooled = [lead for level in levels if (lead := group.at(level).leads(rival, own))]
+    levels, names = group.study.levels, f"{own} minus {rival}"
+
+    def leads(scene: str | None) -> list[list[float]]:
+        """By level, those that are measured: the lead by each of _PLANES."""
+        found = [[group.lead(level, rival, plane, scene, own) for plane in _PLANES] for level in levels]
+        return [each for lead in found if len(each := [value for value in lead if value is not None]) == len(_PLANES)]
+
+    pooled, of_scenes = leads(None), [leads(scene) for scene in group.names]
     if len(pooled) < len(levels):
         return []
-    of_scenes = [
-        [lead for level in levels if (lead := group.figures.at_scene(name, level).leads(rival, own))] for name in group.names
-    ]
-    names = f"{own} minus {rival}"
     found = []
     if levels[0].clear:
-        found.append(_noise_free(levels[0], pooled[0], [scene[0][RGB] for scene in of_scenes], names))
+        found.append(_noise_free(levels[0], pooled[0], [scene[0][0] for scene in of_scenes], names))
     if len(pooled) > 1:
-        found.append(_growing(levels, pooled, [scene[-1][RGB] - scene[0][RGB] for scene in of_scenes], names))
+        found.append(_growing(levels, pooled, [scene[-1][0] - scene[0][0] for scene in of_scenes], names))
     return found
 
 
@@ -58,7 +61,7 @@ def ahead(margins: Sequence[float]) -> str:
 
 
 def _noise_free(level: Protocol, lead: Sequence[float], of_scenes: Sequence[float], names: str) -> Claim:
-    rgb, luminance, chrominance = (lead[plane] for plane in (RGB, LUMINANCE, CHROMINANCE))
+    rgb, luminance, chrominance = lead
     light = f"At {level.text}" if level.noisy else "Noise-free"
     return Claim(
         f"{light}, better than Bayer, mainly in luminance",
@@ -69,15 +72,14 @@ def _noise_free(level: Protocol, lead: Sequence[float], of_scenes: Sequence[floa
 
 
 def _growing(levels: Sequence[Protocol], pooled: Sequence[Sequence[float]], of_scenes: Sequence[float], names: str) -> Claim:
-    by_plane = list(zip(*pooled, strict=True))[: len(TITLES)]
+    by_plane = list(zip(*pooled, strict=True))
     parts = [f"{name} " + ", ".join(f"{lead:+.1f}" for lead in each) for name, each in zip(TITLES, by_plane, strict=True)]
-    noise = ", ".join(level.text for level in levels)
-    rgb = by_plane[RGB]
+    rgb = by_plane[0]
     return Claim(
         "The more noise, the larger the lead",
         _finding(rgb[-1] - rgb[0], of_scenes, _rising(rgb)),
         ahead(of_scenes).replace("ahead", "the lead grows", 1) + _few(of_scenes),
-        f"{names}, dB, at {noise}: {'; '.join(parts)}",
+        f"{names}, dB, at {', '.join(level.text for level in levels)}: {'; '.join(parts)}",
     )
 
 

@@ -1,19 +1,19 @@
-"""Figures of an evaluation, per scene and pooled: who wins, by how much, and where we lose."""
+"""Figures of an evaluation, per scene and pooled: one row for each, and who is ahead by how much."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isnan, nan
+from math import isnan
 
 import numpy as np
 
 from tools.camera.protocols import Protocol
 
-from .criteria import CRITERIA, RGB
-from .measures import Histogram, Measures
+from .criteria import CRITERIA, RGB, Criterion
+from .measures import PLANES, Histogram, Measures
 from .methods import methods
-from .metrics import Quality
-from .scene_sets import SETS
+from .metrics import QUANTILES, Quality
+from .scene_sets import SETS, SceneInfo
 from .strokes import Strokes
 from .study import Cell, Study, can_photograph
 from .tiles import Tile
@@ -21,19 +21,17 @@ from .tiles import Tile
 
 @dataclass(frozen=True)
 class Figure:
-    """Figures of one method on a scene, or on a set of scenes.
+    """Figures of one method on a scene, or on a set of scenes: a row of the results.
 
     group: the set.
     scene: its name; None for the whole set.
     level: the noise.
     method: its name.
     tile: the pattern of the sparse-colour camera; None for a Bayer camera's method.
-    quality: PSNR quantiles of the scene's patches, or of all patches of the set, dB.
-    psnr: of the whole picture in RGB, luminance and chrominance, dB; for a set, the mean over its scenes.
-    ssim: of the whole picture; for a set, the mean over its scenes.
-    wrong_hue: share of the pixels that show a wrong hue, 0 to 1; for a set, the mean over its scenes. None where red, green and
-        blue are not measured.
     scenes: number of scenes.
+    values: by name: PSNR quantiles of the patches of all scenes (PLANE_q10 to PLANE_q75) and PSNR of whole pictures (psnr,
+        psnr_PLANE), dB; ssim; wrong_hue, the share of the pixels that show a wrong hue, 0 to 1, None where red, green and blue are
+        not measured. What is of whole pictures is the mean over the scenes.
     """
 
     group: str
@@ -41,17 +39,40 @@ class Figure:
     level: Protocol
     method: str
     tile: Tile | None
-    quality: Quality
-    psnr: tuple[float, float, float]
-    ssim: float
-    wrong_hue: float | None
     scenes: int
+    values: Mapping[str, float | None]
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """The figure by each of CRITERIA: PSNR in dB, SSIM, and % of wrong hue (NaN if there is none)."""
-        tenths = (plane[0] for plane in self.quality)
-        return (*self.quality.median, *tenths, *self.psnr, self.ssim, nan if self.wrong_hue is None else 100 * self.wrong_hue)
+
+_Key = tuple[str, str | None, Protocol, str, Tile | None]  # set, scene, level, method, pattern
+
+
+class Figures:
+    """All figures of a study, from the results that exist.
+
+    rows: of the sets, where every scene of a set has a result, then of the scenes.
+    sets: those of which there are results.
+    strokes: what each method keeps of the drawn scene.
+    """
+
+    def __init__(self, study: Study, results: Mapping[Cell, Measures], strokes: Sequence[Strokes] = ()) -> None:
+        self.study, self.results, self.strokes = study, results, tuple(strokes)
+        parts: dict[_Key, list[Measures]] = {}
+        for cell, measures in results.items():
+            parts.setdefault((cell.scene.group, None, cell.level, cell.method, cell.tile), []).append(measures)
+        found: dict[_Key, Figure] = {}
+        self.sets = [SetFigures(study, name, found) for name in SETS if any(cell.scene.group == name for cell in results)]
+        for group in self.sets:
+            for key, each in parts.items():
+                if key[0] == group.name and len(each) == len(group.names):
+                    found[key] = Figure(*key, len(each), _values(_pooled(each), each))
+        for cell, measures in results.items():
+            key = (cell.scene.group, cell.scene.name, cell.level, cell.method, cell.tile)
+            found[key] = Figure(*key, 1, _values(measures.quality, [measures]))
+        self.rows = found.values()
+
+    def of(self, scene: SceneInfo) -> "SetFigures | None":
+        """The set of a scene; None if nothing of it was measured."""
+        return next((each for each in self.sets if each.name == scene.group), None)
 
 
 @dataclass(frozen=True)
@@ -60,172 +81,94 @@ class Comparison:
 
     scene: its name; None for the whole set.
     level: the noise.
-    criterion: place in CRITERIA.
+    criterion: the figure.
     rival: name of the method.
     lead: how much better ours is, in the unit of the criterion.
     """
 
     scene: str | None
     level: Protocol
-    criterion: int
+    criterion: Criterion
     rival: str
     lead: float
 
     @property
     def lost(self) -> bool:
         """Whether the rival is better by more than counts as none."""
-        return self.lead <= -CRITERIA[self.criterion].even
+        return self.lead <= -self.criterion.even
 
 
-_Key = tuple[str, Protocol, str, Tile | None]  # set or scene, level, method, pattern
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How the methods of a study stand in one place: on a scene or on a set of scenes, at one level, with the study's own pattern.
+@dataclass(frozen=True, eq=False)
+class SetFigures:
+    """The figures of one set of scenes. In all methods `scene` is a name, None = the whole set together.
 
     study: the study.
-    figures: by method, those that there are.
+    name: of the set, one of SETS.
+    found: the rows of the whole study.
     """
 
     study: Study
-    figures: Mapping[str, Figure]
-
-    def best(self, names: Iterable[str] | None = None, criterion: int = RGB) -> str | None:
-        """The best of some methods, or of all, by a criterion."""
-        chosen = self.study.methods if names is None else names
-        found = {name: self.figures[name].values[criterion] for name in chosen if name in self.figures}
-        values = {name: CRITERIA[criterion].sign * value for name, value in found.items() if not isnan(value)}
-        return max(values, key=lambda name: values[name], default=None)
-
-    def leads(self, rival: str, own: str | None = None) -> list[float] | None:
-        """How much better our method, or another one, is than a rival, by each of CRITERIA; None where one has no result."""
-        ours, theirs = self.figures.get(own or self.study.ours or ""), self.figures.get(rival)
-        if ours is None or theirs is None:
-            return None
-        return [each.sign * (a - b) for each, a, b in zip(CRITERIA, ours.values, theirs.values, strict=True)]
-
-    def margin(self, criterion: int = RGB) -> tuple[str, float] | None:
-        """The best rival, and our lead over it in the unit of the criterion (negative: it leads)."""
-        rival = self.best(self.study.rivals, criterion)
-        if rival is None or (lead := self.leads(rival)) is None:
-            return None
-        return rival, lead[criterion]
-
-
-class Figures:
-    """All figures of a study, from the results that exist.
-
-    strokes: what each method keeps of the drawn scene.
-    """
-
-    def __init__(self, study: Study, results: dict[Cell, Measures], strokes: Sequence[Strokes] = ()) -> None:
-        self.study = study
-        self.results = results
-        self.strokes = tuple(strokes)
-        present = {cell.scene.group for cell in results}
-        self.sets = [SetFigures(self, group) for group in SETS if group in present]
-        self.scenes = {
-            (cell.scene.name, *place): Figure(
-                cell.scene.group, cell.scene.name, *place, each.quality, each.psnr, each.ssim, each.wrong_hue, 1
-            )
-            for cell, each in results.items()
-            for place in [(cell.level, cell.method, cell.tile)]
-        }
+    name: str
+    found: Mapping[_Key, Figure]
 
     @cached_property
-    def pools(self) -> dict[_Key, Figure]:
-        """Pooled figures by set, level, method and pattern; only where every scene of the set has a result."""
-        parts: dict[_Key, list[Measures]] = {}
-        for cell, measures in self.results.items():
-            parts.setdefault((cell.scene.group, cell.level, cell.method, cell.tile), []).append(measures)
-        return {
-            key: _pooled(key, found)
-            for each in self.sets
-            for key, found in parts.items()
-            if key[0] == each.name and len(found) == len(each.names)
-        }
-
-    def of_scene(self, scene: str, level: Protocol, method: str, tile: Tile | None = None) -> Figure | None:
-        """The figure of one scene; None if there is none. tile: of the sparse camera, by default the study's."""
-        return self.scenes.get((scene, level, method, self.study.tile_of(method, tile)))
-
-    def at_scene(self, scene: str, level: Protocol) -> Standing:
-        """How the methods stand on one scene."""
-        found = {name: self.of_scene(scene, level, name) for name in self.study.methods}
-        return Standing(self.study, {name: each for name, each in found.items() if each})
-
-
-@dataclass(frozen=True)
-class SetFigures:
-    """The figures of one set of scenes.
-
-    figures: those of the whole study.
-    name: of the set, one of SETS.
-    """
-
-    figures: Figures
-    name: str
-
-    @property
-    def study(self) -> Study:
-        """The study."""
-        return self.figures.study
-
-    @property
     def names(self) -> list[str]:
         """Names of the scenes."""
         return [scene.name for scene in self.study.scenes if scene.group == self.name]
 
-    def pooled(self, level: Protocol, method: str, tile: Tile | None = None) -> Figure | None:
-        """The pooled figure; None if there is none. tile: of the sparse camera, by default the study's."""
-        return self.figures.pools.get((self.name, level, method, self.study.tile_of(method, tile)))
+    def figure(self, level: Protocol, method: str, scene: str | None = None, tile: Tile | None = None) -> Figure | None:
+        """The figures of a method; None if there are none. tile: of the sparse camera, by default the study's."""
+        return self.found.get((self.name, scene, level, method, self.study.tile_of(method, tile)))
 
-    def at(self, level: Protocol) -> Standing:
-        """How the methods stand on all scenes together."""
-        found = {name: self.pooled(level, name) for name in self.study.methods}
-        return Standing(self.study, {name: each for name, each in found.items() if each})
+    def best(
+        self, level: Protocol, criterion: Criterion = RGB, names: Iterable[str] | None = None, scene: str | None = None
+    ) -> str | None:
+        """The best of some methods, or of all, by a criterion."""
+        chosen = self.study.methods if names is None else names
+        values = {name: criterion.sign * criterion.of(self.figure(level, name, scene)) for name in chosen}
+        return max((name for name in values if not isnan(values[name])), key=lambda name: values[name], default=None)
 
-    def by_pattern(self, level: Protocol, criterion: int, method: str | None = None) -> dict[Tile, float]:
-        """The figure of each pattern at a level, where there is one. method: by default our renderer."""
-        name = method or self.study.ours
-        if name is None:
-            return {}
-        found = {tile: self.pooled(level, name, tile) for tile in self.study.tiles}
-        values = {tile: figure.values[criterion] for tile, figure in found.items() if figure}
-        return {tile: value for tile, value in values.items() if not isnan(value)}
-
-    def best_pattern(self, level: Protocol, criterion: int) -> Tile | None:
-        """The best pattern for our renderer at a level."""
-        values = self.by_pattern(level, criterion)
-        return max(values, key=lambda tile: CRITERIA[criterion].sign * values[tile], default=None)
-
-    def best_period(self, level: Protocol) -> tuple[int, float] | None:
-        """The best of the paper's patterns for our renderer, and its lead over the study's own pattern, dB of median RGB PSNR."""
-        values = self.by_pattern(level, RGB)
-        medians = {tile.period: value for tile, value in values.items() if tile.period}
-        if not medians or self.study.tile not in values:
+    def lead(
+        self, level: Protocol, rival: str, criterion: Criterion = RGB, scene: str | None = None, own: str | None = None
+    ) -> float | None:
+        """How much better our method, or another one, is than a rival by a criterion; None where one has no result."""
+        ours, theirs = self.figure(level, own or self.study.ours or rival, scene), self.figure(level, rival, scene)
+        if ours is None or theirs is None or not (own or self.study.ours):
             return None
-        best = max(medians, key=lambda period: medians[period])
-        return best, medians[best] - values[self.study.tile]
+        return criterion.sign * (criterion.of(ours) - criterion.of(theirs))
 
-    def scene_leads(self, level: Protocol) -> list[float]:
-        """Our lead over the best rival of each scene, dB of median RGB PSNR; scenes without results are left out."""
-        margins = [self.figures.at_scene(name, level).margin() for name in self.names]
-        return [margin[1] for margin in margins if margin is not None]
+    def margin(self, level: Protocol, criterion: Criterion = RGB, scene: str | None = None) -> Comparison | None:
+        """Ours beside the best rival by a criterion; None if one of them has no such figure."""
+        rival = self.best(level, criterion, self.study.rivals, scene)
+        lead = None if rival is None else self.lead(level, rival, criterion, scene)
+        return None if rival is None or lead is None or isnan(lead) else Comparison(scene, level, criterion, rival, lead)
+
+    def margins(self, level: Protocol, criterion: Criterion = RGB) -> list[Comparison]:
+        """Ours beside the best rival of each scene; scenes without results are left out."""
+        return [margin for scene in self.names if (margin := self.margin(level, criterion, scene)) is not None]
 
     @cached_property
     def comparisons(self) -> list[Comparison]:
         """Ours beside every rival at every level by every criterion: on each scene, and on all together if there are several."""
-        names = self.names
         return [
             Comparison(scene, level, criterion, rival, lead)
             for level in self.study.levels
-            for scene in ([None, *names] if len(names) > 1 else names)
-            for standing in [self.at(level) if scene is None else self.figures.at_scene(scene, level)]
+            for scene in ([None, *self.names] if len(self.names) > 1 else self.names)
             for rival in self.study.rivals
-            for criterion, lead in enumerate(standing.leads(rival) or ())
+            for criterion in CRITERIA
+            if (lead := self.lead(level, rival, criterion, scene)) is not None
         ]
+
+    def by_pattern(self, level: Protocol, criterion: Criterion = RGB, method: str | None = None) -> dict[Tile, float]:
+        """The figure of each pattern at a level, where there is one. method: by default our renderer."""
+        name = method or self.study.ours
+        values = {tile: criterion.of(self.figure(level, name, tile=tile)) for tile in self.study.tiles} if name else {}
+        return {tile: value for tile, value in values.items() if not isnan(value)}
+
+    def best_pattern(self, level: Protocol, criterion: Criterion) -> Tile | None:
+        """The best pattern for our renderer at a level."""
+        values = self.by_pattern(level, criterion)
+        return max(values, key=lambda tile: criterion.sign * values[tile], default=None)
 
     def missing(self) -> dict[str, list[Protocol]]:
         """Methods, with the levels at which a scene has no result of them, so that they are missing from the pooled figures."""
@@ -235,15 +178,24 @@ class SetFigures:
             for name in self.study.methods
             if any(can_photograph(tile, each) for tile in self.study.cameras(methods()[name]) for each in channels)
         ]
-        found = {name: [level for level in self.study.levels if self.pooled(level, name) is None] for name in meant}
+        found = {name: [level for level in self.study.levels if self.figure(level, name) is None] for name in meant}
         return {name: without for name, without in found.items() if without}
 
 
-def _pooled(key: _Key, parts: Sequence[Measures]) -> Figure:
-    """The figure of all scenes of a set together."""
-    quality = Quality(*(Histogram.pooled([each.patches[plane] for each in parts]).quantiles() for plane in range(3)))
-    rgb, luminance, chrominance = np.mean([each.psnr for each in parts], axis=0).tolist()
+def _pooled(parts: Sequence[Measures]) -> Quality:
+    """Quantiles of the patches of all parts together."""
+    return Quality(*(Histogram.pooled([each.patches[plane] for each in parts]).quantiles() for plane in range(len(PLANES))))
+
+
+def _values(quality: Quality, parts: Sequence[Measures]) -> dict[str, float | None]:
+    """`Figure.values` of some pictures. quality: of all their patches."""
+    values: dict[str, float | None] = {
+        f"{plane}_q{round(100 * quantile)}": value
+        for plane, found in zip(PLANES, quality, strict=True)
+        for quantile, value in zip(QUANTILES, found, strict=True)
+    }
+    whole = np.mean([each.psnr for each in parts], axis=0).tolist()
+    values |= zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), whole, strict=True)
+    values["ssim"] = float(np.mean([each.ssim for each in parts]))
     hues = [each.wrong_hue for each in parts if each.wrong_hue is not None]
-    hue = float(np.mean(hues)) if len(hues) == len(parts) else None
-    ssim = float(np.mean([each.ssim for each in parts]))
-    return Figure(key[0], None, *key[1:], quality, (rgb, luminance, chrominance), ssim, hue, len(parts))
+    return values | {"wrong_hue": float(np.mean(hues)) if len(hues) == len(parts) else None}

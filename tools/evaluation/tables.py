@@ -11,23 +11,24 @@ from tools.host.console import one_line
 from .claims import claims
 from .criteria import CRITERIA, EVEN
 from .figures import Figure, Figures, SetFigures
-from .measures import PLANES
 from .methods import methods
 from .metrics import BORDER, PSNR_PATCH, QUANTILES
 from .scene_sets import CROP
 from .strokes import COLOURS, MARGIN, WHITE, WIDTHS
 from .study import Study
 from .tiles import Tile
-from .verdict import caveats
+from .verdict import best_period, caveats
 
 _COLUMNS = ("group", "scene", "level", "method", "period")
 _POOLED = "all scenes"
 _DRAWN = "drawn strokes"
+_SCENE = ("source", "name", "group", "rows", "columns", "channels", "notes")
+_DIGITS = {"ssim": 6, "wrong_hue": 6}  # of figures; of all others 4
 
 
 def rows(figures: Figures) -> list[dict[str, Any]]:
     """One flat object per figure, pools (scene null) before scenes; PSNR quantiles are PLANE_q10 to PLANE_q75."""
-    return [_row(figures.study, figure) for figure in (*figures.pools.values(), *figures.scenes.values())]
+    return [_row(figures.study, figure) for figure in figures.rows]
 
 
 def stroke_rows(figures: Figures) -> list[dict[str, Any]]:
@@ -54,8 +55,7 @@ def encode_csv(figures: Figures) -> bytes:
     columns = dict.fromkeys(name for row in (*found[:1], *drawn[:1]) for name in row)
     writer = csv.DictWriter(text, list(columns or _COLUMNS), lineterminator="\n")
     writer.writeheader()
-    for row in (*found, *drawn):
-        writer.writerow({**row, "scene": one_line(row["scene"] or _POOLED)})
+    writer.writerows({**row, "scene": one_line(row["scene"] or _POOLED)} for row in (*found, *drawn))
     return text.getvalue().encode()
 
 
@@ -81,10 +81,7 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
             "quantiles": QUANTILES,
             "scenes_cut_to_multiples_of": CROP,
         },
-        "scenes": [
-            {name: getattr(scene, name) for name in ("source", "name", "group", "rows", "columns", "channels", "notes")}
-            for scene in study.scenes
-        ],
+        "scenes": [{name: getattr(scene, name) for name in _SCENE} for scene in study.scenes],
         "methods": {
             name: {"title": methods()[name].title, "ours": methods()[name].ours, "bayer": not methods()[name].sparse}
             for name in study.methods
@@ -99,44 +96,40 @@ def encode_json(figures: Figures, program: str, failures: list[str], left_out: S
 
 
 def _verdict(group: SetFigures) -> dict[str, Any]:
-    levels, compared = [], group.comparisons
+    levels = []
     for level in group.study.levels:
-        margin = group.at(level).margin()
-        by_scene = group.scene_leads(level)
-        best = group.best_period(level)
+        margin, by_scene = group.margin(level), group.margins(level)
+        patterns = {each.name: group.best_pattern(level, each) for each in CRITERIA}
         levels.append(
             {
                 "level": level.level,
-                "winner": {each.name: group.at(level).best(criterion=index) for index, each in enumerate(CRITERIA)},
-                "best_rival": margin and margin[0],
-                "margin_rgb": margin and round(margin[1], 4),
-                "scenes_won": sum(lead >= EVEN for lead in by_scene),
+                "winner": {each.name: group.best(level, each) for each in CRITERIA},
+                "best_rival": margin and margin.rival,
+                "margin_rgb": margin and round(margin.lead, 4),
+                "scenes_won": sum(each.lead >= EVEN for each in by_scene),
                 "scenes": len(by_scene),
-                "best_period": best and best[0],
-                "best_pattern": {
-                    each.name: tile and tile.name
-                    for index, each in enumerate(CRITERIA)
-                    for tile in [group.best_pattern(level, index)]
-                },
+                "best_period": best_period(group, level),
+                "best_pattern": {name: tile and tile.name for name, tile in patterns.items()},
             }
         )
+    losses = [
+        {
+            "scene": each.scene,
+            "level": each.level.level,
+            "rival": each.rival,
+            "figure": each.criterion.name,
+            "margin": round(-each.lead, 4),
+        }
+        for each in group.comparisons
+        if each.lost
+    ]
     return {
         "ours": group.study.ours,
         "levels": levels,
         "caveats": caveats(group),
-        "claims": [{"claim": c.text, "finding": c.finding, "scenes": c.scenes, "why": c.why} for c in claims(group)],
-        "comparisons": len(compared),
-        "losses": [
-            {
-                "scene": each.scene,
-                "level": each.level.level,
-                "rival": each.rival,
-                "figure": CRITERIA[each.criterion].name,
-                "margin": round(-each.lead, 4),
-            }
-            for each in compared
-            if each.lost
-        ],
+        "claims": [vars(each) for each in claims(group)],
+        "comparisons": len(group.comparisons),
+        "losses": losses,
     }
 
 
@@ -151,14 +144,15 @@ def _facts(study: Study, tile: Tile | None) -> dict[str, Any]:
 
 
 def _row(study: Study, figure: Figure) -> dict[str, Any]:
-    facts = _facts(study, figure.tile)
-    row: dict[str, Any] = {name: getattr(figure, name) for name in _COLUMNS if name != "period"}
-    row |= {"level": figure.level.level, "period": facts.pop("period")}
-    for plane, quantiles in zip(PLANES, figure.quality, strict=True):
-        for quantile, value in zip(QUANTILES, quantiles, strict=True):
-            row[f"{plane}_q{round(100 * quantile)}"] = round(value, 4)
-    for plane, value in zip(("psnr", *(f"psnr_{plane}" for plane in PLANES[1:])), figure.psnr, strict=True):
-        row[plane] = round(value, 4)
-    hue = None if figure.wrong_hue is None else round(figure.wrong_hue, 6)
-    row |= {"ssim": round(figure.ssim, 6), "wrong_hue": hue, "scenes": figure.scenes}
-    return {**row, "pattern": figure.tile and figure.tile.name, **facts}
+    facts, tile = _facts(study, figure.tile), figure.tile
+    return {
+        "group": figure.group,
+        "scene": figure.scene,
+        "level": figure.level.level,
+        "method": figure.method,
+        "period": facts.pop("period"),
+        **{name: value if value is None else round(value, _DIGITS.get(name, 4)) for name, value in figure.values.items()},
+        "scenes": figure.scenes,
+        "pattern": tile and tile.name,
+        **facts,
+    }

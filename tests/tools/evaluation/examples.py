@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shared import CfaPattern
 from shared.arrays import FloatArray
 from tools.camera.protocols import PaperProtocol
 from tools.evaluation.figures import Figures
@@ -12,6 +13,8 @@ from tools.evaluation.study import Study, collect, tasks, work
 from tools.evaluation.team import Team
 from tools.evaluation.tiles import Tile
 from tools.host.console import Console
+
+KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 
 
 def small_scene(rows: int, columns: int, seed: int) -> FloatArray:

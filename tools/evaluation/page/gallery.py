@@ -38,11 +38,12 @@ WHY_HUE = "where most of our hues are wrong"
 LEARNED, UNLEARNED = "best", "unlearned"
 WHY_LEARNED = "where learning changes most, for better or worse"
 WHY_PATTERNS = "where the patterns differ most"
+REASONS = (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE, WHY_LEARNED, WHY_PATTERNS)
 
 
 @dataclass(frozen=True)
 class Crop:
-    """A part of a scene at a noise level, and why it was chosen (WHY_...).
+    """A part of a scene at a noise level, and why it was chosen (one of REASONS).
 
     row, column: of its first pixel.
     height, width: pixels.
@@ -66,25 +67,35 @@ class Crop:
 class Rendered:
     """One rendering of a crop.
 
-    method: name; "" for the truth.
+    name: of the method, of the pattern where patterns are compared, or "truth".
     pixels: sRGB, uint8 (h, w, 3).
     psnr: of the crop, dB; None for the truth.
-    pattern: name, where patterns are compared; otherwise "".
+    ours: whether it is to be told apart as ours; where patterns are compared, none is.
     """
 
-    method: str
+    name: str
     pixels: ByteArray
-    psnr: float | None
-    pattern: str = ""
+    psnr: float | None = None
+    ours: bool = False
+
+    @property
+    def caption(self) -> str:
+        """What is below the picture."""
+        return self.name if self.psnr is None else f"{self.name}, {self.psnr:.1f} dB"
 
 
 @dataclass(frozen=True, eq=False)
 class Exhibit:
-    """A crop with its pictures, the truth first; stops: brightening for display."""
+    """A crop with its pictures, the truth first.
+
+    stops: brightening for display.
+    shown: places of the pictures on the left and on the right at first: best rival and our best, or worst and best pattern.
+    """
 
     crop: Crop
     pictures: tuple[Rendered, ...]
     stops: float
+    shown: tuple[int, int]
 
 
 def render_gallery(figures: Figures, team: Team) -> list[Exhibit]:
@@ -92,11 +103,10 @@ def render_gallery(figures: Figures, team: Team) -> list[Exhibit]:
 
     Empty without a method of ours, and without a rival or another pattern.
     """
-    crops = list(choose_crops(figures))
-    if not crops:
+    shown = [(crop, _shown(figures, crop)) for crop in choose_crops(figures)]
+    if not shown:
         return []
-    pixels = (WINDOW + 2 * _HALO) ** 2 + max(crop.scene.rows * crop.scene.columns for crop in crops) // 4
-    shown = [(crop, _shown(figures, crop)) for crop in crops]
+    pixels = (WINDOW + 2 * _HALO) ** 2 + max(crop.scene.rows * crop.scene.columns for crop, _ in shown) // 4
     return team.together("gallery", partial(render_exhibit, figures.study), shown, pixels)
 
 
@@ -104,31 +114,37 @@ def choose_crops(figures: Figures) -> Iterator[Crop]:
     """Up to three crops per reason and level, each from another scene."""
     levels = figures.study.levels
     for level in dict.fromkeys((levels[0], levels[-1])):
+        scores = [(scene, _scores(figures, scene, level)) for scene in figures.study.scenes]
         taken: list[Crop] = []
-        for why in (WHY_AHEAD, WHY_BEHIND, WHY_WORST, WHY_HUE, WHY_LEARNED, WHY_PATTERNS):
+        for why in REASONS:
             others = [crop for crop in taken if WHY_PATTERNS not in (why, crop.why)]  # shown in a section of their own
-            found = sorted(_candidates(figures, level, why, others), key=lambda candidate: -candidate[0])
-            for score, crop in found[:_PER_KIND]:
+            found = [_best_crop(scene, level, why, known[why].copy(), others) for scene, known in scores if why in known]
+            for score, crop in sorted(found, key=lambda each: -each[0])[:_PER_KIND]:
                 if score > 0:
                     taken.append(crop)
                     yield crop
 
 
 def render_exhibit(study: Study, shown: tuple[Crop, tuple[str, ...]]) -> Exhibit:
-    """Render a crop by the methods named, with each pattern if the crop is there for them."""
+    """Render a crop by the methods named, ours first, with each pattern if the crop is there for them."""
     crop, names = shown
     scene = study.reading.scene(crop.scene.source)
     transform = ColourTransform.to_space(SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=crop.scene.neutral))
-    stops = _stops(scene.rgb)
-    truth = scene.rgb[crop.part]
-    pictures = [Rendered("", _display(truth, transform, stops), None)]
-    several = crop.why == WHY_PATTERNS
+    truth, stops, several = scene.rgb[crop.part], _stops(scene.rgb), crop.why == WHY_PATTERNS
+
+    def displayed(rgb: FloatArray) -> ByteArray:
+        return quantise(transform.apply(rgb, stops), 8).astype(np.uint8)
+
+    pictures = [Rendered("truth", displayed(truth))]
     tiles = [tile for tile in study.tiles if can_photograph(tile, scene.channels)] if several else [study.tile]
     for tile in tiles:
         for name, rendered in render_crop(study, crop, scene.rgb, names, tile):
-            label = tile.name if several else ""
-            pictures.append(Rendered(name, _display(rendered, transform, stops), psnr(rendered, truth), label))
-    return Exhibit(crop, tuple(pictures), stops)
+            method, ours = methods()[name], methods()[name].ours
+            title = tile.name if several else method.title if ours else method.short
+            pictures.append(Rendered(title, displayed(rendered), psnr(rendered, truth), ours and not several))
+    by_psnr = sorted(range(1, len(pictures)), key=lambda place: pictures[place].psnr or 0.0)
+    rival = next((place for place, picture in enumerate(pictures) if place and not picture.ours), 0)
+    return Exhibit(crop, tuple(pictures), stops, (by_psnr[0], by_psnr[-1]) if several else (rival, 1))
 
 
 def render_crop(
@@ -152,60 +168,52 @@ def render_crop(
         yield name, methods()[name].render(cameras)[top : top + crop.height, left : left + crop.width]
 
 
-def _candidates(figures: Figures, level: Protocol, why: str, taken: list[Crop]) -> Iterator[tuple[float, Crop]]:
-    """The best crop of each scene, with its score."""
-    for scene in figures.study.scenes:
-        results = {
-            cell.method: measures
-            for cell, measures in figures.results.items()
-            if cell.scene == scene and cell.level == level and cell.tile in (None, figures.study.tile)
-        }
-        own, rival = figures.study.ours, figures.at_scene(scene.name, level).best(figures.study.rivals)
-        if own is None or own not in results or scene.channels != RGB_CHANNELS or (rival is None and why != WHY_PATTERNS):
-            continue
-        errors = results[own].errors
-        ours, theirs = (np.maximum(results[name].errors, _INVISIBLE) for name in (own, rival or own))
-        plain = np.maximum(results[UNLEARNED].errors, _INVISIBLE) if UNLEARNED in results else ours
-        by_pattern = [
-            np.maximum(measures.errors, _INVISIBLE)
-            for cell, measures in figures.results.items()
-            if cell.scene == scene and cell.level == level and cell.method == own
-        ]
-        scores = {
-            WHY_AHEAD: np.log10(theirs / ours),
-            WHY_BEHIND: np.log10(ours / theirs),
-            WHY_WORST: np.where(errors > _INVISIBLE, ours, 0.0),
-            WHY_HUE: results[own].hues,
-            WHY_LEARNED: np.abs(np.log10(plain / ours)) * (own == LEARNED),
-            WHY_PATTERNS: np.log10(np.max(by_pattern, axis=0) / np.min(by_pattern, axis=0)),
-        }[why].copy()
-        origins = [window_origins(size) for size in (scene.rows, scene.columns)]
-        for row, column in np.argwhere(scores > 0).tolist():
-            if any(_overlap(crop, scene, origins[0][row], origins[1][column]) for crop in taken):
-                scores[row, column] = 0.0
-        row, column = (int(each) for each in np.unravel_index(int(scores.argmax()), scores.shape))
-        height, width = (min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns))
-        yield float(scores[row, column]), Crop(scene, level, origins[0][row], origins[1][column], height, width, why)
+def _scores(figures: Figures, scene: SceneInfo, level: Protocol) -> dict[str, FloatArray]:
+    """How well each square of a scene shows why it is shown, by reason; without those for which results are missing."""
+    study, group = figures.study, figures.of(scene)
+    found = {
+        (cell.method, cell.tile): measures
+        for cell, measures in figures.results.items()
+        if (cell.scene, cell.level) == (scene, level)
+    }
+    own = found.get((study.ours or "", study.tile))
+    if own is None or group is None or scene.channels != RGB_CHANNELS:
+        return {}
+    errors = {key: np.maximum(measures.errors, _INVISIBLE) for key, measures in found.items()}
+    ours, rival = errors[study.ours or "", study.tile], group.best(level, RGB, study.rivals, scene.name)
+    patterns = [each for (method, _), each in errors.items() if method == study.ours]
+    scores: dict[str, FloatArray] = {WHY_PATTERNS: np.log10(np.max(patterns, axis=0) / np.min(patterns, axis=0))}
+    if rival is not None:
+        lead = np.log10(errors[rival, None] / ours)
+        scores |= {WHY_AHEAD: lead, WHY_BEHIND: -lead, WHY_WORST: np.where(own.errors > _INVISIBLE, ours, 0), WHY_HUE: own.hues}
+        if study.ours == LEARNED and (UNLEARNED, study.tile) in errors:
+            scores[WHY_LEARNED] = np.abs(np.log10(errors[UNLEARNED, study.tile] / ours))
+    return scores
+
+
+def _best_crop(scene: SceneInfo, level: Protocol, why: str, scores: FloatArray, taken: list[Crop]) -> tuple[float, Crop]:
+    """The square of a scene with the highest score that overlaps none of those taken, and its score; `scores` is used up."""
+    rows, columns = (window_origins(size) for size in (scene.rows, scene.columns))
+    for crop in taken:
+        if crop.scene == scene:
+            near = (np.abs(np.subtract(each, at)) < WINDOW for each, at in ((rows, crop.row), (columns, crop.column)))
+            scores[np.logical_and.outer(*near)] = 0.0
+    row, column = (int(each) for each in np.unravel_index(int(scores.argmax()), scores.shape))
+    height, width = (min(WINDOW, size - 2 * BORDER) for size in (scene.rows, scene.columns))
+    return float(scores[row, column]), Crop(scene, level, rows[row], columns[column], height, width, why)
 
 
 def _shown(figures: Figures, crop: Crop) -> tuple[str, ...]:
     """Methods shown: ours with the best first, the paper's rival, and the best rivals on this scene; of patterns our best only."""
-    if crop.why == WHY_PATTERNS:
-        return tuple(filter(None, [figures.study.ours]))
-    scored = [
-        (figure.quality.median[RGB], name)
-        for name in figures.study.rivals
-        if (figure := figures.of_scene(crop.scene.name, crop.level, name)) is not None
-    ]
+    study, group = figures.study, figures.of(crop.scene)
+    if crop.why == WHY_PATTERNS or group is None:
+        return tuple(filter(None, [study.ours]))
+    scored = [(RGB.of(figure), name) for name in study.rivals if (figure := group.figure(crop.level, name, crop.scene.name))]
     best = [name for _, name in sorted(scored, reverse=True)][:_RIVALS]
-    if "dlmmse" in figures.study.rivals and "dlmmse" not in best:
+    if "dlmmse" in study.rivals and "dlmmse" not in best:
         best = [*best[: _RIVALS - 1], "dlmmse"]
-    ours = [name for name in figures.study.methods if methods()[name].ours]
-    return (*sorted(ours, key=lambda name: name != figures.study.ours), *best)
-
-
-def _overlap(crop: Crop, scene: SceneInfo, row: int, column: int) -> bool:
-    return crop.scene == scene and abs(crop.row - row) < WINDOW and abs(crop.column - column) < WINDOW
+    ours = [name for name in study.methods if methods()[name].ours]
+    return (*sorted(ours, key=lambda name: name != study.ours), *best)
 
 
 def _around(start: int, length: int, size: int, step: int) -> slice:
@@ -216,7 +224,3 @@ def _stops(rgb: FloatArray) -> float:
     """Brightening for display, from the scene's own light."""
     bright = float(np.quantile(rgb.max(axis=2)[::4, ::4], _BRIGHT_SHARE))
     return min(max(log2(_BRIGHT / bright), 0.0), _MOST_STOPS) if bright > 0 else 0.0
-
-
-def _display(rgb: FloatArray, transform: ColourTransform, stops: float) -> ByteArray:
-    return quantise(transform.apply(rgb, stops), 8).astype(np.uint8)

@@ -1,11 +1,13 @@
 """The page: verdict, plots, gallery and all tables in one HTML file that needs no network."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
 
-from tools.pictures.html import bullets, cell, row, row_title, table
+from shared import CfaPattern
+from shared.pattern import PANCHROMATIC
+from tools.pictures.html import bullets, cell, css_class, data_address, row, row_title, table
 from tools.pictures.page import page
 
 from ..claims import claims
@@ -13,16 +15,28 @@ from ..criteria import CRITERIA
 from ..figures import Figures, SetFigures
 from ..methods import methods
 from ..metrics import BORDER, PSNR_PATCH
+from ..report import (
+    STROKES,
+    Table,
+    method_table,
+    pattern_conditions,
+    pattern_table,
+    scene_table,
+    sensors,
+    standing_table,
+    stroke_table,
+)
 from ..scene_sets import CROP
-from ..strokes import MARGIN, WIDTHS
+from ..strokes import MARGIN
 from ..study import Study
-from ..verdict import STROKES, capital, caveats, comparisons, defeat_parts, defeats, heading, headline, losses, worst_places
-from .exhibits import exhibit_html, is_ours
-from .gallery import WHY_PATTERNS, Exhibit
-from .noise_section import noise_section
-from .pattern_section import pattern_section
+from ..tiles import Tile
+from ..verdict import capital, caveats, heading, headline, losses
+from .gallery import WHY_PATTERNS, Exhibit, Rendered
+from .plots import noise_plots
 
 _HERE = files("tools.evaluation.page")
+_FILLS = {"R": "#d6402c", "G": "#3a9a48", "B": "#3465c9", "C": "#17a5b8", "M": "#c2419b", "Y": "#d9b310", PANCHROMATIC: "#f4f4f1"}
+_SIDE = 12  # SVG units of a pixel of a pattern
 
 
 def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, failures: Sequence[str]) -> bytes:
@@ -33,22 +47,24 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
     program: name and version.
     failures: a line for each scene or result that is missing, and for each folder of which a part is left out.
     """
-    sections = [("verdict", "Verdict", _verdict_section(figures)), ("noise", "Noise", noise_section(figures))]
-    if figures.strokes:
-        sections.append(("strokes", "Strokes", strokes_section(figures)))
+    study = figures.study
     of_patterns = [each for each in exhibits if each.crop.why == WHY_PATTERNS]
-    if len(figures.study.tiles) > 1 and figures.study.ours:
-        sections.append(("patterns", "Patterns", pattern_section(figures, of_patterns)))
-    if len(exhibits) > len(of_patterns):
-        others = [each for each in exhibits if each.crop.why != WHY_PATTERNS]
-        sections.append(("gallery", "Gallery", _gallery_section(others, figures)))
-    sections.append(("scenes", "Scenes", _scenes_section(figures, failures)))
-    sections.append(("method", "How it was measured", _method_section(figures)))
+    others = [each for each in exhibits if each.crop.why != WHY_PATTERNS]
+    sections = {
+        "Verdict": "".join(_verdict(group, index) for index, group in enumerate(figures.sets)),
+        "Noise": _noise_section(figures),
+        "Strokes": strokes_section(figures) if figures.strokes else "",
+        "Patterns": _pattern_section(figures, of_patterns) if len(study.tiles) > 1 and study.ours else "",
+        "Gallery": _gallery_section(others) if others else "",
+        "Scenes": _scenes_section(figures, failures),
+        "Method": _method_section(study),
+    }
+    shown = {name: text for name, text in sections.items() if text}
     slider = "vendor/img-comparison-slider"
     parts = {
-        "lede": _lede(figures),
-        "navigation": " ".join(f'<a href="#{name}">{escape(label)}</a>' for name, label, _ in sections),
-        "sections": "\n".join(f'<section id="{name}">{text}</section>' for name, _, text in sections),
+        "lede": escape(f"{sensors(figures)} Quality is the PSNR of every {PSNR_PATCH} × {PSNR_PATCH} patch."),
+        "navigation": " ".join(f'<a href="#{name.lower()}">{name}</a>' for name in shown),
+        "sections": "\n".join(f'<section id="{name.lower()}">{text}</section>' for name, text in shown.items()),
         "program": escape(program),
         "slider_licence": _read(f"{slider}/LICENSE"),
         "slider": _read(f"{slider}/index.js"),
@@ -62,158 +78,161 @@ def _read(name: str) -> str:
     return (_HERE / name).read_text("utf-8")
 
 
-def _lede(figures: Figures) -> str:
-    study = figures.study
-    count, levels = len(study.scenes), ", ".join(_levels(study))
+def _table(content: Table) -> str:
+    """A table with its best marked; "" without rows."""
+    rows = []
+    for each in content.rows:
+        best = each.best or [False] * len(each.texts)
+        cells = [cell(text, best=mark, mark="★ ") for text, mark in zip(each.texts, best, strict=True)]
+        rows.append(row([row_title(each.title), *cells], each.kind))
+    return table(content.head, rows) if rows else ""
+
+
+def _verdict(group: SetFigures, number: int) -> str:
+    """The verdict on a set, and a table for each criterion."""
+    items = [
+        f'<li>“{escape(claim.claim)}”: <span class="finding">{escape(claim.finding)}</span>, {escape(claim.scenes)}'
+        f'<span class="soft why">{escape(claim.why)}</span></li>'
+        for claim in claims(group)
+    ]
+    if lost := losses(group):
+        items.append(f"<li>Where we lose: {escape(lost)}</li>")
+    tabs, panels = "", ""
+    for place, criterion in enumerate(CRITERIA):
+        tab, panel, found = f"tab-{number}-{place}", f"table-{number}-{place}", _table(method_table(group, criterion))
+        tabs += f'<button role="tab" id="{tab}" aria-controls="{panel}">{capital(criterion.title)}</button>'
+        panels += (
+            f'<div id="{panel}" role="tabpanel" aria-labelledby="{tab}"><p class="soft">'
+            f"{escape(capital(criterion.explanation))} The winner of each column is marked ★.</p>{found}</div>"
+        )
     return (
-        f"{count} scene{'s' * (count != 1)}, photographed with {_sensors(study)}, and with a Bayer sensor under the same light; "
-        f"{escape(study.protocol.summary)}; {escape(levels)}. "
-        f"Quality is the PSNR of every {PSNR_PATCH} × {PSNR_PATCH} patch."
+        f'<h2>{escape(heading(group))}</h2><p class="headline">{escape(headline(group))}</p>{bullets(caveats(group), "caveats")}'
+        f'<ul class="verdict">{"".join(items)}</ul>{_table(standing_table(group))}'
+        f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>{panels}'
     )
 
 
-def _sensors(study: Study) -> str:
-    if study.tile.period:
-        text = f"a panchromatic sensor that has one Bayer block per {study.tile.period} × {study.tile.period} pixels"
-    else:
-        text = f"a panchromatic sensor with the colour filters of {escape(study.tile.name)}"
-    others = len(study.tiles) - 1
-    return text + f", with {others} other pattern{'s' * (others != 1)} of it" * bool(others)
-
-
-def _levels(study: Study) -> list[str]:
-    return [level.text for level in study.levels]
-
-
-def _verdict_section(figures: Figures) -> str:
-    parts = []
-    for index, group in enumerate(figures.sets):
-        parts.append(f"<h2>{escape(heading(group))}</h2>")
-        parts.append(f'<p class="headline">{escape(headline(group))}</p>')
-        parts.append(bullets(caveats(group), "caveats"))
-        parts.append("".join(f"<p>{escape(sentence)}</p>" for sentence in (*comparisons(group), *worst_places(group))))
-        items = [
-            f'<li>“{escape(claim.text)}”: <span class="finding">{escape(claim.finding)}</span>, {escape(claim.scenes)}'
-            f'<span class="soft why">{escape(claim.why)}</span></li>'
-            for claim in claims(group)
-        ]
-        if lost := losses(group):
-            items.append(f"<li>Where we lose: {escape(lost)}</li>")
-        parts.append(f'<ul class="verdict">{"".join(items)}</ul>{_losses_table(group)}')
-        tabs = "".join(
-            f'<button role="tab" id="tab-{index}-{plane}" aria-controls="table-{index}-{plane}">{capital(criterion.title)}</button>'
-            for plane, criterion in enumerate(CRITERIA)
-        )
-        parts.append(f'<div class="tabs" role="tablist" aria-label="Which error" hidden>{tabs}</div>')
-        for plane, criterion in enumerate(CRITERIA):
-            parts.append(
-                f'<div id="table-{index}-{plane}" role="tabpanel" aria-labelledby="tab-{index}-{plane}"><p class="soft">'
-                f"{escape(criterion.explanation)} The winner of each column is marked ★.</p>"
-                f"{_pool_table(group, plane)}</div>"
-            )
-    return "\n".join(parts)
-
-
-def _losses_table(group: SetFigures) -> str:
-    """Where we lose: a row for each criterion, a column for each level; "" if it is nowhere."""
-    found = {(each.level, each.criterion): each for each in defeats(group)}
-    rows = []
-    for criterion in sorted({criterion for _, criterion in found}):
-        here = [found.get((level, criterion)) for level in group.study.levels]
-        texts = ["; ".join(defeat_parts(group, each)) if each else "–" for each in here]
-        rows.append(row([row_title(capital(CRITERIA[criterion].title)), *map(cell, texts)], "lost"))
-    return table(["Where we lose", *_levels(group.study)], rows) if rows else ""
-
-
-def _pool_table(group: SetFigures, index: int) -> str:
-    study = group.study
-    winners = [group.at(level).best(criterion=index) for level in study.levels]
-    rows = []
-    for name in study.methods:
-        found = [group.pooled(level, name) for level in study.levels]
-        texts = [CRITERIA[index].text(figure.values[index]) if figure else "–" for figure in found]
-        cells = [cell(text, best=name == winner, mark="★ ") for text, winner in zip(texts, winners, strict=True)]
-        rows.append(_method_row(name, cells))
-    margins = [group.at(level).margin(index) for level in study.levels]
-    if any(margins):
-        cells = [
-            f'<td>{CRITERIA[index].difference(lead[1])}<span class="by">{escape(lead[0])}</span></td>' if lead else cell("–")
-            for lead in margins
-        ]
-        rows.append(row([row_title(f"{group.study.ours} minus best rival"), *cells], "margin"))
-    return table(["Method", *_levels(group.study)], rows)
-
-
-def _method_row(name: str, cells: Sequence[str]) -> str:
-    return row([row_title(methods()[name].title), *cells], "ours" * methods()[name].ours)
-
-
-def _gallery_section(exhibits: Sequence[Exhibit], figures: Figures) -> str:
-    parts = [
-        "<h2>Gallery</h2><p>Squares chosen by the figures, not by eye: where our best render gains most on the best "
-        "rival of the scene, where it loses most, and where its error is largest. Choose two pictures, move the slider by finger, "
-        "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened.</p>"
-    ]
-    for level in dict.fromkeys(exhibit.crop.level for exhibit in exhibits):
-        parts.append(f"<h3>{escape(capital(level.text))}</h3>")
-        shown = [_exhibit(each, figures) for each in exhibits if each.crop.level == level]
-        parts.append(f'<div class="exhibits">{"".join(shown)}</div>')
-    return "\n".join(parts)
-
-
-def _exhibit(exhibit: Exhibit, figures: Figures) -> str:
-    """An exhibit that shows the best rival of the scene beside our best render at first."""
-    rival = next((i for i, p in enumerate(exhibit.pictures) if p.method and not is_ours(p)), 0)
-    own = next((i for i, p in enumerate(exhibit.pictures) if p.method == figures.study.ours), 0)
-    return exhibit_html(exhibit, rival, own)
+def _noise_section(figures: Figures) -> str:
+    plots = "".join(f"<h3>{escape(heading(group))}</h3>{noise_plots(group)}" for group in figures.sets)
+    said = "Lines are medians, bands reach from the 25 % to the 75 % quantile of all patches."
+    return f"<h2>Quality and noise</h2><p>{said}</p>{plots}"
 
 
 def strokes_section(figures: Figures) -> str:
-    """What each method keeps of the colour of narrow strokes: a table for each level, a row for each method and pattern."""
+    """What each method keeps of the colour of narrow strokes: a table for each level."""
+    said = (
+        f"{STROKES}, in a drawn scene: the channels minus their mean, render over truth, inside the strokes, {MARGIN} pixels from "
+        "their edges. 1 is all of the colour, 0 is grey. Each colour alone is in evaluation.csv and evaluation.json."
+    )
+    tables = "".join(_table(stroke_table(figures, level)) for level in figures.study.levels)
+    return f"<h2>Colour of narrow strokes</h2><p>{escape(said)}</p>{tables}"
+
+
+def _pattern_section(figures: Figures, exhibits: Sequence[Exhibit]) -> str:
+    """Pictures of the patterns; for each set all figures, and where they differ most."""
     study = figures.study
-    parts = [
-        f"<h2>Colour of narrow strokes</h2><p>{escape(STROKES)}, in a drawn scene: the channels minus their mean, render over "
-        f"truth, inside the strokes, {MARGIN} pixels from their edges. 1 is all of the colour, 0 is grey. Each colour alone is in "
-        "evaluation.csv and evaluation.json.</p>"
-    ]
-    for level in study.levels:
-        shown = [each for each in figures.strokes if each.level == level]
-        best = [max(column) for column in zip(*(each.least for each in shown), strict=True)]
-        rows = []
-        for each in shown:
-            title = methods()[each.method].title + (f", {each.tile.title}" if each.tile and len(study.tiles) > 1 else "")
-            cells = [cell(f"{part:.2f}", best=part == most, mark="★ ") for part, most in zip(each.least, best, strict=True)]
-            rows.append(row([row_title(title), *cells], "ours" * methods()[each.method].ours))
-        head = [capital(level.text), *(f"{width} pixels" for width in WIDTHS)]
-        parts.append(table(head, rows) if rows else "")
-    return "\n".join(parts)
+    said = (
+        f"{pattern_conditions(figures)} Figures are those of {methods()[study.ours or ''].title}. Worst colour is the chrominance "
+        "that nine tenths of the patches reach, hue the share of pixels of wrong hue."
+    )
+    tables = "".join(
+        f"<h3>{escape(heading(group))}</h3>{''.join(_table(pattern_table(group, level)) for level in study.levels)}"
+        for group in figures.sets
+    )
+    shown = f"<h3>{capital(WHY_PATTERNS)}</h3>{_exhibits(exhibits)}" if exhibits else ""
+    cards = f'<div class="tiles">{"".join(_card(study, tile) for tile in study.tiles)}</div>'
+    return f"<h2>Which pattern is best, and when?</h2><p>{escape(said)}</p>{cards}{tables}{shown}"
+
+
+def _card(study: Study, tile: Tile) -> str:
+    light = study.light(tile)
+    collected = f"{light:.2f}× the light of a Bayer sensor" if light else "no scene has its colours"
+    return (
+        f'<figure class="tile">{_tile_picture(tile.pattern)}<figcaption><b>{escape(tile.name)}</b><br>'
+        f"{100 * tile.panchromatic_share:.0f} % W<br>{collected}</figcaption></figure>"
+    )
+
+
+def _tile_picture(pattern: CfaPattern) -> str:
+    """The SVG element of one tile. Filters without a colour of their own name get a hue in the order of the channels."""
+    squares, side = "", pattern.period * _SIDE
+    for row_, letters in enumerate(pattern.tile):
+        for column, letter in enumerate(letters):
+            fill = _FILLS.get(letter) or f"hsl({360 * pattern.channels.index(letter) / len(pattern.channels):.0f} 55% 45%)"
+            x, y = column * _SIDE, row_ * _SIDE
+            squares += f'<rect x="{x}" y="{y}" width="{_SIDE}" height="{_SIDE}" fill="{fill}"/>'
+            if letter != PANCHROMATIC:
+                squares += f'<text x="{x + _SIDE / 2:g}" y="{y + 0.77 * _SIDE:g}">{escape(letter)}</text>'
+    return f'<svg viewBox="0 0 {side} {side}" role="img" aria-label="{"/".join(pattern.tile)}">{squares}</svg>'
+
+
+def _gallery_section(exhibits: Sequence[Exhibit]) -> str:
+    return (
+        "<h2>Gallery</h2><p>Squares chosen by the figures, not by eye: where our best render gains most on the best "
+        "rival of the scene, where it loses most, and where its error is largest. Choose two pictures, move the slider by finger, "
+        "mouse or arrow keys, and zoom in to single pixels. Colours as a screen shows them; dark scenes are brightened.</p>"
+        + _exhibits(exhibits)
+    )
+
+
+def _exhibits(exhibits: Sequence[Exhibit]) -> str:
+    parts = []
+    for level in dict.fromkeys(exhibit.crop.level for exhibit in exhibits):
+        shown = "".join(_exhibit(each) for each in exhibits if each.crop.level == level)
+        parts.append(f'<h3>{escape(capital(level.text))}</h3><div class="exhibits">{shown}</div>')
+    return "".join(parts)
+
+
+def _exhibit(exhibit: Exhibit) -> str:
+    """Two pictures of one place under a slider, chosen from a strip of all."""
+    crop, (left, right) = exhibit.crop, exhibit.shown
+    brighter = f", brightened by {exhibit.stops:.1f} stops" if exhibit.stops else ""
+    where = f"{crop.why}; row {crop.row}, column {crop.column}{brighter}"
+    strip = "".join(
+        f'<li{css_class("ours" * each.ours)}><button type="button" title="show on the right side"><img src="{_data(each)}" '
+        f'alt="{escape(each.name)}" width="{crop.width}" height="{crop.height}">{escape(each.caption)}</button></li>'
+        for each in exhibit.pictures
+    )
+    return (
+        f'<article class="exhibit"><h4>{escape(crop.scene.name)}<span class="soft">{escape(where)}</span></h4>'
+        f'<div class="viewer" data-script hidden data-pixels="{crop.width}" style="--pixels:{crop.width};--zoom:4">'
+        '<img-comparison-slider><img slot="first" alt=""><img slot="second" alt=""></img-comparison-slider></div>'
+        f'<div class="controls" data-script hidden><label>Left <select>{_options(exhibit.pictures, left)}</select></label>'
+        f"<label>Right <select>{_options(exhibit.pictures, right)}</select></label>"
+        '<span class="zoom" role="group" aria-label="Zoom"><button type="button" value="-1" aria-label="smaller">−</button>'
+        '<output>4×</output><button type="button" value="1" aria-label="larger">+</button></span></div>'
+        f'<ul class="strip">{strip}</ul></article>'
+    )
+
+
+def _options(pictures: Iterable[Rendered], chosen: int) -> str:
+    return "".join(
+        f'<option value="{place}"{" selected" * (place == chosen)}>{escape(each.caption)}</option>'
+        for place, each in enumerate(pictures)
+    )
+
+
+def _data(picture: Rendered) -> str:
+    from PIL import Image
+
+    return data_address(Image.fromarray(picture.pixels), "PNG", optimize=True)
 
 
 def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
-    study = figures.study
     parts = [
         "<h2>Every scene</h2><p>Median PSNR of the scene's patches, dB: RGB / luminance / chrominance. Quantiles, whole-image "
         "PSNR, SSIM and wrong hues are in evaluation.csv and evaluation.json.</p>"
     ]
-    for scene in study.scenes:
-        winners = [figures.at_scene(scene.name, level).best() for level in study.levels]
-        rows = []
-        for name in study.methods:
-            found = [figures.of_scene(scene.name, level, name) for level in study.levels]
-            texts = [" / ".join(f"{value:.1f}" for value in figure.quality.median) if figure else "–" for figure in found]
-            rows.append(_method_row(name, [cell(text, best=name == best) for text, best in zip(texts, winners, strict=True)]))
-        summary = f"{scene.name} ({scene.columns} × {scene.rows}, {scene.group})"
-        parts.append(
-            f"<details><summary>{escape(summary)}</summary>{bullets(scene.notes, 'soft')}"
-            f"{table(['Method', *_levels(study)], rows)}</details>"
-        )
+    for scene in figures.study.scenes:
+        summary, group = f"{scene.name} ({scene.columns} × {scene.rows}, {scene.group})", figures.of(scene)
+        content = _table(scene_table(group, scene)) if group else ""
+        parts.append(f"<details><summary>{escape(summary)}</summary>{bullets(scene.notes, 'soft')}{content}</details>")
     if failures:
         parts.append(f"<h3>Left out</h3>{bullets(failures)}")
     return "\n".join(parts)
 
 
-def _method_section(figures: Figures) -> str:
-    study = figures.study
+def _method_section(study: Study) -> str:
     entries = {
         "Patches": f"all overlapping {PSNR_PATCH} × {PSNR_PATCH} squares at least {BORDER} pixels inside the frame; "
         "10 log10(1 / MSE), intensities in scene units (1 = the white level of the scene's source); "

@@ -71,9 +71,12 @@ def test_exhibits_show_truth_ours_and_rivals(tmp_path: Path) -> None:
     exhibits = render_gallery(figures, alone())
     assert exhibits
     for each in exhibits:
-        names = [picture.method for picture in each.pictures]
-        assert names[:2] == ["", "paper"]
-        assert "dlmmse" in names
+        names = [picture.name for picture in each.pictures]
+        assert names[:2] == ["truth", "Sparse colour, paper"]
+        assert "DLMMSE 2005" in names
+        assert [picture.ours for picture in each.pictures] == [False, True, *[False] * (len(names) - 2)]
+        assert names[each.shown[1]] == "Sparse colour, paper"
+        assert names[each.shown[0]] not in ("truth", "Sparse colour, paper")
         assert len({picture.pixels.shape for picture in each.pictures}) == 1
         assert each.pictures[0].psnr is None
         for picture in each.pictures[1:]:

@@ -1,6 +1,5 @@
 """The page, as a browser shows it."""
 
-import re
 import time
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -8,18 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from shared import CfaPattern
 from tests.browser import Browser
-from tests.tools.evaluation.examples import alone, measured, study_of
+from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
 from tools.evaluation.figures import Figures
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import render_gallery
-from tools.evaluation.page.noise_section import noise_section
 from tools.evaluation.page.page import build_page
-from tools.evaluation.tiles import Tile, chosen_tiles
+from tools.evaluation.page.plots import lines_of
+from tools.evaluation.tiles import chosen_tiles
 
 FAILURE = "<b>odd</b>.png: cannot be read"
-KODAK = Tile.named(CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW"), "")
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +68,9 @@ def test_the_page_is_one_whole_file(written: Path) -> None:
 
 def test_no_two_methods_look_alike(tmp_path: Path) -> None:
     study = study_of(tmp_path, methods=tuple(methods()), tiles=chosen_tiles([6], ()))
-    text = noise_section(Figures(study, measured(study_of(tmp_path), tmp_path).results))
-    looks = re.findall(r'<label style="--line:(.*?)"><input.*?<span class="(.*?)">', text)
-    assert len(looks) == len(set(looks)) == len(methods())
+    (group,) = Figures(study, measured(study_of(tmp_path), tmp_path).results).sets
+    looks = {(line.colour, line.dashed) for line in lines_of(group)}
+    assert len(looks) == len(methods())
 
 
 @pytest.fixture(scope="module")
@@ -137,19 +134,14 @@ def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> 
     assert place(browser)[2] > width
 
 
-def test_patterns_are_shown_with_pictures_plots_and_figures(browser: Browser) -> None:
+def test_patterns_are_shown_with_pictures_and_figures(browser: Browser) -> None:
     facts = "[t.querySelectorAll('rect').length, t.querySelector('b').innerText]"
     tiles = f"[...document.querySelectorAll('#patterns .tile')].map(t => {facts})"
     assert browser.evaluate(tiles) == [[16, "K=4"], [36, "K=6"], [16, "Kodak"]]
-    assert browser.evaluate("document.querySelectorAll('#patterns .plot').length") == 4
     rows = browser.evaluate("[...document.querySelectorAll('#patterns tbody th')].map(t => t.innerText)")
     assert rows == ["K=4", "K=6", "Kodak"] * 2
     places = browser.evaluate("document.querySelectorAll('#patterns .exhibit').length")
     assert places >= 2
-    drawn = "getComputedStyle(document.querySelector('#patterns [data-series=pattern-2]')).display"
-    assert browser.evaluate(drawn) != "none"
-    browser.evaluate("document.querySelector('#patterns input[value=pattern-2]').click()")
-    assert browser.evaluate(drawn) == "none"
 
 
 def test_tables_and_lines_are_switched(browser: Browser) -> None:

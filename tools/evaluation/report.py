@@ -1,0 +1,163 @@
+"""The tables of a report, which the terminal and the page print alike, and the report for a terminal."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import nan
+
+from tools.camera.protocols import Protocol
+from tools.host.console import one_line
+from tools.scenes.scene import RGB as RGB_CHANNELS
+
+from .claims import claims
+from .criteria import CHROMINANCE, CRITERIA, HUE, LUMINANCE, RGB, TENTH_CHROMINANCE, WHOLE, Criterion
+from .figures import Figures, SetFigures
+from .methods import methods
+from .scene_sets import SceneInfo
+from .strokes import COLOURS, WIDTHS
+from .verdict import capital, caveats, heading, headline, losses, standing
+
+_OF_PATTERNS = {"median RGB": RGB, "worst colour": TENTH_CHROMINANCE, "whole image": WHOLE, "hue, %": HUE}
+"""By what patterns are compared: how most of a picture looks, and its worst places."""
+STROKES = (
+    f"Colour kept in strokes {', '.join(map(str, WIDTHS[:-1]))} and {WIDTHS[-1]} pixels wide on white, the least of "
+    f"{', '.join(list(COLOURS)[:-1])} and {list(COLOURS)[-1]}"
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table: its title, its texts, which of these are the best of their columns, and a CSS class."""
+
+    title: str
+    texts: Sequence[str]
+    best: Sequence[bool] = ()
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: titles of the columns, the rows' own first; and rows."""
+
+    head: Sequence[str]
+    rows: Sequence[Row]
+
+
+def method_table(group: SetFigures, criterion: Criterion) -> Table:
+    """A set by a criterion: a row for each method, a column for each level, and how much better ours is than the best rival."""
+    study, rows = group.study, []
+    best = [group.best(level, criterion) for level in study.levels]
+    for name in study.methods:
+        texts = [criterion.text(criterion.of(group.figure(level, name))) for level in study.levels]
+        rows.append(_of_method(name, texts, [name == each for each in best]))
+    margins = [group.margin(level, criterion) for level in study.levels]
+    if any(margins):
+        texts = [f"{criterion.difference(each.lead)} ({each.rival})" if each else criterion.text(nan) for each in margins]
+        rows.append(Row(f"{study.ours} minus best rival", texts, kind="margin"))
+    return Table(["Method", *_levels(group)], rows)
+
+
+def standing_table(group: SetFigures) -> Table:
+    """How ours stands beside the best rivals: a row for each criterion, a column for each level."""
+    found = {each: [standing(group, level, each) for level in group.study.levels] for each in CRITERIA}
+    rows = [Row(capital(each.title), texts, kind="standing") for each, texts in found.items() if any(texts)]
+    return Table([f"{group.study.ours} minus best rival", *_levels(group)], rows)
+
+
+def scene_table(group: SetFigures, scene: SceneInfo) -> Table:
+    """The median RGB, luminance and chrominance of a scene: a row for each method, a column for each level."""
+    best = [group.best(level, scene=scene.name) for level in group.study.levels]
+    rows = []
+    for name in group.study.methods:
+        found = [group.figure(level, name, scene.name) for level in group.study.levels]
+        texts = [" / ".join(each.text(each.of(figure)) for each in (RGB, LUMINANCE, CHROMINANCE)) for figure in found]
+        rows.append(_of_method(name, texts, [name == each for each in best]))
+    return Table(["Method", *_levels(group)], rows)
+
+
+def pattern_table(group: SetFigures, level: Protocol) -> Table:
+    """The patterns of a study for our renderer, with what it gains on the other methods for any pattern."""
+    study = group.study
+    values = {head: group.by_pattern(level, criterion) for head, criterion in _OF_PATTERNS.items()}
+    best = [group.best_pattern(level, criterion) for criterion in _OF_PATTERNS.values()]
+    others = [name for name in study.methods if methods()[name].sparse and not methods()[name].ours]
+    medians, rows = group.by_pattern(level), []
+    gains = {f"over {name}": group.by_pattern(level, RGB, name) for name in others}
+    for tile in study.tiles:
+        light = study.light(tile)
+        facts = [f"{100 * tile.panchromatic_share:.0f} %", f"{light:.2f}×" if light else "–"]
+        texts = [each.text(values[head].get(tile, nan)) for head, each in _OF_PATTERNS.items()]
+        leads = [f"{medians[tile] - each[tile]:+.1f}" if tile in medians and tile in each else "–" for each in gains.values()]
+        rows.append(Row(tile.name, [*facts, *texts, *leads], [False, False, *(each == tile for each in best)]))
+    return Table([capital(level.text), "W", "light", *_OF_PATTERNS, *gains], rows)
+
+
+def stroke_table(figures: Figures, level: Protocol) -> Table:
+    """What each method keeps of the colour of narrow strokes: a row for each method and pattern, a column for each width."""
+    shown = [each for each in figures.strokes if each.level == level]
+    best = [max(column) for column in zip(*(each.least for each in shown), strict=True)]
+    rows = []
+    for each in shown:
+        name = f", {each.tile.title}" if each.tile and len(figures.study.tiles) > 1 else ""
+        marks = [part == most for part, most in zip(each.least, best, strict=True)]
+        rows.append(_of_method(each.method, [f"{part:.2f}" for part in each.least], marks, name))
+    return Table([capital(level.text), *(f"{width} pixels" for width in WIDTHS)], rows)
+
+
+def sensors(figures: Figures) -> str:
+    """The scenes, cameras and light of a study in a sentence."""
+    study, count = figures.study, len(figures.study.scenes)
+    tile = f"one Bayer block per {study.tile.period} × {study.tile.period} pixels" if study.tile.period else ""
+    text = f"a panchromatic sensor with {tile or f'the colour filters of {study.tile.name}'}"
+    if others := len(study.tiles) - 1:
+        text += f", with {others} other pattern{'s' * (others != 1)} of it"
+    text = f"{count} scene{'s' * (count != 1)}, photographed with {text}, and with a Bayer sensor under the same light"
+    return f"{text}; {study.protocol.summary}; {', '.join(level.text for level in study.levels)}."
+
+
+def pattern_conditions(figures: Figures) -> str:
+    """Under which light patterns are compared, and in which colours."""
+    study = figures.study
+    text = f"Every pattern photographs the same scenes under the same light, {study.protocol.equal_noise}."
+    if any(tile.pattern.channels != RGB_CHANNELS for tile in study.tiles):
+        text += " Pictures in other colours than the scene's are unmixed (by the inverse of the filters' matrix) and measured so."
+    return text
+
+
+def plain_text(figures: Figures) -> str:
+    """The report for a terminal: for each set a table of pooled medians, sentences and the patterns; then the drawn strokes."""
+    study, lines = figures.study, []
+    for group in figures.sets:
+        lines += [f"{heading(group)}: median RGB PSNR of all 10 x 10 patches, dB, {study.tile.title}"]
+        lines += [*_aligned(method_table(group, RGB)), headline(group), *caveats(group)]
+        for level in study.levels:
+            found = {each.title: standing(group, level, each) for each in CRITERIA}
+            lines += [f"{capital(level.text)}, {title}: {text}" for title, text in found.items() if text]
+        lines += [f"{claim.claim}: {claim.finding}, {claim.scenes} ({claim.why})." for claim in claims(group)]
+        if summary := losses(group):
+            lines.append(f"Where we lose: {summary}")
+        if len(study.tiles) > 1 and study.ours:
+            lines.append(f"Patterns under the same light, {methods()[study.ours].title}, dB")
+            lines += [line for level in study.levels for line in _aligned(pattern_table(group, level))]
+        lines.append("")
+    if figures.strokes:
+        lines.append(f"{STROKES}:")
+        lines += [line for level in study.levels for line in _aligned(stroke_table(figures, level))]
+    return "\n".join(map(one_line, lines)).rstrip()
+
+
+def _of_method(name: str, texts: Sequence[str], best: Sequence[bool], more: str = "") -> Row:
+    return Row(methods()[name].title + more, texts, best, "ours" * methods()[name].ours)
+
+
+def _levels(group: SetFigures) -> list[str]:
+    return [capital(level.text) for level in group.study.levels]
+
+
+def _aligned(table: Table) -> Iterable[str]:
+    """The lines of a table: the first column at its left edge, the others at their right one. No row, no table."""
+    if not table.rows:
+        return
+    rows = [table.head, *([row.title, *row.texts] for row in table.rows)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for first, *others in rows:
+        yield "  ".join([f"{first:{widths[0]}}", *(f"{text:>{width}}" for text, width in zip(others, widths[1:], strict=True))])
