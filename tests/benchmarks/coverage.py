@@ -21,7 +21,6 @@ from shared.errors import InputError
 from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
-from tools.calibration.parts.gamma import gamma_of
 from tools.calibration.session import ChartSearch, Session
 from tools.commands.calibrate import color_checker_xyz
 from tools.host.console import Console
@@ -175,7 +174,7 @@ def errors(outcome: Conclusion, camera: SimulatedCamera, *, gamma_known: bool) -
     found = {}
     full = camera.gamma.sum()  # of a file whose gamma is known
     truths = {"shot": full / camera.electrons, "read": full * camera.read / camera.electrons}
-    gamma, dark = gamma_of(outcome.evidence), outcome.evidence.seen.dark
+    gamma, dark = outcome.evidence.gamma, outcome.evidence.seen.dark
     if gamma is not None:
         found["gamma"] = (gamma.gamma - camera.gamma) / gamma.half_width
     if dark is not None:
@@ -223,7 +222,7 @@ def campaign(cameras: Iterable[int], kinds: Sequence[str], *, black: float = 1.0
                 continue
             for name, off in errors(outcome, camera, gamma_known="chart" in kind or "scene" in kind).items():
                 count.off[name] += off.tolist()
-            if (gamma := gamma_of(outcome.evidence)) is not None:
+            if (gamma := outcome.evidence.gamma) is not None:
                 count.wide.append(gamma.worst)
     return counts
 

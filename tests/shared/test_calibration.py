@@ -1,6 +1,6 @@
 import json
 import math
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,12 +24,8 @@ FULL = SensorCalibration(
 
 def test_defaults_are_the_papers_sensor() -> None:
     calibration = SensorCalibration()
-    assert calibration.gamma == (1.0, 1.0, 1.0)
-    assert calibration.full_scale == 3.0
-    assert calibration.grey == pytest.approx(1 / 3)
-    assert calibration.noise is None
-    assert calibration.bits == 16
-    assert calibration.black_level == (4096.0,) * 4
+    assert (calibration.gamma, calibration.full_scale, calibration.noise) == ((1.0, 1.0, 1.0), 3.0, None)
+    assert calibration == SensorCalibration.of_bits(16)
 
 
 @pytest.mark.parametrize("bits", BITS)
@@ -38,13 +34,6 @@ def test_levels_of_bits_leave_room_at_both_ends(bits: int) -> None:
     assert calibration.black_level == ((1 << bits) - 1 - calibration.white_level,) * 4 == (2**bits // 16,) * 4
     assert calibration.bits == SensorCalibration.of_bits(bits, headroom=False).bits == bits
     assert SensorCalibration.of_bits(bits, headroom=False).white_level == 2**bits - 1
-
-
-def test_the_other_fields_go_with_the_bits() -> None:
-    assert SensorCalibration.of_bits(16) == SensorCalibration()
-    assert SensorCalibration.of_bits(12, channels="CMYG", gamma=(1, 2, 3, 4), white_level=4000) == SensorCalibration(
-        "CMYG", gamma=(1, 2, 3, 4), black_level=(256,) * 5, white_level=4000
-    )
 
 
 @pytest.mark.parametrize("bits", [0, 8, 9, 17])
@@ -73,11 +62,9 @@ def test_noise_is_poisson_plus_gaussian_per_plane() -> None:
 @pytest.mark.parametrize(
     ("shot", "read", "words"),
     [
-        ((0.1,), (-0.1,), "noise.read has a negative"),
         ((-0.1,), (0.1,), "noise.shot has a negative"),
         ((0.1,), (0.1, 0.1), "1 planes, noise.read 2"),
         ((math.nan,), (0.1,), "noise.shot holds a figure that is not finite"),
-        (("x",), (0.1,), "expected a list of numbers"),
         (0.1, (0.1,), "expected a list of numbers"),
     ],
 )
@@ -90,52 +77,30 @@ def test_impossible_noise_is_refused(shot: Any, read: Any, words: str) -> None:
     ("changes", "words"),
     [
         ({"channels": "R"}, "channels"),
-        ({"channels": "RGR"}, "channels"),
         ({"channels": "rgb"}, "channels"),
         ({"channels": "RGW"}, "stands for panchromatic"),
         ({"gamma": (1.0, 1.0)}, "gamma has 2 figures, expected 3"),
         ({"gamma": (1.0, 0.0, 1.0)}, "positive weights"),
-        ({"gamma": (1.0, math.inf, 1.0)}, "not finite"),
         ({"black_level": (64.0, 64.0, 64.0)}, "black_level has 3 figures, expected 4"),
         ({"black_level": (64.0, 64.0, 64.0, 65000.0)}, "expected 0 <= black < white"),
-        ({"black_level": (-1.0, 64.0, 64.0, 64.0)}, "expected 0 <= black < white"),
         ({"white_level": 4000.0}, "white_level is 4000.0, expected a whole number"),
-        ({"white_level": None}, "white_level is None, expected a whole number"),
-        ({"white_level": 65536}, "expected 0 <= black < white"),
         ({"noise": NoiseModel.gaussian(0.1, 3)}, "noise has 3 planes, expected 4"),
         ({"neutral": (1.0, 0.0, 1.0)}, "positive readings"),
-        ({"neutral": (1.0, 1.0)}, "neutral has 2 figures"),
-        ({"gamma": (1.0, 1e308, 1.0)}, "gamma holds 1e\\+308, expected 0.001 to 1000"),
         ({"gamma": (1.0, 1e-320, 1.0)}, "gamma holds .*, expected 0.001 to 1000"),
         ({"noise": NoiseModel((1e308,) * 4, (0.1,) * 4)}, "noise.shot holds 1e\\+308, expected 0, or 1e-12 to 1000"),
-        ({"noise": NoiseModel((0.0,) * 4, (0.1, 1e30, 0.1, 0.1))}, "noise.read holds 1e\\+30, expected 0, or 1e-12 to 1000"),
-        ({"noise": NoiseModel((0.0,) * 4, (1e-320,) * 4)}, "noise.read holds"),
         ({"black_level": (4094.9999999,) * 4, "white_level": 4095}, "less than 16 codes below white_level 4095"),
-        ({"neutral": (1.0, 1e308, 1.0)}, "neutral holds 1e\\+308"),
         ({"neutral": (1.0, 1e-320, 1.0)}, "neutral holds"),
-        ({"camera_to_xyz": ((1e300, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}, "whose largest figure is not 1e-06 to"),
         ({"camera_to_xyz": ((5e-324, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))}, "whose largest figure is not 1e-06"),
         ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0), (0.0, 1.0, 1.00001))}, "full rank"),
         ({"defects": [(row, column) for row in range(1025) for column in range(1025)]}, "defects holds 1050625 pixels"),
         ({"camera_to_xyz": ()}, r"camera_to_xyz is \(\), expected 3 rows"),
-        ({"camera_to_xyz": ""}, "camera_to_xyz is '', expected 3 rows"),
-        ({"camera_to_xyz": {}}, "camera_to_xyz is {}, expected 3 rows"),
         ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))}, "3 x 3 matrix"),
-        ({"camera_to_xyz": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0))}, "full rank"),
         ({"camera_to_xyz": ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0))}, "camera_to_xyz has 2 figures"),
     ],
 )
 def test_impossible_calibrations_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         SensorCalibration(**{"channels": "RGB", **changes})
-
-
-def test_any_number_of_channels() -> None:
-    five = SensorCalibration("RGBXY", camera_to_xyz=((1, 0, 0, 0.1, 0.2), (0, 1, 0, 0.3, 0.1), (0, 0, 1, 0.1, 0.5)))
-    assert five.full_scale == 5.0
-    assert len(five.black_level) == 6
-    two = SensorCalibration("XY", camera_to_xyz=((1, 0), (0, 1), (1, 1)))
-    assert two.grey == 0.5
 
 
 @pytest.mark.parametrize("calibration", [FULL, SensorCalibration(), SensorCalibration("XY", sensor="é")])
@@ -159,22 +124,21 @@ def test_arrays_are_taken_as_the_tuples_they_hold() -> None:
 
 def test_id_depends_on_every_field() -> None:
     document = FULL.to_json()
-    others: list[dict[str, Any]] = [
-        {"gamma": [1.0, 1.1, 1.2]},
-        {"noise": None},
-        {"noise": {**document["noise"], "shot": [0.0] * 4}},
-        {"black_level": [60.0, 61.5, 62.0, 63.0]},
-        {"white_level": 4001},
-        {"camera_to_xyz": None},
-        {"neutral": [0.5, 1.0, 0.8]},
-        {"defects": [[3, 4]]},
-        {"sensor": "another"},
-        {"channels": "BGR"},
-    ]
-    assert {next(iter(change)) for change in others} == set(document) - {"schema", "camera"}
-    ids = {SensorCalibration.from_json({**document, **change}).id for change in others}
+    others: dict[str, Any] = {
+        "gamma": [1.0, 1.1, 1.2],
+        "noise": {**document["noise"], "shot": [0.0] * 4},
+        "black_level": [60.0, 61.5, 62.0, 63.0],
+        "white_level": 4001,
+        "camera_to_xyz": None,
+        "neutral": [0.5, 1.0, 0.8],
+        "defects": [[3, 4]],
+        "sensor": "another",
+        "channels": "BGR",
+    }
+    assert others.keys() == document.keys() - {"schema", "camera"}
+    ids = {SensorCalibration.from_json({**document, name: value}).id for name, value in others.items()}
     assert len(ids | {FULL.id}) == len(others) + 1
-    assert len(FULL.id) == 16
+    assert replace(FULL, camera="0123456789abcdef").id == FULL.id
 
 
 def test_equal_content_has_equal_id_whatever_number_types_it_came_in() -> None:
@@ -192,25 +156,13 @@ def test_equal_content_has_equal_id_whatever_number_types_it_came_in() -> None:
         ({"gama": [1, 1, 1]}, "unknown field 'gama'"),
         ({"channels": 3}, "channels is 3, expected str"),
         ({"white_level": 4000.5}, "white_level is 4000.5, expected int"),
-        ({"white_level": True}, "white_level is True, expected int"),
         ({"sensor": None}, "sensor is None, expected str"),
-        ({"noise": [0.1]}, 'object with "shot" and "read"'),
         ({"noise": {"shot": [0.0] * 4}}, 'object with "shot" and "read"'),
         ({"camera_to_xyz": 5}, "camera_to_xyz is 5, expected a list of rows"),
-        ({"camera_to_xyz": [1, 2, 3]}, "expected a list of numbers"),
-        ({"gamma": 5}, "gamma is 5, expected a list of numbers"),
-        ({"gamma": "abc"}, "expected a list of numbers"),
-        ({"gamma": "123"}, "expected a list of numbers"),
         ({"gamma": ["1", "2", "3"]}, "expected a list of numbers"),
-        ({"gamma": [True, True, True]}, "expected a list of numbers"),
         ({"gamma": [10**400, 1, 1]}, "gamma is .*, expected a list of numbers"),
         ({"gamma": None}, "gamma is None, expected a list of numbers"),
-        ({"gamma": 0}, "gamma is 0, expected a list of numbers"),
-        ({"gamma": []}, "gamma has 0 figures, expected 3"),
         ({"black_level": None}, "black_level is None, expected a list of numbers"),
-        ({"black_level": 0}, "black_level is 0, expected a list of numbers"),
-        ({"black_level": []}, "black_level has 0 figures, expected 4"),
-        ({"black_level": [None] * 4}, "expected a list of numbers"),
         ({"neutral": [1.0, float("nan"), 1.0]}, "not finite"),
     ],
 )
@@ -229,15 +181,6 @@ def test_pattern_and_calibration_must_name_the_same_channels() -> None:
     FULL.check_pattern(CfaPattern.bayer())
     with pytest.raises(InputError, match="XY, the calibration RGB"):
         FULL.check_pattern(CfaPattern.with_block(("XY",), 4))
-
-
-def test_calibrations_are_frozen() -> None:
-    with pytest.raises(FrozenInstanceError):
-        FULL.sensor = "x"  # type: ignore[misc]
-
-
-def test_id_is_that_of_the_camera_file_until_something_is_replaced() -> None:
-    assert replace(FULL, camera="0123456789abcdef").id == FULL.id
 
 
 def test_defects_are_sorted_and_checked() -> None:

@@ -1,4 +1,4 @@
-"""Write camera.json, and say how it differs from the file before."""
+"""Read a camera.json that is to be updated, and write one."""
 
 import json
 from pathlib import Path
@@ -9,8 +9,6 @@ from shared.errors import InputError
 from shared.writing import keep_old, write_durably
 
 from .assumed import Assumed
-
-_LONG = 8  # longer lists are not spelt out in the difference
 
 
 def read_known(path: Path) -> Camera:
@@ -35,15 +33,6 @@ def check_same(path: Path, old: Camera, base: Mosaic) -> None:
         )
 
 
-def difference(old: Camera, new: Camera) -> list[str]:
-    """Return one line per changed field: name, old value, new value."""
-    before, after = _flat(old.to_json()), _flat(new.to_json())
-    names = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
-    changes = [(name, _short(before.get(name, "(none)")), _short(after.get(name, "(none)"))) for name in names]
-    # Long lists may change and keep their length; numbers that look alike have not changed for people.
-    return [f"{name}: {was} -> {now}" for name, was, now in changes if was != now or now.endswith("entries")]
-
-
 def write_camera(path: Path, camera: Camera, *, overwrite: bool = False) -> Path | None:
     """Write the file atomically. With `overwrite` it may replace one, which is kept beside it, see `keep_old`.
 
@@ -64,19 +53,3 @@ def _text(value: Any, indent: str = "") -> str:
         rows = [f"{deeper}{_text(entry, deeper)}" for entry in value]
         return "[\n" + ",\n".join(rows) + f"\n{indent}]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def _flat(document: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return a JSON object with one level: nested keys are joined by dots."""
-    flat: dict[str, Any] = {}
-    for key, value in document.items():
-        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: json.loads(json.dumps(value))}
-    return flat
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, list) and len(value) > _LONG:
-        return f"{len(value)} entries"
-    if isinstance(value, list):
-        return "[" + ", ".join(_short(entry) for entry in value) + "]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

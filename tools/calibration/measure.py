@@ -1,27 +1,27 @@
 """From observations to a camera: conclude one part after the other. Start reading here."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from shared import Camera, NoiseModel
+from shared import Camera
 from shared.arrays import DoubleArray
 from shared.errors import InputError
 
 from .observations import Observations
 from .part import Evidence, Part, with_black
-from .parts.aberration import AberrationPart
-from .parts.black_level import BlackLevelPart
-from .parts.colour import ColourPart
-from .parts.defects import DefectsPart
-from .parts.gamma import GammaPart
-from .parts.noise import NoisePart
-from .parts.shading import ShadingPart
+from .parts.aberration import aberration
+from .parts.colour import colour
+from .parts.dark import black_level, defects
+from .parts.gamma import gamma
+from .parts.noise import noise
+from .parts.shading import shading
 
-# Each may depend on those before it.
-PARTS: tuple[type[Part], ...] = (BlackLevelPart, GammaPart, DefectsPart, NoisePart, ShadingPart, AberrationPart, ColourPart)
+PARTS = (gamma, colour, noise, black_level, defects, shading, aberration)
+"""In the order of the report. None depends on another."""
 _OF_BLACK = ("gamma", "noise", "colour", "shading")  # parts that a wrong black level makes wrong
 _MOVED = 2.0  # standard errors of the black level
 
@@ -30,7 +30,8 @@ _MOVED = 2.0  # standard errors of the black level
 class Conclusion:
     """The result of a calibration.
 
-    evidence: what it was concluded from, and the parts.
+    evidence: what it was concluded from.
+    parts: what the frames show, or say that they do not show.
     camera: the camera; None if the frames cannot determine it.
     refusal: the reason why there is no camera; "" if there is one.
     contradictions: sentences on what does not fit together, beyond doubt: the camera must not be used.
@@ -38,6 +39,7 @@ class Conclusion:
     """
 
     evidence: Evidence
+    parts: tuple[Part, ...]
     camera: Camera | None
     refusal: str
     contradictions: tuple[str, ...]
@@ -46,7 +48,7 @@ class Conclusion:
     @property
     def verdict(self) -> str:
         """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None or self.contradictions or any(part.useless for part in self.evidence.parts):
+        if self.camera is None or self.contradictions or any(part.useless for part in self.parts):
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 
@@ -71,24 +73,19 @@ def conclude(
     if seen.dark:
         calibration = with_black(calibration, seen.dark.black)
     evidence = Evidence(seen, calibration, seen.base.pattern.channels, chart_colours, old)
-    for kind in PARTS:
-        if part := kind.concluded(evidence):
-            evidence = replace(evidence, parts=(*evidence.parts, part))
-    parts = evidence.parts
+    parts = tuple(part for concluded in PARTS if (part := concluded(evidence)))
     measured = {part.name: {**(provenance or {}), **part.facts} for part in parts if part.facts is not None}
     changes: dict[str, Any] = {name: value for part in parts for name, value in part.changes.items()}
-    if old and calibration.noise and "noise" not in changes and "gamma" in changes:
+    if calibration.noise and "noise" not in changes and "gamma" in changes:
         # Noise is in scene units, and the new gamma rescales these.
-        ratio = replace(calibration, gamma=changes["gamma"]).full_scale / calibration.full_scale
-        levels = calibration.noise.shot, calibration.noise.read
-        changes["noise"] = NoiseModel(*(tuple(ratio * figure for figure in figures) for figures in levels))
+        changes["noise"] = calibration.noise.in_units_of(calibration.full_scale / math.fsum(changes["gamma"]))
     refusal = "; ".join(part.refusal for part in parts if part.refusal)
     camera = None
     if not refusal:
         camera = Camera(replace(calibration, **changes), seen.base.pattern, {**evidence.known, **measured})
     contradictions = tuple(line for part in parts for line in part.contradictions)
     warnings = (*seen.remarks, *(line for part in parts for line in part.warnings), *_outdated(evidence, measured))
-    return Conclusion(evidence, camera, refusal, contradictions, warnings)
+    return Conclusion(evidence, parts, camera, refusal, contradictions, warnings)
 
 
 def _outdated(evidence: Evidence, measured: Mapping[str, Any]) -> tuple[str, ...]:

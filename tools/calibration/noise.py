@@ -19,8 +19,6 @@ _SAME_EXPOSURE = 0.03  # largest relative difference of two flat frames
 _GROUPS = 6  # of tiles, per pair
 _RESTLESS = 2.0  # times the median variance per light of a pair's tiles: something moved between the frames
 _WORST_NOISE = 0.25  # half width over variance at full scale: beyond it noise is a guess
-# Standard error, as a share, that texture and shading of a chart's patches add to a gain (six simulated cameras: off by up to 7 %).
-_TEXTURE = 0.02
 SIGMAS = 1.96  # standard errors in half a 95 % interval
 
 
@@ -96,7 +94,7 @@ def measure_flats(frames: Sequence[Mosaic]) -> tuple[FlatResult, list[int]]:
 def noise_of_flats(
     flats: FlatResult, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None = None
 ) -> NoiseResult:
-    """Fit the noise of flat frames.
+    """Fit the noise of flat frames: a line per plane, after subtracting the variance that rounding to codes adds.
 
     calibration: its black and white level are those of the frames.
     dark: measurements of dark frames; None = the read noise is the intercept of the fit.
@@ -104,32 +102,7 @@ def noise_of_flats(
 
     Raises InputError if the pairs do not show how the noise grows with light.
     """
-    noise = _fitted(flats.points, calibration, dark, black_error, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
-    if fault := _undetermined(noise, calibration):
-        raise InputError(
-            f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, up to three quarters of full "
-            "scale, and dark frames (`dark`)"
-        )
-    return noise
-
-
-def noise_of_places(
-    places: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None = None
-) -> NoiseResult:
-    """Measure noise from the patches of a chart: an upper bound if they have texture. Parameters, errors: see `noise_of_flats`."""
-    noise = _fitted(places.chosen(~places.clipped), calibration, dark, black_error, "the chart's patches")
-    if fault := _undetermined(noise, calibration):
-        raise InputError(f"noise: {noise.source} {fault}; take pairs of flat frames (`flat`)")
-    return replace(
-        noise, lines=tuple(replace(line, shot_error=float(np.hypot(line.shot_error, _TEXTURE * line.shot))) for line in noise.lines)
-    )
-
-
-def _fitted(
-    points: PlaceSamples, calibration: SensorCalibration, dark: DarkResult | None, black_error: DoubleArray | None, source: str
-) -> NoiseResult:
-    """Fit a line per plane, after subtracting the variance that rounding to codes adds."""
-    span = calibration.white_level - np.array(calibration.black_level)
+    points, span = flats.points, calibration.white_level - np.array(calibration.black_level)
     points = replace(points, variance=np.maximum(points.variance - ROUNDING / span**2, 0))
     known = dark if dark is not None and dark.shows_read else None
     lines = []
@@ -143,19 +116,19 @@ def _fitted(
             lines.append(replace(line, read_error=float(np.hypot(line.read_error, line.shot * stretch / least))))
         else:
             lines.append(replace(line, read_error=float(known.read_error[plane] / span[plane])))
-    return NoiseResult(tuple(lines), points, source)
-
-
-def _undetermined(noise: NoiseResult, calibration: SensorCalibration) -> str | None:
-    """Return why this noise is no measurement, None if it is one."""
-    span = calibration.white_level - np.array(calibration.black_level)
-    seen = noise.points.variance * span**2
-    if not seen.size or float(seen.max(axis=0).min()) < HIDDEN**2:
-        return "show less noise than rounding to codes hides"
-    if not noise.uncertainty <= _WORST_NOISE:
+    noise = NoiseResult(tuple(lines), points, f"{flats.pairs} pair{'s' * (flats.pairs > 1)} of flat frames")
+    fault = ""
+    if float((points.variance * span**2).max(axis=0, initial=0).min()) < HIDDEN**2:
+        fault = "show less noise than rounding to codes hides"
+    elif not noise.uncertainty <= _WORST_NOISE:
         part = f"±{100 * noise.uncertainty:.0f} %" if noise.uncertainty < 1 else "±100 % or more"
-        return f"tell the noise at full scale only to {part}, and {100 * _WORST_NOISE:.0f} % are allowed"
-    return None
+        fault = f"tell the noise at full scale only to {part}, and {100 * _WORST_NOISE:.0f} % are allowed"
+    if fault:
+        raise InputError(
+            f"flat frames: {noise.source} {fault}; take two frames of each of several exposures, up to three quarters of full "
+            "scale, and dark frames (`dark`)"
+        )
+    return noise
 
 
 def _grouped(points: PlaceSamples) -> PlaceSamples:

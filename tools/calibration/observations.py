@@ -1,6 +1,6 @@
 """What the frames of one camera show: the statistics from which the parts of a camera file are concluded."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from shared import Mosaic
 
@@ -11,9 +11,9 @@ from .shading import ShadingResult
 from .shot import ShotMeasurement
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Observations:
-    """What was measured, and what could not be.
+    """What was measured, and what could not be; None = not measured.
 
     base: the first frame that was read: its pattern, levels and sensor are those of the camera. None = no frame could be read.
     dark: of dark frames.
@@ -23,23 +23,16 @@ class Observations:
     aberration: of shots with edges.
     skipped: a line for each frame, or set of frames, that could not be used.
     remarks: why flat frames do not show shading or noise, and why a measurement of before is kept.
-
-    What was not measured is None.
     """
 
     base: Mosaic | None = None
     dark: DarkResult | None = None
     flats: FlatResult | None = None
-    shots: tuple[ShotMeasurement, ...] = ()
+    shots: list[ShotMeasurement] = field(default_factory=list)
     shading: ShadingResult | None = None
     aberration: AberrationResult | None = None
-    skipped: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def charts(self) -> list[ShotMeasurement]:
-        """The shots of a chart."""
-        return [shot for shot in self.shots if shot.chart]
+    skipped: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def empty(self) -> bool:

@@ -1,17 +1,16 @@
-"""The shape of a measured part of a camera. `measure.PARTS` lists all parts; each is one module in `parts/`."""
+"""A measured part of a camera, and what it is concluded from. `measure.PARTS` lists all parts; each is a function in `parts/`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any
 
 from shared import Camera, SensorCalibration
 from shared.arrays import DoubleArray
 
 from .assumed import Assumed
+from .gamma import GammaFit, combined
 from .observations import Observations
-
-P = TypeVar("P", bound="Part")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,6 @@ class Evidence:
     channels: their letters.
     chart_colours: (24, 3), XYZ (D50) of the chart, white = 1.
     old: the camera file that is updated; None = there is none.
-    parts: those that were concluded before this one.
     """
 
     seen: Observations
@@ -31,11 +29,6 @@ class Evidence:
     channels: str
     chart_colours: DoubleArray
     old: Camera | None = None
-    parts: tuple["Part", ...] = ()
-
-    def part(self, kind: type[P]) -> P | None:
-        """Return the part of this kind, None if there is none."""
-        return next((part for part in self.parts if isinstance(part, kind)), None)
 
     @property
     def known(self) -> Mapping[str, Mapping[str, Any]]:
@@ -52,12 +45,17 @@ class Evidence:
         """How far black level and shading may be off."""
         return Assumed.of(self.calibration, self.seen.dark, self.known, even=self.seen.shading is not None)
 
+    @cached_property
+    def gamma(self) -> GammaFit | None:
+        """Gamma as all shots show it; None = there are none."""
+        return combined([fit for shot in self.seen.shots for fit in shot.fits]) if self.seen.shots else None
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """One measured part of a camera: what it changes, how well it is known, and what a user has to know of it.
 
-    name: its key in "measured" of camera.json. place: of its section in the report, lowest first.
+    name: its key in "measured" of camera.json.
     facts: for camera.json: how it was measured, and how well it is known; None = it was not, and only its warnings count.
     changes: fields of the calibration, and their values.
     warnings: sentences for the user.
@@ -65,10 +63,11 @@ class Part:
     refusal: why there must not be a camera file; "" = there may be one.
     headline: what the report's verdict says of it; "" = nothing.
     useless: it is so bad that the camera must not be used.
+    sections: draws its sections of the report: heading -> HTML.
+    files: to be written beside the report: name -> content.
     """
 
-    name: ClassVar[str]
-    place: ClassVar[int]
+    name: str
     facts: Mapping[str, Any] | None = None
     changes: Mapping[str, Any] = field(default_factory=dict)
     warnings: Sequence[str] = ()
@@ -76,15 +75,8 @@ class Part:
     refusal: str = ""
     headline: str = ""
     useless: bool = False
-
-    @classmethod
-    def concluded(cls, evidence: Evidence) -> Self | None:
-        """Conclude this part from the evidence; None if the frames do not concern it."""
-        raise NotImplementedError
-
-    def sections(self, evidence: Evidence) -> Mapping[str, str]:
-        """Return sections of the report: heading -> HTML."""
-        return {}
+    sections: Callable[[], Mapping[str, str]] = dict
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def with_black(calibration: SensorCalibration, black: DoubleArray) -> SensorCalibration:

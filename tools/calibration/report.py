@@ -22,13 +22,13 @@ def report(conclusion: Conclusion, provenance: Mapping[str, str], worded: Callab
     """
     camera, warnings = conclusion.camera, [*conclusion.contradictions, *conclusion.warnings]
     sections: dict[str, str] = {}
-    for part in sorted(conclusion.evidence.parts, key=lambda part: part.place):
-        sections |= part.sections(conclusion.evidence)
+    for part in conclusion.parts:
+        sections |= part.sections()
     sections["Skipped files"] = bullets(map(worded, conclusion.evidence.seen.skipped))
     if camera:
         text = escape(json.dumps(camera.to_json(), indent=1, ensure_ascii=False))
         sections["camera.json"] = f"<details><summary>Content, id {camera.calibration.id}</summary><pre>{text}</pre></details>"
-    facts = [conclusion.refusal, *(part.headline for part in conclusion.evidence.parts)]
+    facts = [conclusion.refusal, *(part.headline for part in conclusion.parts)]
     if not (conclusion.refusal or warnings):
         facts.append("There are no warnings.")
     return page(

@@ -44,7 +44,6 @@ class PlaceSamples:
     count: (N, C + 1), number of samples.
     clipped: (N,), whether a sample is at the white level.
     where: (N, 2), row and column from the middle of the frame, in halves of its diagonal; None = in the middle.
-    gain: (N, C + 1), by which shading was undone; None = it was not.
     """
 
     mean: DoubleArray
@@ -52,21 +51,14 @@ class PlaceSamples:
     count: DoubleArray
     clipped: BoolArray
     where: DoubleArray | None = None
-    gain: DoubleArray | None = None
 
     def chosen(self, which: BoolArray) -> "PlaceSamples":
         """Return the places where `which` (N,) is true."""
         return PlaceSamples(**{field.name: _each(getattr(self, field.name), which) for field in fields(self)})
 
-    def as_recorded(self) -> "PlaceSamples":
-        """Return the places as the sensor has recorded them, without their gain, which noise was multiplied by, too."""
-        if self.gain is None:
-            return self
-        return replace(self, mean=self.mean / self.gain, variance=self.variance / self.gain**2, gain=None)
-
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
-        """Return the places of several shots, one after the other, without where they are and what their gain was."""
+        """Return the places of several shots, one after the other, without where they are."""
         names = ("mean", "variance", "count", "clipped")
         return PlaceSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
@@ -108,12 +100,8 @@ def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
     rows = [_statistics(levels, clipped, planes, region, number) for region in regions]
     corners = np.array([(region.top, region.left) for region in regions], np.float64).reshape(-1, 2)
     middles = corners + np.array([np.argwhere(region.mask).mean(axis=0) for region in regions]).reshape(-1, 2)
-    gain = None
-    if shading := mosaic.calibration.shading:
-        spots = [(slice(round(row), round(row) + 1), slice(round(column), round(column) + 1)) for row, column in middles.tolist()]
-        gain = np.array([[shading.of_plane(mosaic.shape, plane, *spot).item() for plane in range(number)] for spot in spots])
     places = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
-    return replace(places, where=from_middle(middles[:, 0], middles[:, 1], mosaic.shape), gain=gain)
+    return replace(places, where=from_middle(middles[:, 0], middles[:, 1], mosaic.shape))
 
 
 def _statistics(

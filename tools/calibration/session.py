@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from .files import CalibrationFiles
 from .gamma import combined
 from .noise import measure_flats, noise_of_flats
 from .observations import Observations
-from .part import with_black
 from .shading import measure_shading
 from .shot import measure_chart, measure_scene
 
@@ -61,7 +61,11 @@ class Session:
         read: Callable[[str], Mosaic] = read_dng,
     ) -> None:
         self._console, self._sensor, self._old, self._read_file = console, sensor, old, read
-        self._known = old.calibration if old else None  # frames get its shading
+        self._known: dict[str, Any] = {}  # fields of the calibration that count more than what a frame states
+        if old:
+            self._known["shading"] = old.calibration.shading
+            if "black_level" in old.measured:
+                self._known["black_level"] = old.calibration.black_level
         self.seen = Observations()
 
     def measure(self, files: CalibrationFiles, chart: ChartSearch | None, filled: Filled) -> Observations:
@@ -74,39 +78,32 @@ class Session:
 
     def dark(self, paths: Sequence[str]) -> None:
         """Measure the dark frames; later frames get their black level."""
-        frames = self._as_recorded(paths, "dark")
-        if not frames:
-            return
-        with self._skipping(paths):
-            refuse_copies(frames, DARK_ALIKE)
-            dark = measure_dark([mosaic for _, mosaic in frames])
-            self._note(dark=dark)
-            self._console.say(dark.words)
+        if frames := self._unshaded(paths, "dark"):
+            with self._skipping(paths):
+                refuse_copies(frames, DARK_ALIKE)
+                self.seen.dark = measure_dark([mosaic for _, mosaic in frames])
+                self._known["black_level"] = tuple(self.seen.dark.black.tolist())
+                self._console.say(self.seen.dark.words)
 
     def flat(self, paths: Sequence[str]) -> None:
         """Measure the flat frames; later frames get their shading."""
-        frames = self._as_recorded(paths, "flat")
-        if not frames:
-            return
-        with self._skipping(paths):
-            refuse_copies(frames, FLAT_ALIKE)
-            self._measure_shading(frames)
-            self._measure_noise(paths, frames)
+        if frames := self._unshaded(paths, "flat"):
+            with self._skipping(paths):
+                refuse_copies(frames, FLAT_ALIKE)
+                self._measure_shading(frames)
+                self._measure_noise(paths, frames)
 
     def _measure_shading(self, frames: Frames) -> None:
         """Measure the shading of flat frames; what a shot states of its shading does not count any more."""
-        calibration = self._known or frames[0][1].calibration
+        self._forget("shading")
+        before = self._known.setdefault("shading", None)
         try:
-            shading = measure_shading(frames)
+            self.seen.shading = measure_shading(frames)
         except InputError as error:
-            kept = ", and the one before is kept" if calibration.shading else ""
-            self._remark(f"no shading was measured{kept}: {error}")
+            self.seen.remarks.append(f"no shading was measured{', and the one before is kept' if before else ''}: {error}")
         else:
-            calibration = replace(calibration, shading=shading.shading)
-            self._note(shading=shading)
-            self._console.say(shading.words)
-        self._known = calibration
-        self._rebase(shading=calibration.shading)
+            self._known["shading"] = self.seen.shading.shading
+            self._console.say(self.seen.shading.words)
 
     def _measure_noise(self, paths: Sequence[str], frames: Frames) -> None:
         """Measure the noise of flat frames, which only pairs of them show."""
@@ -117,11 +114,10 @@ class Session:
             noise_of_flats(flats, calibration, self.seen.dark, self._assumed(calibration).black)
         except InputError as error:
             if self.seen.shading is None:
-                self._skip(paths, str(error))
-            else:
-                self._remark(f"no noise was measured: {error}")
+                raise
+            self.seen.remarks.append(f"no noise was measured: {error}")
             return
-        self._note(flats=flats)
+        self.seen.flats = flats
         for index in unpaired:
             self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
 
@@ -139,7 +135,7 @@ class Session:
                     with self._console.progress(name) as progress:
                         shot = measure_chart(name, mosaic, chart.colours, chart.corners, progress, assumed)
                 self._console.say(shot.words)
-                self._note(shots=(*self.seen.shots, shot))
+                self.seen.shots.append(shot)
 
     def edges(self, paths: Sequence[str], filled: Filled) -> None:
         """Measure lateral chromatic aberration; what shots state of it does not count."""
@@ -154,14 +150,13 @@ class Session:
                 if first != path:
                     raise InputError(f"it is the same shot as {first}")
                 shots.append(find_edges(Path(path).name, mosaic, filled, gamma))
-        self._rebase(aberration=None)
+        self._forget("aberration")
         with self._skipping(paths):
             if shots:
-                aberration = measure_aberration(shots)
-                self._note(aberration=aberration)
-                self._console.say(aberration.words)
-        if self.seen.aberration is None and self._known and self._known.aberration:
-            self._remark("no chromatic aberration was measured, and the one before is kept")
+                self.seen.aberration = measure_aberration(shots)
+                self._console.say(self.seen.aberration.words)
+        if self.seen.aberration is None and self._old and self._old.calibration.aberration:
+            self.seen.remarks.append("no chromatic aberration was measured, and the one before is kept")
 
     def _gamma(self) -> DoubleArray | None:
         """Return gamma as the shots show it, or else as the camera file has it; None if it is not known."""
@@ -173,7 +168,7 @@ class Session:
         measured = self._old.measured if self._old else {}
         return Assumed.of(calibration, self.seen.dark, measured, even=self.seen.shading is not None)
 
-    def _as_recorded(self, paths: Sequence[str], kind: str) -> Frames:
+    def _unshaded(self, paths: Sequence[str], kind: str) -> Frames:
         """Return the frames that can be read, without the shading that they state."""
         frames = []
         for path in paths:
@@ -189,27 +184,16 @@ class Session:
         calibration = replace(mosaic.calibration.without_estimates(), sensor=self._sensor or mosaic.calibration.sensor)
         if self.seen.base is not None:
             Camera(self.seen.base.calibration, self.seen.base.pattern).check(mosaic.pattern, calibration)
-        if self.seen.dark is not None:
-            calibration = with_black(calibration, self.seen.dark.black)
-        elif self._old and "black_level" in self._old.measured:
-            calibration = replace(calibration, black_level=self._old.calibration.black_level)
-        if self._known:
-            calibration = replace(calibration, shading=self._known.shading)
-        mosaic = Mosaic(mosaic.codes, mosaic.pattern, calibration, mosaic.metadata)
+        mosaic = Mosaic(mosaic.codes, mosaic.pattern, replace(calibration, **self._known), mosaic.metadata)
         if self.seen.base is None:
-            self._note(base=mosaic)
+            self.seen.base = mosaic
         return mosaic
 
-    def _rebase(self, **changes: object) -> None:
-        """Change the calibration of the first frame."""
+    def _forget(self, part: str) -> None:
+        """Leave out what the first frame states of its lens, because these frames measure it."""
+        nothing: dict[str, Any] = {part: None}
         if (base := self.seen.base) is not None:
-            self._note(base=replace(base, calibration=replace(base.calibration, **changes)))  # type: ignore[arg-type]
-
-    def _note(self, **measured: object) -> None:
-        self.seen = replace(self.seen, **measured)  # type: ignore[arg-type]
-
-    def _remark(self, line: str) -> None:
-        self._note(remarks=(*self.seen.remarks, line))
+            self.seen.base = replace(base, calibration=replace(base.calibration, **nothing))
 
     @contextmanager
     def _skipping(self, paths: Sequence[str], kind: str = "") -> Iterator[None]:
@@ -217,14 +201,11 @@ class Session:
         try:
             yield
         except (PanchromaError, MemoryError) as error:
-            self._skip(paths, str(error) or "not enough memory")
+            path, reason = " ".join(paths), str(error) or "not enough memory"
+            line = reason if path in reason else f"{path}: {reason}"
+            self.seen.skipped.append(line)
+            self._console.error(f"skipped {line}")
+            self._console.record(source=path, ok=False, error=" ".join(reason.split()))
         else:
             if kind:
                 self._console.record(source=paths[0], ok=True, kind=kind)
-
-    def _skip(self, paths: Sequence[str], reason: str) -> None:
-        path = " ".join(paths)
-        line = reason if path in reason else f"{path}: {reason}"
-        self._note(skipped=(*self.seen.skipped, line))
-        self._console.error(f"skipped {line}")
-        self._console.record(source=path, ok=False, error=" ".join(reason.split()))

@@ -11,17 +11,15 @@ from shared.progress import SILENT, Progress
 
 from .assumed import Assumed
 from .channel_order import check_channel_order
-from .chart.find import chart_at, find_chart
-from .chart.judge import FoundChart
+from .chart.find import FoundChart, chart_at, find_chart
 from .chart.picture import overlay
 from .chart_gamma import fit_chart_gamma
 from .gamma import GammaFit
 from .samples import PlaceSamples, figures, patch_samples
 from .scene_gamma import fit_scene_gamma
 
-_VAGUE = (
-    0.2  # half width over gamma: what knows gamma less well has hardly any colour, and its interval is not to be trusted either
-)
+# Half width over gamma: what knows gamma less well has hardly any colour, and its interval is not to be trusted either.
+_VAGUE = 0.2
 
 
 @dataclass(frozen=True, eq=False)

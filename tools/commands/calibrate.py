@@ -77,6 +77,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.calibration.files import check_output, sort_files
     from tools.calibration.measure import conclude
     from tools.calibration.reference import read_reference
+    from tools.calibration.report import report
     from tools.calibration.session import ChartSearch, Session
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
@@ -101,23 +102,25 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         return FAILED
     if files.shots and not seen.shots and not (old and "gamma" in old.measured):
         kind = "scene" if arguments.no_chart else "chart"
-        error = (
-            f"gamma is not known, for no {kind} could be used, and no camera file was written; shoot it anew, or leave these "
-            "shots out to keep only what the other frames show"
+        return _refused(
+            output,
+            f"gamma is not known, for no {kind} could be used, and no camera file was written; shoot it anew, or leave these shots "
+            "out to keep only what the other frames show",
+            console,
         )
-        console.error(error)
-        console.record(source=str(output), ok=False, error=error)
-        return FAILED
     if old is not None:
         check_same(output, old, seen.base)
     provenance = {"date": datetime.now(UTC).date().isoformat(), "program": f"panchroma {program_version()}"}
     conclusion = conclude(seen, chart_colours, provenance, old)
-    for line in conclusion.contradictions:
+    for line in conclusion.contradictions if conclusion.camera else ():  # otherwise they are the reason
         console.error(line)
     for line in conclusion.warnings:
         console.note(f"warning: {line}")
     if folder is not None:
-        _write_report(folder, conclusion, provenance, console)
+        write_durably(folder / "report.html", report(conclusion, provenance, console.worded), overwrite=True)
+        for name, content in (each for part in conclusion.parts for each in part.files.items()):
+            write_durably(folder / name, content, overwrite=True)
+        console.say(f"{folder / 'report.html'}: {conclusion.verdict}")
     return _write(output, conclusion, old, console, replace_existing=replace_existing)
 
 
@@ -136,42 +139,27 @@ def _corners(arguments: argparse.Namespace, shots: int) -> Matrix | None:
     return tuple(arguments.corners)
 
 
-def _write_report(folder: Path, conclusion: "Conclusion", provenance: dict[str, str], console: Console) -> None:
-    """Write the page, and a file for Argyll CMS if the chart shows three channels."""
-    from tools.calibration.parts.colour import ColourPart
-    from tools.calibration.reference import ti3
-    from tools.calibration.report import report
-
-    write_durably(folder / "report.html", report(conclusion, provenance, console.worded), overwrite=True)
-    colour = conclusion.evidence.part(ColourPart)
-    if colour is not None and colour.camera_levels.shape[1] == 3:
-        write_durably(folder / "chart.ti3", ti3(conclusion.evidence.chart_colours, colour.camera_levels).encode(), overwrite=True)
-    console.say(f"{folder / 'report.html'}: {conclusion.verdict}")
+def _refused(output: Path, error: str, console: Console, **facts: str) -> int:
+    """Say and record why no camera file was written."""
+    console.error(error)
+    console.record(source=str(output), ok=False, error=error, **facts)
+    return FAILED
 
 
 def _write(output: Path, conclusion: "Conclusion", old: Camera | None, console: Console, *, replace_existing: bool) -> int:
-    """Write the camera file, and say what has changed; returns the exit code."""
-    from tools.calibration.camera_file import difference, write_camera
+    """Write the camera file, and say what it holds; returns the exit code."""
+    from tools.calibration.camera_file import write_camera
     from tools.calibration.samples import figures
 
     camera, verdict = conclusion.camera, conclusion.verdict
     if camera is None:
-        contradicted = conclusion.contradictions and conclusion.refusal == "; ".join(conclusion.contradictions)
-        console.error(
-            "no camera file was written; do not use these shots"
-            if contradicted
-            else f"{conclusion.refusal}; no camera file was written"
-        )
-        console.record(source=str(output), ok=False, error=conclusion.refusal, verdict=verdict)
-        return FAILED
-    kept = write_camera(output, camera, overwrite=replace_existing)
+        return _refused(output, f"{conclusion.refusal}; no camera file was written", console, verdict=verdict)
+    if (kept := write_camera(output, camera, overwrite=replace_existing)) is not None:
+        console.say(f"{kept}: the file as it was before")
     if old is not None:
-        new = [part.name for part in conclusion.evidence.parts if part.facts is not None]
-        console.say(*(f"  {line}" for line in difference(old, camera)))
+        new = [part.name for part in conclusion.parts if part.facts is not None]
         same = ", ".join(part for part in old.measured if part not in new) or "nothing"
         console.say(f"measured now: {', '.join(new) or 'nothing'}; kept as it was: {same}")
-    if kept is not None:
-        console.say(f"{kept}: the file as it was before")
     calibration, parts = camera.calibration, ", ".join(camera.measured) or "nothing measured"
     name = calibration.sensor or "unnamed sensor"
     console.say(f"{output}: {name}, gamma {figures(calibration.gamma)}, measured: {parts}, id {calibration.id}; {verdict}")

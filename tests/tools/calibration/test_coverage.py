@@ -12,9 +12,7 @@ from tests.benchmarks.coverage import SHAPE, Frames, SimulatedCamera, calibrated
 from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion
-from tools.calibration.parts.gamma import gamma_of
 
-pytest.importorskip("cv2")
 SIMPLE = SimulatedCamera(
     pattern=PATTERNS["K = 6"],
     states=SensorCalibration.of_bits(12, headroom=False),
@@ -58,7 +56,7 @@ def test_a_chart_contradicts_a_black_level_that_is_off_and_tells_it() -> None:
     off = replace(SIMPLE, black=np.full(4, 272.0))
     for number in (1, 3):
         outcome = concluded(frames_of(off, number=number), "charts" if number > 1 else "chart")
-        gamma = gamma_of(outcome.evidence)
+        gamma = outcome.evidence.gamma
         assert gamma is not None
         assert (np.abs(gamma.gamma - SIMPLE.gamma) < 1.5 * gamma.half_width).all()
         assert outcome.verdict == "do not use it"

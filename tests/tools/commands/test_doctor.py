@@ -64,7 +64,6 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
         ((), MISSING, "not installed"),
         (("opencv-contrib-python-headless",), GOOD, "5.0"),
         (("opencv-contrib-python",), GOOD, "5.0"),
-        (("opencv-python",), BAD, "no chart detection"),
         (("opencv-python", "opencv-contrib-python-headless"), BAD, "overwrite each other"),
     ],
 )

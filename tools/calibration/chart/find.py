@@ -1,30 +1,44 @@
-"""Find the ColorChecker in a shot: search for places that may show one, and judge each."""
+"""Find the ColorChecker in a shot: propose places, and decide of each by its luminances, colours and grey row."""
 
-from collections.abc import Callable, Iterable
-from functools import partial
-from itertools import product
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from shared import Mosaic
-from shared.arrays import ByteArray, DoubleArray, FloatArray
-from shared.colorimetry import Matrix
+from shared.arrays import DoubleArray, FloatArray
+from shared.colorimetry import Matrix, as_rows
 from shared.errors import InputError
-from shared.perspective import apply_homography, homography, rectangle
 from shared.progress import SILENT, Progress
 
-from .detector import BOX_MARGIN, detect, median_filtered, resized
-from .judge import FoundChart, Judge, examine
-from .lattice import SIZES, lattice_corners
-from .picture import displayed, linear_picture
-from .place import COLUMNS, PATCH, ROWS, ChartPlace, least_pitch
+from ..colour_matrix import fit_colour, grey_row_fault
+from .lattice import lattice_corners
+from .picture import linear_picture
+from .place import COLUMNS, ChartPlace, least_pitch
+from .refine import patch_means, refined
 
-# Searches with the detector, the likeliest first: pieces of the frame per side, longer side in pixels of what it gets.
-_SEARCHES = (*((1, size) for size in (600, 850, 1200, 420, 1700, 2400)), (2, 600), (2, 1200))
-_LARGEST_SCALE = 2.0  # further enlargement finds no more charts that are large enough, and takes time
-_MOST = 30  # candidates per search
+_SIZES = (500, 900, 1500, 2500)  # longer sides of the pictures that are searched, the likeliest first
+_LARGEST_DIFFERENCE = 8.0  # mean dE2000 after the fit: real charts stay below 5, brick walls above 15
 _DOUBTFUL = 30.0  # mean dE2000 above which a refused place is not worth mentioning
-_ENOUGH = 4.5  # mean dE2000 of a candidate good enough to end the search
+_ENOUGH = 4.5  # mean dE2000 of a chart good enough to end the search
+_ALIKE = 0.5  # correlation of log luminances; a chart half in the shade still has 0.8
+_SAME = 0.3  # of a patch: places whose corners are nearer than that are refined to the same one
+_ROUGHEST = 0.35  # standard deviation of log luminance inside a patch, median over patches
+
+
+@dataclass(frozen=True, eq=False)
+class FoundChart:
+    """A chart in a frame, or a place that shows none.
+
+    place: where it lies.
+    difference: mean dE2000 to the reference after fitting a matrix and the light; inf = no colours could be fitted.
+    fault: why it is no chart; "" = it is one.
+    """
+
+    place: ChartPlace
+    difference: float
+    fault: str = ""
 
 
 def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILENT) -> FoundChart:
@@ -34,38 +48,33 @@ def find_chart(mosaic: Mosaic, reference: DoubleArray, progress: Progress = SILE
     reference: (24, 3), XYZ (D50), white = 1.
     progress: receives the searches.
 
-    Candidates come from OpenCV's detector and from `lattice_corners`, at several scales and on parts of the frame. A candidate is
-    accepted if its corners lie inside the frame, its grey row is monotone and linear, and a matrix explains its colours. Raises
-    InputError with the reason if none is accepted, or if the chart is too small for the pattern's period.
+    Places come from `lattice_corners`, at several scales, until one is accepted: its corners lie inside the frame, its grey row is
+    monotone and linear, and a matrix explains its colours. Raises InputError with the reason if none is accepted, or if the chart
+    is too small for the pattern's period.
     """
     picture = linear_picture(mosaic)
-    best: FoundChart | None = None
-    faults: list[tuple[float, str]] = []
-    judge = Judge(picture, reference)
-    searches = _searches(picture)
-    progress.stage("looking for the chart", len(searches))
-    for search in searches:
-        for corners in search():
-            judged = judge(corners)
-            if isinstance(judged, FoundChart):
-                best = judged if best is None or judged.difference < best.difference else best
-                if best.difference < _ENOUGH:
-                    break
-            else:
-                faults.append(judged)
+    sizes = [size for smaller, size in pairwise((0, *_SIZES)) if smaller < max(mosaic.shape)]
+    progress.stage("looking for the chart", len(sizes))
+    judged: dict[ChartPlace, FoundChart] = {}
+    for size in sizes:
+        for place in _plausible(picture, reference, size):
+            if any(found.fault and _near(place, before) for before, found in judged.items()):
+                continue  # refining takes most of the time
+            judged[place] = _examined(picture, refined(picture, place), reference)
+            if not judged[place].fault and judged[place].difference < _ENOUGH:
+                break
         progress.advance()
-        if best:
-            break
-    if best is None:
-        difference, fault = min(faults, default=(np.inf, ""))
-        why = f"; the likeliest place was refused: {fault}" if difference < _DOUBTFUL else ""
-        period = mosaic.pattern.period
-        raise InputError(
-            f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least {least_pitch(period)} pixels "
-            f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
-        )
-    _check_size(best.place, mosaic)
-    return best
+        if charts := [found for found in judged.values() if not found.fault]:
+            best = min(charts, key=lambda found: found.difference)
+            _check_size(best.place, mosaic)
+            return best
+    likeliest = min(judged.values(), key=lambda found: found.difference, default=None)
+    why = f"; the likeliest place was refused: {likeliest.fault}" if likeliest and likeliest.difference < _DOUBTFUL else ""
+    period = mosaic.pattern.period
+    raise InputError(
+        f"no ColorChecker was found whole inside the frame{why}. Its patches must be at least {least_pitch(period)} pixels "
+        f"apart at period {period}; if the chart is there, give its corners: `corners` x,y x,y x,y x,y"
+    )
 
 
 def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundChart:
@@ -74,10 +83,10 @@ def chart_at(mosaic: Mosaic, corners: Matrix, reference: DoubleArray) -> FoundCh
     if not place.lies_in(mosaic.shape):
         raise InputError(f"the corners {place} lie outside the frame of {mosaic.shape[1]} x {mosaic.shape[0]} pixels")
     _check_size(place, mosaic)
-    judged = examine(linear_picture(mosaic), place, reference)
-    if not isinstance(judged, FoundChart):
-        raise InputError(f"at the corners {place} there is no ColorChecker: {judged[1]}")
-    return judged
+    found = _examined(linear_picture(mosaic), place, reference)
+    if found.fault:
+        raise InputError(f"at the corners {place} there is no ColorChecker: {found.fault}")
+    return found
 
 
 def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
@@ -90,42 +99,48 @@ def _check_size(place: ChartPlace, mosaic: Mosaic) -> None:
         )
 
 
-def _searches(picture: FloatArray) -> list[Callable[[], Iterable[DoubleArray]]]:
-    """Return functions that propose corners of the patch area, by the detector or from lattices; the cheapest first.
-
-    Searches that would only enlarge the picture further are left out.
-    """
-    shown = displayed(picture)
-    variants = (shown, median_filtered(shown))
-    longest = max(picture.shape[:2])
-    sizes = [size for smaller, size in zip((0, *SIZES), SIZES, strict=False) if smaller < longest]
-    searches: list[Callable[[], Iterable[DoubleArray]]] = []
-    for number, (parts, size) in enumerate(_SEARCHES):
-        if size * parts <= _LARGEST_SCALE * longest:
-            searches += [partial(_detected, variant, parts, size) for variant in variants]
-        if number % 2 == 0 and sizes:
-            searches.append(partial(lattice_corners, picture, sizes.pop(0)))
-    return searches
-
-
-def _detected(picture: ByteArray, parts: int, size: int) -> list[DoubleArray]:
-    """Return the detector's proposals on each of the overlapping pieces, `parts` per side; `size`: longer side of a piece."""
-    height, width = picture.shape[:2]
-    found: list[DoubleArray] = []
-    for down, across in product(range(2 * parts - 1), repeat=2):
-        top, left = down * height // (2 * parts), across * width // (2 * parts)
-        piece = picture[top : top + -(-height // parts), left : left + -(-width // parts)]
-        scale = size / max(piece.shape[:2])
-        found += [_patch_area(box / scale) + np.array([left, top]) for box in detect(resized(piece, scale), _MOST)]
-    return found
+def _plausible(picture: FloatArray, reference: DoubleArray, size: int) -> Iterator[ChartPlace]:
+    """Yield places whose luminances and colours are roughly a chart's, either way up; size: see `lattice_corners`."""
+    wanted = np.log(reference[:, 1])
+    for corners in lattice_corners(picture, size):
+        for turned in (corners, np.roll(corners, 2, axis=0)):
+            try:
+                place = ChartPlace(as_rows(turned))
+            except InputError:  # a window whose perspective is extrapolated may turn inside out
+                continue
+            if not place.lies_in(picture.shape[:2], place.pitch / 2):  # refinement may bring them in
+                continue
+            seen = np.log(np.maximum(patch_means(picture, place)[0].sum(axis=1), 1e-4))
+            alike = seen.std() > 0 and np.corrcoef(seen, wanted)[0, 1] > _ALIKE
+            if alike and _difference(picture, place, reference) <= 3 * _LARGEST_DIFFERENCE:
+                yield place
 
 
-def _patch_area(box: DoubleArray) -> DoubleArray:
-    """Return the outer corners of the corner patches, (4, 2), in the detector's box (4, 2)."""
-    wide, high = COLUMNS + 2 * BOX_MARGIN, ROWS + 2 * BOX_MARGIN
+def _near(place: ChartPlace, other: ChartPlace) -> bool:
+    away = np.array(place.corners) - np.array(other.corners)
+    return bool(np.hypot(*away.T).max() < _SAME * place.pitch)
+
+
+def _examined(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> FoundChart:
+    """Return what a place in a picture (H, W, C), linear, shows."""
+    difference, fault = _difference(picture, place, reference), ""
+    means, roughness = patch_means(picture, place)
+    if not place.lies_in(picture.shape[:2]):
+        fault = f"its corners {place} lie outside the frame: the chart is cut off"
+    elif difference > _LARGEST_DIFFERENCE:
+        limit = f"at most {_LARGEST_DIFFERENCE:.0f}"
+        fault = f"its colours are not a ColorChecker's (mean dE2000 {difference:.0f} after fitting, {limit})"
+    elif crooked := grey_row_fault(means[18:].sum(axis=1), reference[18:, 1]):
+        fault = crooked
+    elif np.median(roughness) > _ROUGHEST:
+        fault = "the patches are not uniform"
+    return FoundChart(place, difference, fault)
+
+
+def _difference(picture: FloatArray, place: ChartPlace, reference: DoubleArray) -> float:
+    """Return the mean dE2000 of the patches under the best matrix and light; inf if there is no fit."""
     try:
-        to_frame = homography(rectangle(0, 0, wide, high), box)
-    except np.linalg.LinAlgError:
-        return box
-    edge = BOX_MARGIN + (1 - PATCH) / 2
-    return np.stack(apply_homography(to_frame, *rectangle(edge, edge, wide - edge, high - edge).T), axis=-1)
+        mean = float(fit_colour(patch_means(picture, place)[0], reference, place.cells, thorough=False).difference.mean())
+    except (InputError, np.linalg.LinAlgError):
+        return float("inf")
+    return mean if np.isfinite(mean) else float("inf")

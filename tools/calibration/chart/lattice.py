@@ -1,4 +1,4 @@
-"""Propose charts without OpenCV's detector, which often finds none: look for regular grids of uniform patches.
+"""Propose places of charts: look for regular grids of uniform patches.
 
 Uniform areas between edges are blobs. A blob with two neighbours of its size starts a lattice, which grows from neighbour to
 neighbour and so follows perspective. Each window of 6 x 4 nodes of a lattice is a proposal.
@@ -15,7 +15,6 @@ from shared.perspective import apply_homography, fit_homography, rectangle
 
 from .place import COLUMNS, PATCH, ROWS
 
-SIZES = (500, 900, 1500)  # longer side of the picture that is searched
 _EDGES = (0.02, 0.04, 0.08)  # change of the square root of a level from pixel to pixel: less is uniform
 _LEAST_AREA, _LARGEST_PART = 25, 0.04  # size of a blob: pixels, part of the picture
 _FULL = 0.68  # part of its bounding parallelogram that a blob fills: patches are four-sided

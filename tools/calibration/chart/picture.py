@@ -40,30 +40,23 @@ def linear_picture(mosaic: Mosaic) -> FloatArray:
     return (chromaticity * luminance[..., None]).astype(np.float32)
 
 
-def displayed(picture: FloatArray) -> ByteArray:
-    """Return a linear picture (H, W, C) for display, uint8 (H, W, 3): each channel is stretched separately, square-root curve.
+def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
+    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W, 3).
 
-    The first, middle and last channel are shown as red, green and blue.
+    The first, middle and last channel are shown as red, green and blue, each stretched by itself, with a square-root curve.
     """
+    from PIL import Image, ImageDraw
+
+    picture = linear_picture(mosaic)
     chosen = picture[..., [0, picture.shape[-1] // 2, -1]]
     bright = np.percentile(chosen[::4, ::4].reshape(-1, 3), _SHOWN, axis=0)
-    return (255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8)
-
-
-def overlay(mosaic: Mosaic, place: ChartPlace) -> ByteArray:
-    """Return the shot with the chart and the measured part of each patch outlined, uint8 RGB (H, W, 3)."""
-    import cv2
-
-    shown = displayed(linear_picture(mosaic)).copy()
-    width = max(1, round(place.pitch / 40))
-    chart = np.array([place.corners])
-    for quads, colour in (
-        (place.patch_corners(PATCH), (255, 255, 255)),
-        (place.patch_corners(INNER), (255, 0, 255)),
-        (chart, (0, 255, 255)),
-    ):
-        cv2.polylines(shown, list(np.rint(quads).astype(np.int32)), True, colour, width, cv2.LINE_AA)
-    return shown
+    image = Image.fromarray((255 * np.sqrt(np.clip(chosen / np.maximum(bright, 1e-6), 0, 1))).astype(np.uint8))
+    draw, width = ImageDraw.Draw(image), max(1, round(place.pitch / 40))
+    outlines = ((place.patch_corners(PATCH), "white"), (place.patch_corners(INNER), "magenta"), (np.array([place.corners]), "cyan"))
+    for quads, colour in outlines:
+        for quad in quads:
+            draw.polygon(quad.ravel().tolist(), outline=colour, width=width)
+    return np.asarray(image)
 
 
 def _luminance(mosaic: Mosaic, levels: FloatArray) -> FloatArray:

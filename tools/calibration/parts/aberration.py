@@ -1,8 +1,8 @@
 """Lateral chromatic aberration, from shots with edges."""
 
-from collections.abc import Mapping
+from functools import partial
 from html import escape
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -15,35 +15,28 @@ from ..part import Evidence, Part, rounded
 _LEAST_REACH = 0.1  # pixels, of the plot's axis of displacements
 
 
-class AberrationPart(Part):
+def aberration(evidence: Evidence) -> Part | None:
     """How far the lens displaces each channel."""
+    found = evidence.seen.aberration
+    if found is None:
+        return None
+    facts: dict[str, Any] = {"shots": found.shots, "standard_error": rounded(found.error)}
+    if found.aberration:
+        facts |= {"corner": rounded(found.corner), "focal_length": found.aberration.focal_length}
+    return Part("aberration", facts, {"aberration": found.aberration}, sections=partial(_sections, found))
 
-    name, place = "aberration", 80
 
-    @classmethod
-    def concluded(cls, evidence: Evidence) -> Self | None:
-        """Take the displacement that the edges show."""
-        found = evidence.seen.aberration
-        if found is None:
-            return None
-        facts: dict[str, Any] = {"shots": found.shots, "standard_error": rounded(found.error)}
-        if found.aberration:
-            facts |= {"corner": rounded(found.corner), "focal_length": found.aberration.focal_length}
-        return cls(facts=facts, changes={"aberration": found.aberration})
-
-    def sections(self, evidence: Evidence) -> Mapping[str, str]:
-        """Plot how far each channel is displaced over the radius, and list it for the corners."""
-        if (found := evidence.seen.aberration) is None:
-            return {}
-        rows = [
-            (letter, f"{corner:+.3f}", f"{error:.2g}" if error else "the others relate to it")
-            for letter, corner, error in zip(found.channels, found.corner, found.error, strict=True)
-        ]
-        head = ("channel", "displacement in the corners, pixels", "standard error")
-        words = f"<p>{escape(found.words[0].upper() + found.words[1:])}.</p>"
-        caption = "How much further out each channel looks; points: rings of the frame by themselves, with standard errors."
-        page = f'<div class="pair">{figure(_plot(found), caption)}<div>{table(head, rows)}{words}</div></div>'
-        return {"Lateral chromatic aberration": page}
+def _sections(found: AberrationResult) -> dict[str, str]:
+    """Plot how far each channel is displaced over the radius, and list it for the corners."""
+    rows = [
+        (letter, f"{corner:+.3f}", f"{error:.2g}" if error else "the others relate to it")
+        for letter, corner, error in zip(found.channels, found.corner, found.error, strict=True)
+    ]
+    head = ("channel", "displacement in the corners, pixels", "standard error")
+    words = f"<p>{escape(found.words[0].upper() + found.words[1:])}.</p>"
+    caption = "How much further out each channel looks; points: rings of the frame by themselves, with standard errors."
+    page = f'<div class="pair">{figure(_plot(found), caption)}<div>{table(head, rows)}{words}</div></div>'
+    return {"Lateral chromatic aberration": page}
 
 
 def _plot(found: AberrationResult) -> str:

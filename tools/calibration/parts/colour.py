@@ -1,9 +1,8 @@
 """Colour: the matrix to XYZ and what white reads, from the chart that fits best."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from functools import partial
 from html import escape
-from typing import Self
 
 import numpy as np
 
@@ -16,86 +15,78 @@ from ..chart_gamma import reconciled
 from ..colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
 from ..page import css_colours, four_digits, table
 from ..part import Evidence, Part
-from .gamma import coloured_light, gamma_of
+from ..reference import ti3
+from .gamma import coloured_light
 
 _CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
 _GOOD, _USELESS = 4.0, 6.0  # mean dE2000: an average chart in average light stays below; above it the colours are useless
 _BRIGHT_GREYS = list(range(18, 21))  # white, neutral 8, neutral 6.5
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ColourPart(Part):
-    """The camera's colours.
+def colour(evidence: Evidence) -> Part | None:
+    """The camera's colours: of every chart without clipped patches those that predict the left-out patches best."""
+    gamma, chart_colours, candidates = evidence.gamma, evidence.chart_colours, []
+    for shot in evidence.seen.shots:
+        if gamma is not None and shot.places is not None and shot.chart is not None and not shot.places.clipped.any():
+            levels = reconciled(shot.places, gamma.gamma)
+            candidates.append((fit_colour(levels, chart_colours, shot.chart.place.cells), shot, levels))
+    if not candidates:
+        return None
+    fit, shot, levels = min(candidates, key=lambda candidate: float(candidate[0].left_out.mean()))
+    known, before = shot.calibration.camera_to_xyz, None
+    if known is not None or evidence.channels == "RGB":
+        before = white_balanced(levels, chart_colours, np.array(known if known is not None else SRGB_TO_XYZ))
+    mean, left_out = float(fit.difference.mean()), float(fit.left_out.mean())
+    return Part(
+        "colour",
+        {
+            "shot": shot.name,
+            "mean_dE2000": round(mean, 3),
+            "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, fit.reference).mean()), 3),
+            "max_dE2000": round(float(fit.difference.max()), 3),
+            "leave_one_out_dE2000": round(left_out, 3),
+            "light_unevenness": round(fit.unevenness, 3),
+        },
+        {"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist())},
+        _warnings(fit, shot.name, coloured=bool(coloured_light(shot))),
+        headline=f"The colours match the reference to a mean ΔE2000 of {mean:.2f} (leave-one-out: {left_out:.2f}).",
+        useless=mean > _USELESS,
+        sections=partial(_sections, fit, shot.name, before),
+        files=_profile(chart_colours, levels / fit.light[:, None], fit.neutral),
+    )
 
-    fit: from the chart that fits best.
-    shot: name of its shot.
+
+def _profile(chart_colours: DoubleArray, even: DoubleArray, neutral: DoubleArray) -> dict[str, bytes]:
+    """Return a file for Argyll CMS, if there are three channels: levels under even light, 1 = what white reads in the largest."""
+    if even.shape[1] != 3:
+        return {}
+    scale = float((chart_colours[_BRIGHT_GREYS, 1] / (even[_BRIGHT_GREYS] / neutral).mean(axis=1)).mean())
+    return {"chart.ti3": ti3(chart_colours, even * scale).encode()}
+
+
+def _sections(fit: ColourFit, shot: str, before: DoubleArray | None) -> dict[str, str]:
+    """Show the patches before and after, the colour differences, the matrix, and the light on the chart.
+
+    shot: name.
     before: (24, 3), L*a*b* of its patches with the matrix in the shot (without one: sRGB primaries); None = there is neither.
-    camera_levels: (24, C), its patches under even light, 1 = what white reads in the largest channel.
     """
-
-    name, place = "colour", 30
-
-    fit: ColourFit
-    shot: str
-    before: DoubleArray | None
-    camera_levels: DoubleArray
-
-    @classmethod
-    def concluded(cls, evidence: Evidence) -> Self | None:
-        """Fit the colours of every chart without clipped patches, and take those that predict the left-out patches best."""
-        gamma, chart_colours, candidates = gamma_of(evidence), evidence.chart_colours, []
-        for shot in evidence.seen.charts:
-            if gamma is not None and shot.places is not None and shot.chart is not None and not shot.places.clipped.any():
-                levels = reconciled(shot.places, gamma.gamma)
-                candidates.append((fit_colour(levels, chart_colours, shot.chart.place.cells), shot, levels))
-        if not candidates:
-            return None
-        fit, shot, levels = min(candidates, key=lambda candidate: float(candidate[0].left_out.mean()))
-        known, before = shot.calibration.camera_to_xyz, None
-        if known is not None or evidence.channels == "RGB":
-            before = white_balanced(levels, chart_colours, np.array(known if known is not None else SRGB_TO_XYZ))
-        even = levels / fit.light[:, None]
-        scale = float((chart_colours[_BRIGHT_GREYS, 1] / (even[_BRIGHT_GREYS] / fit.neutral).mean(axis=1)).mean())
-        mean, left_out = float(fit.difference.mean()), float(fit.left_out.mean())
-        return cls(
-            fit=fit,
-            shot=shot.name,
-            before=before,
-            camera_levels=even * scale,
-            facts={
-                "shot": shot.name,
-                "mean_dE2000": round(mean, 3),
-                "mean_dE2000_before": None if before is None else round(float(delta_e_2000(before, fit.reference).mean()), 3),
-                "max_dE2000": round(float(fit.difference.max()), 3),
-                "leave_one_out_dE2000": round(left_out, 3),
-                "light_unevenness": round(fit.unevenness, 3),
-            },
-            changes={"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist())},
-            warnings=_warnings(fit, shot.name, coloured=bool(coloured_light(shot))),
-            headline=f"The colours match the reference to a mean ΔE2000 of {mean:.2f} (leave-one-out: {left_out:.2f}).",
-            useless=mean > _USELESS,
-        )
-
-    def sections(self, evidence: Evidence) -> Mapping[str, str]:
-        """Show the patches before and after, the colour differences, the matrix, and the light on the chart."""
-        fit = self.fit
-        before = {} if self.before is None else {"before (only white balance, or the shot's own matrix)": self.before}
-        differences = {name: delta_e_2000(lab, fit.reference) for name, lab in before.items()} | {
-            "matrix, light treated as even": fit.plain,
-            "matrix, corrected for uneven light": fit.difference,
-            "the same, leave-one-out (each patch predicted from the others)": fit.left_out,
-        }
-        rows = [(name, f"{each.mean():.2f}", f"{each.max():.2f}") for name, each in differences.items()]
-        matrix = table((), [tuple(f"{value:+.4f}" for value in row) for row in fit.matrix])
-        page = (
-            f"<p>From {escape(self.shot)}. Each patch shows, from left to right: {'before, ' * len(before)}after, reference.</p>"
-            f'<div class="patches">{_patches(fit, [*before.values(), fit.lab, fit.reference])}</div>'
-            f"{table(('ΔE2000', 'mean', 'maximum'), rows)}"
-            f'<div class="pair"><div><h3>Matrix from scene units to XYZ (D50)</h3>{matrix}'
-            f"<p>White reads {four_digits(fit.neutral)}.</p></div>"
-            f"<div><h3>Light on the chart</h3>{_light(fit.light)}<p>Brightest over dimmest: {fit.unevenness:.2f}.</p></div></div>"
-        )
-        return {"Colour": page}
+    versions = {} if before is None else {"before (only white balance, or the shot's own matrix)": before}
+    differences = {name: delta_e_2000(lab, fit.reference) for name, lab in versions.items()} | {
+        "matrix, light treated as even": fit.plain,
+        "matrix, corrected for uneven light": fit.difference,
+        "the same, leave-one-out (each patch predicted from the others)": fit.left_out,
+    }
+    rows = [(name, f"{each.mean():.2f}", f"{each.max():.2f}") for name, each in differences.items()]
+    matrix = table((), [tuple(f"{value:+.4f}" for value in row) for row in fit.matrix])
+    page = (
+        f"<p>From {escape(shot)}. Each patch shows, from left to right: {'before, ' * len(versions)}after, reference.</p>"
+        f'<div class="patches">{_patches(fit, [*versions.values(), fit.lab, fit.reference])}</div>'
+        f"{table(('ΔE2000', 'mean', 'maximum'), rows)}"
+        f'<div class="pair"><div><h3>Matrix from scene units to XYZ (D50)</h3>{matrix}'
+        f"<p>White reads {four_digits(fit.neutral)}.</p></div>"
+        f"<div><h3>Light on the chart</h3>{_light(fit.light)}<p>Brightest over dimmest: {fit.unevenness:.2f}.</p></div></div>"
+    )
+    return {"Colour": page}
 
 
 def _patches(fit: ColourFit, versions: Sequence[DoubleArray]) -> str:

@@ -1,9 +1,7 @@
 """Gamma (Eq. 7), from all shots of charts and of ordinary scenes."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from html import escape
-from typing import Any, Self
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from tools.pictures.html import figure, picture, reduced
 
 from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS
-from ..gamma import GammaFit, check_determined, combined
+from ..gamma import GammaFit, check_determined
 from ..page import axes, css_colours, four_digits, patch_style, table
 from ..part import Evidence, Part, rounded
 from ..shot import ShotMeasurement
@@ -27,67 +25,51 @@ _GOOD = 0.02  # half width over gamma
 _COLOURED = 0.2  # of the brightest channel: in daylight and in the light of a bulb, grey reads more in each of three broad channels
 _RECIPES = {"chart": "the patches of a ColorChecker", "scene": "smooth places of ordinary scenes"}
 _MOST_POINTS = 600  # of a scatter plot: more only make the file larger
+_SHOWN = 0.98  # of the places lie inside the plot
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GammaPart(Part):
-    """The weights of Eq. 7. fit: combined estimate of all shots; None = there are no shots."""
-
-    name, place = "gamma", 10
-
-    fit: GammaFit | None = None
-
-    @classmethod
-    def concluded(cls, evidence: Evidence) -> Self | None:
-        """Combine what all shots show, and find what does not fit together."""
-        shots = evidence.seen.shots
-        if not shots:
-            stated = ", ".join(f"{value:g}" for value in evidence.calibration.gamma)
-            line = f"gamma was not measured, and stays as the shots state it ({stated})"
-            remedy = "shoot a ColorChecker, and add it with `update`"
-            return None if "gamma" in evidence.known else cls(warnings=[f"{line}; {remedy}"])
-        fit = combined([fit for shot in shots for fit in shot.fits])
-        refusal, contradictions = "", _contradictions(fit, shots)
-        try:
-            check_determined(fit)
-        except InputError as error:
-            refusal = str(error)
-        # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
-        if contradictions and (refusal or evidence.assumed.black_measured or fit.contradiction > CONTRADICTION):
-            refusal = "; ".join(contradictions)
-        return cls(
-            fit=fit,
-            facts=_facts(fit, shots),
-            changes={"gamma": tuple(fit.gamma.tolist())},
-            warnings=_warnings(fit, shots),
-            contradictions=contradictions,
-            refusal=refusal,
-            headline="" if refusal else f"Gamma is known to ±{100 * fit.worst:.2g} % (95 %).",
-        )
-
-    def sections(self, evidence: Evidence) -> Mapping[str, str]:
-        """Show the charts; gamma with its intervals, how well it fits, and its estimates; luminance, and what is left of it."""
-        if self.fit is None:
-            return {}
-        shots, colours = evidence.seen.shots, css_colours(xyz_to_lab(evidence.chart_colours))
-        fits = [(shot.name, fit, shot.chart is not None and fit is shot.fits[0]) for shot in shots for fit in shot.fits]
-        bars = next((figure(_residuals_plot(fit, colours), name) for name, fit, chart in fits if chart), "")
-        return {
+def gamma(evidence: Evidence) -> Part | None:
+    """The weights of Eq. 7 as all shots show them together, and what does not fit together."""
+    fit, shots = evidence.gamma, evidence.seen.shots
+    if fit is None:
+        stated = ", ".join(f"{value:g}" for value in evidence.calibration.gamma)
+        line = f"gamma was not measured, and stays as the shots state it ({stated})"
+        remedy = "shoot a ColorChecker, and add it with `update`"
+        return None if "gamma" in evidence.known else Part("gamma", warnings=[f"{line}; {remedy}"])
+    refusal, contradictions = "", _contradictions(fit, shots)
+    try:
+        check_determined(fit)
+    except InputError as error:
+        refusal = str(error)
+    # If only a black level that was assumed is contradicted, gamma covers it, and dark frames may follow.
+    if contradictions and (refusal or evidence.assumed.black_measured or fit.contradiction > CONTRADICTION):
+        refusal = "; ".join(contradictions)
+    kinds = dict.fromkeys("chart" if shot.chart else "scene" for shot in shots)
+    return Part(
+        "gamma",
+        {
+            "from": " and ".join(_RECIPES[kind] for kind in kinds),
+            "shots": [shot.name for shot in shots],
+            "half_width_95": rounded(fit.half_width),
+            "condition": round(fit.condition, 2),
+            "residuals_over_noise": round(fit.spread, 2),
+        },
+        {"gamma": tuple(fit.gamma.tolist())},
+        _warnings(fit, shots),
+        contradictions,
+        refusal,
+        headline="" if refusal else f"Gamma is known to ±{100 * fit.worst:.2g} % (95 %).",
+        sections=lambda: {
             "Chart": "".join(map(_chart, shots)),
-            "Gamma (Eq. 7)": _estimates(self.fit, evidence),
-            "Luminance, measured and predicted": f'<div class="pair">{figure(_luminance_plot(fits, colours))}{bars}</div>',
-        }
-
-
-def gamma_of(evidence: Evidence) -> GammaFit | None:
-    """Return gamma as these shots show it; None if there are none."""
-    part = evidence.part(GammaPart)
-    return part.fit if part else None
+            "Gamma (Eq. 7)": _estimates(fit, evidence),
+            "Luminance, predicted by Eq. 7": _residuals(shots, css_colours(xyz_to_lab(evidence.chart_colours))),
+        },
+    )
 
 
 def black_error(evidence: Evidence) -> DoubleArray:
     """Return how far the black level may be off, (C + 1,), codes: by what is assumed, and by what shots show of it."""
-    assumed, fit = evidence.assumed, gamma_of(evidence)
+    assumed, fit = evidence.assumed, evidence.gamma
     if fit is None or assumed.black_measured:
         return assumed.black
     offset, error = fit.offset
@@ -111,17 +93,6 @@ def coloured_light(shot: ShotMeasurement) -> str:
         f"{shot.name}: the light is strongly coloured: on grey {weak} reads {100 * max(grey.min(), 0) / grey.max():.0f} % of what "
         f"{strong} does, so that colours, and gamma of {weak}, are known less well; take white light"
     )
-
-
-def _facts(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> dict[str, Any]:
-    kinds = ["chart" if shot.chart else "scene" for shot in shots]
-    return {
-        "from": " and ".join(_RECIPES[kind] for kind in dict.fromkeys(kinds)),
-        "shots": [shot.name for shot in shots],
-        "half_width_95": rounded(fit.half_width),
-        "condition": round(fit.condition, 2),
-        "residuals_over_noise": round(fit.spread, 2),
-    }
 
 
 def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
@@ -222,31 +193,19 @@ def _chart(shot: ShotMeasurement) -> str:
     )
 
 
-def _luminance_plot(fits: Sequence[tuple[str, GammaFit, bool]], colours: Sequence[str]) -> str:
-    """Return a plot of measured and predicted luminance.
-
-    fits: name of the shot, fit, and whether its places are the patches of a chart.
-    colours: CSS colours of the patches.
-    """
-    highest = 1.08 * max(float(fit.level.max()) for _, fit, _ in fits)
-    plot = axes((0, highest), (0, highest), "measured, part of full scale", "predicted, gamma · channels")
-    plot.line([(0, 0), (highest, highest)], "ideal")
-    for shot, fit, chart in fits:
-        shown = np.clip(fit.predicted, -0.02 * highest, 1.02 * highest)
+def _residuals(shots: Sequence[ShotMeasurement], colours: Sequence[str]) -> str:
+    """Return a plot of how far predicted luminance is off at every place, in per cent; colours: CSS colours of the patches."""
+    fits = [(shot, fit, shot.chart is not None and fit is shot.fits[0]) for shot in shots for fit in shot.fits]
+    off = [100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1) for _, fit, _ in fits]
+    high = max(1.1 * float(np.quantile(np.abs(np.concatenate(off)), _SHOWN)), 0.1)
+    highest = 1.05 * max(float(fit.level.max()) for _, fit, _ in fits)
+    plot = axes((0, highest), (-high, high), "measured, part of full scale", "predicted - measured, %")
+    plot.line([(0, 0), (highest, 0)], "ideal")
+    for (shot, fit, chart), percent in zip(fits, off, strict=True):
         for index in range(0, fit.level.size, max(1, fit.level.size // _MOST_POINTS)):
             name = NAMES[index] if chart else "block"
-            text = f"{shot}, {name}: measured {fit.level[index]:.4f}, predicted {fit.predicted[index]:.4f}"
-            style = patch_style(colours[index]) if chart else "fill:var(--soft);fill-opacity:.35"
-            plot.dot(fit.level[index], shown[index], 5 if chart else 2, text, style)
-    return plot.drawn("Measured and predicted luminance")
-
-
-def _residuals_plot(fit: GammaFit, colours: Sequence[str]) -> str:
-    """Return a plot of the residual of each patch, in per cent; colours: CSS colours of the patches."""
-    percent = 100 * (fit.predicted - fit.level) / np.maximum(fit.level, 1e-9)
-    high = max(1.1 * float(np.abs(percent).max()), 0.1)
-    plot = axes((0.2, PATCHES + 0.8), (-high, high), "patch, in reading order", "predicted - measured, %")
-    for index, value in enumerate(percent):
-        dashes, note = ("", "") if fit.used[index] else (";stroke-dasharray:2", " (left out)")
-        plot.bar(index + 1, float(value), 0.7, f"{NAMES[index]}: {value:+.2f} %{note}", patch_style(colours[index]) + dashes)
-    return plot.drawn("Residual of each patch")
+            dashes, note = ("", "") if fit.used[index] else (";stroke-dasharray:2", " (left out)")
+            text = f"{shot.name}, {name}: measured {fit.level[index]:.4f}, {percent[index]:+.2f} %{note}"
+            style = patch_style(colours[index]) + dashes if chart else "fill:var(--soft);fill-opacity:.35"
+            plot.dot(fit.level[index], float(np.clip(percent[index], -high, high)), 5 if chart else 2, text, style)
+    return figure(plot.drawn("Residuals of luminance"), "Places beyond the axis are drawn at its ends.")

@@ -1,87 +1,61 @@
-"""Noise, from pairs of flat frames, or else from the patches of a chart."""
+"""Noise, from pairs of flat frames."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Self
+from functools import partial
 
 import numpy as np
 
-from shared.errors import InputError
 from tools.pictures.html import figure
 
 from ..dark_frames import DarkResult
-from ..noise import SIGMAS, NoiseResult, noise_of_flats, noise_of_places
+from ..noise import SIGMAS, NoiseResult, noise_of_flats
 from ..page import axes, plane_colour, table
 from ..part import Evidence, Part, rounded
-from ..samples import PlaceSamples
-from .gamma import black_error, gamma_of
+from .gamma import black_error
 
 _GOOD_READ = 0.05  # half width over read noise
 _GOOD_NOISE = 0.1  # half width over variance at full scale
 _MOST_POINTS = 150  # per plane, in the plot: more only make the file larger
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class NoisePart(Part):
-    """The noise of each plane. noise: what was measured, None = nothing."""
+def noise(evidence: Evidence) -> Part | None:
+    """The noise of each plane."""
+    seen = evidence.seen
+    if not seen.flats:
+        line = "noise was not measured; take pairs of flat frames (`flat`), and dark frames (`dark`)"
+        return Part("noise", warnings=[line]) if seen.shots and "noise" not in evidence.known else None
+    found = noise_of_flats(seen.flats, evidence.calibration, seen.dark, black_error(evidence))
+    # In scene units noise is as uncertain as their size, which is that of gamma.
+    full_scale, error = evidence.calibration.full_scale, 0.0
+    if evidence.gamma is not None:
+        full_scale, error = float(evidence.gamma.gamma.sum()), float(evidence.gamma.covariance.sum()) ** 0.5
+    shot_error = [np.hypot(full_scale * line.shot_error, error * line.shot) for line in found.lines]
+    read_error = [np.hypot(full_scale * line.read_error, error * line.read) for line in found.lines]
+    return Part(
+        "noise",
+        {"from": found.source, "shot_error": rounded(np.array(shot_error)), "read_error": rounded(np.array(read_error))},
+        {"noise": found.model(full_scale)},
+        _warnings(found, seen.dark),
+        sections=partial(_sections, found, evidence.planes),
+    )
 
-    name, place = "noise", 40
 
-    noise: NoiseResult | None = None
-
-    @classmethod
-    def concluded(cls, evidence: Evidence) -> Self | None:
-        """Take the noise of flat frames, or of a chart unless the camera file has that of flat frames."""
-        seen, warnings = evidence.seen, list[str]()
-        known = evidence.calibration, seen.dark, black_error(evidence)
-        if seen.flats:
-            noise = noise_of_flats(seen.flats, *known)
-        elif seen.charts and "flat frames" not in str(evidence.known.get("noise", {}).get("from")):
-            try:
-                places = [shot.places.as_recorded() for shot in seen.charts if shot.places]
-                noise = noise_of_places(PlaceSamples.joined(places), *known)
-            except InputError as refused:
-                return cls(warnings=[str(refused)])
-            warnings = [
-                "noise was measured on the chart's patches, whose texture adds to it; pairs of flat frames (`flat`) show only noise"
-            ]
-        else:
-            return None
-        # In scene units noise is as uncertain as their size, which is that of gamma.
-        gamma = gamma_of(evidence)
-        full_scale, error = evidence.calibration.full_scale, 0.0
-        if gamma is not None:
-            full_scale, error = float(gamma.gamma.sum()), float(gamma.covariance.sum()) ** 0.5
-        shot_error = [np.hypot(full_scale * line.shot_error, error * line.shot) for line in noise.lines]
-        read_error = [np.hypot(full_scale * line.read_error, error * line.read) for line in noise.lines]
-        return cls(
-            noise=noise,
-            facts={
-                "from": noise.source,
-                "shot_error": rounded(np.array(shot_error)),
-                "read_error": rounded(np.array(read_error)),
-            },
-            changes={"noise": noise.model(full_scale)},
-            warnings=[*warnings, *_warnings(noise, seen.dark)],
+def _sections(noise: NoiseResult, planes: str) -> dict[str, str]:
+    """Plot variance and mean, and list gain and read noise per plane."""
+    if not (plot := _plot(noise, planes)):
+        return {}
+    rows = [
+        (
+            letter,
+            f"{line.shot:.3g} ± {SIGMAS * line.shot_error:.1g}",
+            f"{1 / line.shot if line.shot > 0 else float('inf'):,.0f}",
+            f"{line.read:.3g} ± {SIGMAS * line.read_error:.1g}",
+            f"{line.read / line.shot:.2f}" if line.shot > 0 else "",
         )
-
-    def sections(self, evidence: Evidence) -> Mapping[str, str]:
-        """Plot variance and mean, and list gain and read noise per plane."""
-        if self.noise is None or not (plot := _plot(self.noise, evidence.planes)):
-            return {}
-        rows = [
-            (
-                letter,
-                f"{line.shot:.3g} ± {SIGMAS * line.shot_error:.1g}",
-                f"{1 / line.shot if line.shot > 0 else float('inf'):,.0f}",
-                f"{line.read:.3g} ± {SIGMAS * line.read_error:.1g}",
-                f"{line.read / line.shot:.2f}" if line.shot > 0 else "",
-            )
-            for letter, line in zip(evidence.planes, self.noise.lines, strict=True)
-        ]
-        head = ("plane", "variance / mean", "electrons at full scale", "read noise, part of full scale", "read noise, electrons")
-        caption = f"From {self.noise.source}; one line per filter colour, without the effect of rounding to codes."
-        return {"Noise (photon transfer)": f'<div class="pair">{figure(plot, caption)}<div>{table(head, rows)}</div></div>'}
+        for letter, line in zip(planes, noise.lines, strict=True)
+    ]
+    head = ("plane", "variance / mean", "electrons at full scale", "read noise, part of full scale", "read noise, electrons")
+    caption = f"From {noise.source}; one line per filter colour, without the effect of rounding to codes."
+    return {"Noise (photon transfer)": f'<div class="pair">{figure(plot, caption)}<div>{table(head, rows)}</div></div>'}
 
 
 def _warnings(noise: NoiseResult, dark: DarkResult | None) -> list[str]:

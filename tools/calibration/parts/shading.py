@@ -1,47 +1,41 @@
 """Shading, from flat frames."""
 
-from collections.abc import Mapping
+from functools import partial
 from html import escape
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from ..page import table
 from ..part import Evidence, Part
+from ..shading import ShadingResult
 from .gamma import black_error
 
 
-class ShadingPart(Part):
-    """How light falls off, for each plane."""
+def shading(evidence: Evidence) -> Part | None:
+    """How light falls off, for each plane, and a warning if its error is that of an assumed black level."""
+    found = evidence.seen.shading
+    if found is None:
+        return None
+    gain, error, warnings = found.shading, found.error, []
+    if not evidence.assumed.black_measured:  # light that is black in truth does not fall off
+        error = float(np.hypot(error, found.error_of_black(black_error(evidence))))
+        warnings.append(
+            f"shading was measured with a black level that is assumed, and so is only known to ±{100 * error:.2g} % in the "
+            "corners (standard error); take dark frames (`dark`)"
+        )
+    facts: dict[str, Any] = {"frames": found.frames, "standard_error": float(f"{error:.2g}")}
+    if gain:
+        facts |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
+        facts |= {"residual": gain.residual, "focal_length": gain.focal_length}
+    return Part("shading", facts, {"shading": gain}, warnings, sections=partial(_sections, found, evidence.planes))
 
-    name, place = "shading", 70
 
-    @classmethod
-    def concluded(cls, evidence: Evidence) -> Self | None:
-        """Take the shading of flat frames, and warn if its error is that of an assumed black level."""
-        found = evidence.seen.shading
-        if found is None:
-            return None
-        gain, error, warnings = found.shading, found.error, []
-        if not evidence.assumed.black_measured:  # light that is black in truth does not fall off
-            error = float(np.hypot(error, found.error_of_black(black_error(evidence))))
-            warnings.append(
-                f"shading was measured with a black level that is assumed, and so is only known to ±{100 * error:.2g} % in the "
-                "corners (standard error); take dark frames (`dark`)"
-            )
-        facts: dict[str, Any] = {"frames": found.frames, "standard_error": float(f"{error:.2g}")}
-        if gain:
-            facts |= {"stops": round(gain.stops, 3), "colour": round(gain.colour, 4)}
-            facts |= {"residual": gain.residual, "focal_length": gain.focal_length}
-        return cls(facts=facts, changes={"shading": gain}, warnings=warnings)
-
-    def sections(self, evidence: Evidence) -> Mapping[str, str]:
-        """List the gain of each plane in the corners, and how well it is known."""
-        if (found := evidence.seen.shading) is None:
-            return {}
-        words = f"<p>{escape(found.words.capitalize())}.</p>"
-        if found.shading is None:
-            return {"Shading": words}
-        corners = found.shading.sketch[:, [0, 0, -1, -1], [0, -1, 0, -1]]
-        rows = [(letter, *(f"{gain:.3f}" for gain in gains)) for letter, gains in zip(evidence.planes, corners, strict=True)]
-        return {"Shading": table(("plane", "gain top left", "top right", "bottom left", "bottom right"), rows) + words}
+def _sections(found: ShadingResult, planes: str) -> dict[str, str]:
+    """List the gain of each plane in the corners, and how well it is known."""
+    words = f"<p>{escape(found.words.capitalize())}.</p>"
+    if found.shading is None:
+        return {"Shading": words}
+    corners = found.shading.sketch[:, [0, 0, -1, -1], [0, -1, 0, -1]]
+    rows = [(letter, *(f"{gain:.3f}" for gain in gains)) for letter, gains in zip(planes, corners, strict=True)]
+    return {"Shading": table(("plane", "gain top left", "top right", "bottom left", "bottom right"), rows) + words}

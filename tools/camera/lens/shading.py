@@ -13,6 +13,7 @@ from .fault import LensFault
 
 _POINTS = 9, 11  # control points: the maps are then within 0.03 % of a lens of 2 stops and 15 %
 _PLACES = 128  # along an axis, at which they are made, whatever the size of the frame
+_DIGITS = 9  # after the point: beyond them products of matrices depend on the machine, and equal commands make equal files
 _MOST_STOPS, _MOST_PERCENT = 4.0, 50.0
 
 
@@ -74,5 +75,5 @@ def _points(gain: DoubleArray) -> Sequence[Sequence[float]]:
     """Control points of a map that is known at evenly spaced places."""
     place = np.arange(_PLACES, dtype=np.float64)
     down, right = (np.linalg.pinv(basis(_PLACES, count, place)) for count in _POINTS)
-    points: list[list[float]] = (down @ gain @ right.T).tolist()
+    points: list[list[float]] = (down @ gain @ right.T).round(_DIGITS).tolist()
     return points

@@ -12,7 +12,6 @@ from tools.calibration.chart.picture import linear_picture
 from tools.calibration.chart.place import ChartPlace, least_pitch
 from tools.commands.calibrate import color_checker_xyz
 
-pytest.importorskip("cv2")
 REFERENCE = color_checker_xyz()
 
 

@@ -1,0 +1,96 @@
+"""From observations to a camera: what is measured replaces what was known, and what was not measured stays."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shared import Camera, CfaPattern, Mosaic
+from shared.errors import InputError
+from shared.sensor import simulate_sensor
+from tests.scenes import darker_corners, displaced_channels
+from tests.tools.calibration.known_camera import BLIND, NOISE, TRUTH, chart, frame, true_place
+from tools.calibration.aberration import AberrationResult
+from tools.calibration.dark_frames import DarkResult
+from tools.calibration.measure import conclude
+from tools.calibration.noise import FlatResult
+from tools.calibration.observations import Observations
+from tools.calibration.samples import PlaceSamples
+from tools.calibration.shading import ShadingResult
+from tools.calibration.shot import ShotMeasurement, measure_chart
+from tools.commands.calibrate import color_checker_xyz
+
+PATTERN, SHAPE = CfaPattern.bayer(6), (60, 90)
+CMY = CfaPattern.of_letters("WYWC/YWCW/WCWM/CWMW", (0, 1), "CMY")
+BROAD = (1 - np.eye(3)) / 2  # what cyan, magenta and yellow see of red, green and blue
+LENS = {"shading": darker_corners(SHAPE), "aberration": displaced_channels(SHAPE)}
+DARK = DarkResult(2, np.full(4, 256.0), np.full(4, 0.01), np.full(4, 1.0), np.full(4, 0.01), ())
+LINE = np.array([[0.1], [0.5], [0.9]]) * np.ones(4)
+FLAT = FlatResult(3, PlaceSamples(LINE, 1e-4 * LINE + 1e-6, np.full(LINE.shape, 1e5), np.zeros(3, bool)), ())
+
+
+@cache
+def shot() -> ShotMeasurement:
+    return measure_chart("chart.dng", frame(chart().rgb), color_checker_xyz(), true_place().corners)
+
+
+def concluded(old: Camera | None = None, says: dict[str, Any] | None = None, **seen: Any) -> Camera:
+    """The camera of these observations, on frames whose calibration says this."""
+    base = Mosaic(np.full(SHAPE, 500, np.uint16), PATTERN, replace(BLIND, **(says or {})))
+    outcome = conclude(Observations(base, **seen), color_checker_xyz(), old=old)
+    assert outcome.camera is not None, outcome.refusal
+    return outcome.camera
+
+
+def test_a_new_gamma_rescales_noise_that_was_measured_before() -> None:
+    """Noise is in scene units; in codes it is the same."""
+    known = replace(BLIND, noise=NOISE)
+    for new in (concluded(shots=[shot()], says={"noise": NOISE}), concluded(Camera(known, PATTERN), shots=[shot()])):
+        assert new.calibration.noise is not None
+        ratio = new.calibration.full_scale / known.full_scale
+        assert abs(ratio - 1) > 0.05
+        for name in ("shot", "read"):
+            np.testing.assert_allclose(getattr(new.calibration.noise, name), ratio * np.array(getattr(NOISE, name)))
+
+
+def test_defects_of_one_kind_of_frames_are_added_and_those_of_both_replace_all() -> None:
+    old = Camera(replace(BLIND, defects=((5, 7),)), PATTERN, {"defects": {}})
+    hot, dead = replace(DARK, defects=((1, 2),)), replace(FLAT, dead=((3, 4),))
+    assert concluded(old, dark=hot).calibration.defects == ((1, 2), (5, 7))
+    assert concluded(old, flats=dead).calibration.defects == ((3, 4), (5, 7))
+    assert concluded(old, flats=dead, dark=hot).calibration.defects == ((1, 2), (3, 4))
+
+
+@pytest.mark.parametrize(
+    ("part", "found"),
+    [
+        ("shading", ShadingResult(None, 2, 0.001, np.ones(4), np.ones(4))),
+        ("aberration", AberrationResult(None, "RGB", 2, np.zeros(3), np.full(3, 0.1), np.zeros((3, 2)), np.zeros((8, 3, 3)))),
+    ],
+)
+def test_that_a_lens_has_none_is_a_measurement(part: str, found: Any) -> None:
+    known = Camera(replace(BLIND, **{part: LENS[part]}), PATTERN, {part: {"corner": [1, 0, 1]}})  # type: ignore[arg-type]
+    assert getattr(concluded(known, dark=DARK).calibration, part) == LENS[part]
+    measured = concluded(known, **{part: found})
+    assert getattr(measured.calibration, part) is None
+    assert "corner" not in measured.measured[part]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "names"),
+    [
+        (CfaPattern.bayer(6, "GRBG"), CfaPattern.bayer(6, "GBRG"), "red and blue"),
+        (CMY, CfaPattern.of_letters("WMWC/MWCW/WCWY/CWYW", (0, 1), "CMY"), "magenta and yellow"),
+    ],
+)
+def test_channels_that_are_exchanged_show_on_the_chart(right: CfaPattern, wrong: CfaPattern, names: str) -> None:
+    true, says = (replace(each, channels=right.channels) for each in (TRUTH, BLIND))
+    light = chart().rgb if right.channels == "RGB" else (chart().rgb @ BROAD).astype(np.float32)
+    taken = replace(simulate_sensor(light, right, true, 1.0, np.random.default_rng(0)), calibration=says)
+    np.testing.assert_allclose(
+        measure_chart("chart.dng", taken, color_checker_xyz(), true_place().corners).fits[0].gamma, TRUTH.gamma, rtol=0.02
+    )
+    with pytest.raises(InputError, match=f"the chart shows that {names} are exchanged.*{'/'.join(right.letters_from())}"):
+        measure_chart("chart.dng", replace(taken, pattern=wrong), color_checker_xyz(), true_place().corners)
