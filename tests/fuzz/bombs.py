@@ -57,7 +57,7 @@ def _journal(path: Path) -> object:
 
 
 READERS: dict[str, Callable[[Path], object]] = {
-    **dict.fromkeys((".tif", ".png", ".jpg", ".webp", ".exr", ".npy", ".nef"), _scene),
+    **dict.fromkeys((".tif", ".png", ".jpg", ".exr", ".npy", ".nef"), _scene),
     ".dng": _shot,
     ".defects": read_defects,
     ".jsonl": _journal,
@@ -89,7 +89,6 @@ def bombs() -> dict[str, tuple[bytes, int]]:
         "frame.jpg": (_jpeg(65500, 65500), 0),
         "chunk.png": (_chunk(8), 4 * GIGABYTE),
         "chunk16.png": (_chunk(16), 100 << 20),
-        "holes.webp": (b"RIFF" + struct.pack("<I", (1 << 32) - 10) + b"WEBPVP8 " + struct.pack("<I", 1 << 31), 4 * GIGABYTE),
         "window.exr": (_exr(), 0),
         "attribute.exr": (b"\x76\x2f\x31\x01\2\0\0\0comments\0string\0" + struct.pack("<I", (1 << 31) - 1), 4 * GIGABYTE),
         "header.npy": (b"\x93NUMPY\2\0" + struct.pack("<I", (1 << 32) - 100), 4 * GIGABYTE),

@@ -11,10 +11,8 @@ import numpy as np
 
 from shared.arrays import FloatArray
 from shared.errors import InputError
-from shared.series import frame_number
-from tools.camera.simulated_camera import TRUTH
-from tools.host.folders import DNGS, search
-from tools.scenes.camera_colour import estimate_neutral
+from shared.white_balance import shades_of_grey
+from tools.host.folders import search
 from tools.scenes.load import ENDINGS, is_drawn, load_scene
 from tools.scenes.scene import RGB, Scene
 
@@ -29,7 +27,6 @@ SPECTRAL = "scenes with other channels"  # than red, green and blue: no Bayer ca
 _KNOWN = {"Kodak": r"kodim\d\d", "McMaster": r"(mcm|mcmaster)[-_]?\d\d?"}  # names of their files
 CROP = 6  # pixels: every scene is cut to whole periods of the paper's pattern, whatever periods are compared
 SETS = (MEASURED, "Kodak", "McMaster", DEVELOPED, BUILTIN, SPECTRAL)
-_MCMASTER_SIDE, _MCMASTER_COUNT = 500, 18  # its files are called 1.tif to 18.tif
 _LEAST = (PSNR_PATCH + 2 * BORDER + CROP) // CROP * CROP
 
 
@@ -78,31 +75,24 @@ class Reading:
 
     def scene(self, source: str) -> Scene:
         """Load a scene and cut it. Raises InputError, without the name of the source, if it cannot be read or is too small."""
-        scene, rgb = _loaded(source, self)
-        return replace(scene, rgb=rgb)
-
-    def truth(self, source: str) -> FloatArray:
-        """Light of the scene after cutting, float32 (H, W, N), read-only. Raises InputError as `scene` does."""
-        return _loaded(source, self)[1]
+        return _loaded(source, self)
 
     def info(self, source: str) -> SceneInfo:
         """Facts about the scene. Raises InputError as `scene` does."""
-        scene, rgb = _loaded(source, self)
-        rows, columns = rgb.shape[:2]
+        scene = _loaded(source, self)
         group = MEASURED if self.linear and scene.channels == RGB else _group(source, scene)
         neutral = _neutral(scene, group)
-        return SceneInfo(source, scene.name, group, digest(rgb), rows, columns, neutral, scene.notes, scene.channels)
+        return SceneInfo(source, scene.name, group, digest(scene.rgb), *scene.shape, neutral, scene.notes, scene.channels)
 
 
 @lru_cache(maxsize=1)  # a worker measures many methods on one scene, one after the other
-def _loaded(source: str, reading: Reading) -> tuple[Scene, FloatArray]:
+def _loaded(source: str, reading: Reading) -> Scene:
     scene = _load(source, reading)
     rgb = cut(scene.rgb, reading.largest)
     if min(rgb.shape[:2]) < _LEAST:
         rows, columns = scene.shape
         raise InputError(f"{columns} x {rows} pixels are too few: {_LEAST} each way at least, for one patch within the border")
-    rgb.flags.writeable = False
-    return scene, rgb
+    return replace(scene, rgb=rgb)
 
 
 def _load(source: str, reading: Reading) -> Scene:
@@ -133,27 +123,12 @@ def expand(sources: list[str], output: Path) -> tuple[list[str], list[str]]:
     """The sources, each folder replaced by the scenes in and below it; and a remark on each folder of which a part is left out.
 
     output: a folder that is not searched.
-    Raises InputError for a folder that cannot be read, has no scene, or holds shots with what they saw, which would be measured as
-    scenes for minutes.
+    Raises InputError for a folder that cannot be read, or has no scene.
     """
     found = search(sources, ENDINGS, output=output, is_file=is_drawn)
     for folder, what in found.failures:
         raise InputError(f"{folder}: {what}")
-    _refuse_truths([Path(each.name) for each in found.sources if each.found])
     return list(dict.fromkeys(each.name for each in found.sources)), found.left_out
-
-
-def _refuse_truths(found: list[Path]) -> None:
-    """Raise InputError for files found in folders of which one is what the shot beside it saw."""
-    shots = {path.with_suffix("") for path in found if path.suffix.lower() in DNGS}
-    shots |= {path.with_name(frame[0]) for path in shots if (frame := frame_number(path.name))}
-    for path in found:
-        if path.name.endswith(TRUTH) and path.with_name(path.name.removesuffix(TRUTH)) in shots:
-            raise InputError(
-                f"{path.parent}: holds shots and what they saw ({path.name}), as `panchroma simulate --truth` writes them, and "
-                "each would be measured for minutes. Name the photographs instead: evaluate photographs them itself, and measures "
-                f"all methods. To measure what the shots saw all the same, name the files: {path.parent / '*'}{TRUTH}"
-            )
 
 
 def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
@@ -175,7 +150,7 @@ def distinct(scenes: list[SceneInfo]) -> tuple[list[SceneInfo], list[str]]:
 def _neutral(scene: Scene, group: str) -> tuple[float, ...] | None:
     """What white reads. Linear pictures without this information claim to be balanced and seldom are: there it is estimated."""
     if group == MEASURED and (scene.neutral is None or len(set(scene.neutral)) == 1):
-        return estimate_neutral(scene.rgb) or scene.neutral
+        return shades_of_grey(scene.rgb) or scene.neutral
     return scene.neutral
 
 
@@ -187,8 +162,4 @@ def _group(source: str, scene: Scene) -> str:
     if not scene.eight_bits:
         return MEASURED
     stem = Path(source).stem.lower()
-    for name, files in _KNOWN.items():
-        if re.fullmatch(files, stem):
-            return name
-    numbered = stem.isdecimal() and 1 <= int(stem) <= _MCMASTER_COUNT
-    return "McMaster" if numbered and scene.shape == (_MCMASTER_SIDE, _MCMASTER_SIDE) else DEVELOPED
+    return next((name for name, files in _KNOWN.items() if re.fullmatch(files, stem)), DEVELOPED)

@@ -194,7 +194,7 @@ def work(task: Task) -> list[str]:
     for cell in task.cells:
         try:
             picture = render_cell(cell, task.seed, task.reading)
-            measures = Measures.of(picture, task.reading.truth(cell.scene.source), cell.scene.channels)
+            measures = Measures.of(picture, task.reading.scene(cell.scene.source).rgb, cell.scene.channels)
         except PanchromaError as error:
             failures.append(f"{cell.scene.source}: {cell.method}, {cell.level.text}: {error}")
         except MemoryError:
@@ -211,7 +211,7 @@ def render_cell(cell: Cell, seed: int, reading: Reading) -> FloatArray:
 
 @lru_cache(maxsize=1)  # the methods of a task share their denoised samples, which take by far the longest
 def _cameras(scene: SceneInfo, level: Protocol, tile: Tile, seed: int, reading: Reading) -> CameraPair:
-    return CameraPair(level, seed, reading.truth(scene.source), tile.pattern, scene.neutral, channels=scene.channels)
+    return CameraPair(level, seed, reading.scene(scene.source).rgb, tile.pattern, scene.neutral, channels=scene.channels)
 
 
 def collect(study: Study, folder: Path) -> dict[Cell, Measures]:

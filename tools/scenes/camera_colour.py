@@ -24,18 +24,13 @@ def camera_to_xyz(xyz_to_camera: DoubleArray, neutral: tuple[float, ...], illumi
     return as_rows(forward / np.array(neutral))
 
 
-def estimate_neutral(rgb: FloatArray) -> tuple[float, ...] | None:
-    """Estimate what white reads in a picture (H, W, 3), scene units, see `shades_of_grey`."""
-    return shades_of_grey(rgb)
-
-
 def as_shot_or_estimated(
     as_shot: tuple[float, ...] | None, rgb: FloatArray
 ) -> tuple[tuple[float, ...] | None, bool, tuple[str, ...]]:
     """Return the neutral of a file that may state none, whether it is estimated from the scene `rgb`, and notes for the user."""
     if as_shot is not None:
         return as_shot, False, ()
-    estimate = estimate_neutral(rgb)
+    estimate = shades_of_grey(rgb)
     if estimate is None:
         return None, False, ("the file has no white balance, and the scene is too dark or too bright to estimate one",)
     figures = ", ".join(f"{value:.3f}" for value in estimate)

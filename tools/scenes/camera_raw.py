@@ -25,7 +25,6 @@ from shared.tiff_reading import StoredDirectories, StoredFields
 from shared.white_balance import clipped_share, normalised
 
 from .camera_colour import as_shot_or_estimated, camera_to_xyz
-from .ciff import crw_metadata
 from .clipped import SHOULDER, saturation, with_white_highlights
 from .decoders import guarded
 from .exif_reading import raw_directories
@@ -45,6 +44,7 @@ _ILLUMINANTS = {
     1: (0.3324, 0.3474),
     22: (0.2990, 0.3149),
 }
+NO_RAW = "neither a picture nor a camera RAW {}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
 UNKNOWN_MATRIX = "the camera's colour matrix is unknown: colours can be balanced, but not matched"
 _ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}  # LibRaw's flip -> TIFF's orientation
 
@@ -86,14 +86,9 @@ def _scene(path: Path, name: str, max_pixels: int) -> Scene:
             rgb, clipped = with_white_highlights(rgb, neutral, gone)
             directories = raw_directories(path)
             matrix = colour_matrix(directories.main, neutral, raw.rgb_xyz_matrix[:3])  # LibRaw has a table of cameras
-            metadata = _metadata(raw, directories, path)
-    except rawpy.LibRawFileUnsupportedError:
-        raise InputError(
-            "neither a picture nor a camera RAW that LibRaw knows; expected CR2, NEF, ARW, DNG, ... "
-            "or TIFF, PNG, JPEG, WebP, EXR, NPY"
-        ) from None
-    except rawpy.LibRawIOError:
-        raise InputError("the RAW is cut short or cannot be read; copy it again") from None
+            metadata = _metadata(raw, directories)
+    except (rawpy.LibRawFileUnsupportedError, rawpy.LibRawIOError):
+        raise InputError(NO_RAW.format("that LibRaw knows, or cut short")) from None
     if matrix is None:
         notes += (UNKNOWN_MATRIX,)
     return Scene(rgb, name, matrix, neutral, metadata, (*notes, *clipped), estimated)
@@ -179,17 +174,15 @@ def _illuminant(light: tuple[float, ...]) -> tuple[float, float]:
     return _ILLUMINANTS.get(int(light[0]), D65_XY) if light and 0 <= light[0] < 2**16 else D65_XY
 
 
-def _metadata(raw: Any, directories: StoredDirectories, path: Path) -> CaptureMetadata:
+def _metadata(raw: Any, directories: StoredDirectories) -> CaptureMetadata:
     """Return the capture data: those in the file, or else what LibRaw has read and this rawpy passes on."""
     lens, other = getattr(raw, "lens", None), getattr(raw, "other", None)
     found = metadata_from(directories)
     # LibRaw knows lenses from makers' notes. Its other fields are used only without Exif: it turns odd fields into odd numbers.
-    if not directories.main:
-        if other is not None:
-            taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
-            values = {"artist": printable(str(other.artist or "")), "f_number": other.aperture, "focal_length": other.focal_length}
-            found = _with(found, values | {"exposure_time": other.shutter_speed, "iso": round(other.iso_speed), "taken": taken})
-        found = _with(found, vars(crw_metadata(path)))
+    if not directories.main and other is not None:
+        taken = other.timestamp if other.timestamp and other.timestamp.year > 1970 else None
+        values = {"artist": printable(str(other.artist or "")), "f_number": other.aperture, "focal_length": other.focal_length}
+        found = _with(found, values | {"exposure_time": other.shutter_speed, "iso": round(other.iso_speed), "taken": taken})
     if lens is not None:
         found = _with(found, {"lens": found.lens or printable(str(lens.model or ""))})
     return replace(found, orientation=_ORIENTATIONS.get(raw.sizes.flip, 1))

@@ -39,6 +39,6 @@ def raw_directories(path: Path) -> StoredDirectories:
 
 
 def picture_metadata(info: Mapping[Any, Any]) -> CaptureMetadata:
-    """Return the capture data in what Pillow's `Image.info` holds of a JPEG, PNG or WebP."""
+    """Return the capture data in what Pillow's `Image.info` holds of a JPEG or PNG."""
     block = info.get("exif", b"")
     return read_metadata(BytesIO(block.removeprefix(_START))) if isinstance(block, bytes) else CaptureMetadata()

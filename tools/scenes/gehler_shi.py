@@ -8,7 +8,8 @@ import re
 
 import numpy as np
 
-from .camera_colour import estimate_neutral
+from shared.white_balance import shades_of_grey
+
 from .clipped import with_white_highlights
 from .decoders import Decoded
 from .scene import Scene
@@ -28,7 +29,7 @@ def gehler_shi_scene(picture: Decoded, stem: str) -> Scene | None:
         if name.fullmatch(stem):
             light = np.maximum((picture.pixels.astype(np.float32) - black) / np.float32(_WHITE - black), 0)
             note = f"recognised as Gehler's data set in Shi and Funt's version: {camera}, black level {black}"
-            neutral = estimate_neutral(light)
+            neutral = shades_of_grey(light)
             light, clipped = with_white_highlights(light, neutral)
             return Scene(light, stem, None, neutral, picture.metadata, (*picture.notes, note, *clipped))
     return None

@@ -17,7 +17,7 @@ from shared.colorimetry import D50, SRGB_TO_XYZ, Matrix, as_rows, decode_srgb
 Curve = Callable[[DoubleArray], DoubleArray]  # encoded values, 0..1 -> linear light, 0..1
 
 _HEADER, _SIGNATURE = 128, slice(36, 40)
-_LONGEST_NAME = 1 << 12  # bytes, with what is before it
+_NAME = "its ICC profile"
 _PARAMETERS = (1, 3, 4, 5, 7)  # number for each type of parametric curve
 _LARGEST, _MOST_KNOTS = 4 << 20, 1 << 16  # bytes of a profile, values of a curve
 _LINEAR = 2e-3  # largest deviation from the identity of a curve that is called linear
@@ -67,7 +67,7 @@ def _parse(profile: bytes) -> Encoding:
     view = memoryview(profile)  # many tags may share the same bytes
     tags = {name: view[start : start + size] for name, start, size in entries}
     if profile[16:20] == b"GRAY":
-        return Encoding((_curve(tags[b"kTRC"]),) * 3, SRGB_TO_XYZ, _description(tags))
+        return Encoding((_curve(tags[b"kTRC"]),) * 3, SRGB_TO_XYZ, _NAME)
     if profile[16:20] != b"RGB " or profile[20:24] != b"XYZ " or b"A2B0" in tags:
         raise ValueError("not a profile of curves and a matrix")
     matrix = np.stack([_xyz(tags[name]) for name in (b"rXYZ", b"gXYZ", b"bXYZ")], axis=1)
@@ -76,7 +76,7 @@ def _parse(profile: bytes) -> Encoding:
     if np.abs(white - D50).max() > 0.01 or np.linalg.matrix_rank(matrix) < 3:
         raise ValueError("the colorants do not add up to D50")
     curves = tuple(_curve(tags[name]) for name in (b"rTRC", b"gTRC", b"bTRC"))
-    return Encoding(curves, as_rows((D50 / white)[:, None] * matrix), _description(tags))
+    return Encoding(curves, as_rows((D50 / white)[:, None] * matrix), _NAME)
 
 
 def _xyz(data: memoryview) -> DoubleArray:
@@ -118,15 +118,3 @@ def _plausible(gamma: float) -> float:
     if not 0.1 < gamma < 10:
         raise ValueError("not the exponent of a picture")
     return float(gamma)
-
-
-def _description(tags: dict[bytes, memoryview]) -> str:
-    """Return the profile's readable name: v2 ASCII, or the first of v4's Unicode strings."""
-    data = bytes(tags.get(b"desc", b"")[:_LONGEST_NAME])
-    if data[:4] == b"desc":
-        (size,) = struct.unpack_from(">I", data, 8)
-        return data[12 : 12 + size].split(b"\0")[0].decode("ascii", "replace")
-    if data[:4] == b"mluc":
-        size, start = struct.unpack_from(">II", data, 20)
-        return data[start : start + size].decode("utf-16-be", "replace")
-    return "unnamed"

@@ -1,6 +1,5 @@
 """Load a scene: a camera RAW, a picture, or a built-in scene."""
 
-import codecs
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -16,7 +15,7 @@ from shared.reading import MAX_PIXELS
 from shared.spelling import closest
 from shared.tiff_check import PLAIN, check_directories
 
-from .camera_raw import camera_raw_scene
+from .camera_raw import NO_RAW, camera_raw_scene
 from .decoders import FORMATS, TIFF, guarded
 from .drawn.builtin import builtin_scene
 from .drawn.chart import chart_scene
@@ -45,8 +44,6 @@ _RAWS = (
 )
 ENDINGS = (*(ending for each in FORMATS for ending in each.endings), *(f".{name}" for name in _RAWS.split()))
 """Endings of the names of files that may be scenes: what is looked for in folders."""
-_JPEG_XL = (b"\xff\x0a", b"\0\0\0\x0cJXL ")
-_TEXT_BYTES = 512  # from which a text is known
 
 
 def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXELS, channels: str = RGB) -> Scene:
@@ -54,7 +51,7 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
 
     source: one of
         the path of a Bayer camera RAW (see `camera_raw_scene`), or of a linear DNG (see `linear_dng_scene`),
-        the path of a TIFF, PNG, JPEG, WebP, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
+        the path of a TIFF, PNG, JPEG, EXR or NPY picture (see `picture_scene`: 8 bits are sRGB, more bits are linear, unless
             the file says otherwise; Gehler's data set in Shi and Funt's version is recognised),
         "builtin:WxH" (see `builtin_scene`),
         "chart:WxH" (see `chart_scene`),
@@ -91,13 +88,8 @@ def load_scene(source: str, *, linear: bool = False, max_pixels: int = MAX_PIXEL
             picture = found.decode(path, max_pixels, channels)
         gehlers = gehler_shi_scene(picture, path.stem) if found.name == "PNG" else None
         return gehlers or picture_scene(picture, path.stem, linear=linear)
-    if start.startswith(_JPEG_XL):  # its decoder allocates what frames declare, and does not tell their colours
-        raise InputError("is a JPEG XL picture, which no scene is read from; convert it to TIFF or PNG, or render the shot as tif")
-    if _is_text(path) or not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
-        what = "a text" if _is_text(path) else "of no known kind by its name and its first bytes"
-        raise InputError(
-            f"neither a picture nor a camera RAW, but {what}; expected CR2, NEF, ARW, DNG, ... or TIFF, PNG, JPEG, EXR, NPY"
-        )
+    if not (suffix in ENDINGS or re.match(_RAW_START, start, re.DOTALL)):
+        raise InputError(NO_RAW.format("by its name and its first bytes"))
     with guarded(path):
         linear_scene = linear_dng_scene(path, path.stem, max_pixels) if is_dng else None
     return linear_scene or camera_raw_scene(path, path.stem, max_pixels)
@@ -164,16 +156,6 @@ def _first_bytes(path: Path) -> bytes:
     if not start:
         raise InputError("the file is empty; copy it again")
     return start
-
-
-def _is_text(path: Path) -> bool:
-    """Return whether a file begins as texts do: printable UTF-8, or the mark of UTF-16. No picture and no RAW does."""
-    with path.open("rb") as file:
-        start = file.read(_TEXT_BYTES)
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return True
-    letters = codecs.getincrementaldecoder("utf-8")("replace").decode(start)  # a letter that is cut off at the end is not an error
-    return not re.search("[\x00-\x08\x0e-\x1f\ufffd]", letters)
 
 
 def _inspect_tiff(path: Path) -> tuple[bool, bool]:

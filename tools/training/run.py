@@ -1,4 +1,4 @@
-"""Train one network: examples on the disk, steps of gradient descent that can be interrupted, a curve of the loss, a file.
+"""Train one network: examples on the disk, steps of gradient descent that can be interrupted, a file.
 
 Everything follows from the sources, the period and the seed: the examples, the order in which they are seen, and the first
 weights. An interrupted run goes on at its last checkpoint and ends with the weights of one that was not interrupted, on the same
@@ -68,7 +68,7 @@ class Plan:
 def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable[[str], None]) -> Path:
     """Train the network of one period, or go on with it; returns the path of its file in `folder`.
 
-    folder: for examples, checkpoints, curve and result; it exists.
+    folder: for examples, checkpoints and result; it exists.
     jobs: processes that make examples, and threads that compute.
     say: is told the loss now and then.
     Raises InputError when `folder` holds another training of this period.
@@ -81,7 +81,6 @@ def train(plan: Plan, folder: Path, jobs: int, progress: Progress, say: Callable
     begun.write_text(json.dumps({"digest": plan.digest, **asdict(plan)}, indent=1), encoding="utf-8")
     learned, kept_back = make_examples(plan, work, jobs, progress)
     network, history = _descend(plan, work, learned, kept_back, jobs, progress, say)
-    _draw(history, work / "loss.png", plan)
     path = folder / f"{ORDER.lower()}-k{plan.period}.onnx"
     save_graph(network, path, {"panchroma.training": json.dumps({"digest": plan.digest, "steps": plan.steps, **history[-1]})})
     return path
@@ -194,17 +193,3 @@ def _batch(examples: list[Example], plan: Plan, seed: tuple[int, ...], device: s
             piece[2] = piece[2][[0, 2, 1, 3]]
         pieces.append(piece)
     return [torch.from_numpy(np.stack(planes).astype(np.float32)).to(device) for planes in zip(*pieces, strict=True)]
-
-
-def _draw(history: list[dict[str, float]], path: Path, plan: Plan) -> None:
-    """The curve of the loss, as a picture."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axes = figure.subplots()
-    for name, label in (("robust", "error, robust mean"), ("energy", "energy of the error"), ("hue", "pixels of a wrong hue")):
-        axes.plot([each["step"] for each in history], [each[name] for each in history], label=label)
-    axes.set(xlabel="step", ylabel="left of it, on pictures kept back", title=f"K = {plan.period}")
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=120)

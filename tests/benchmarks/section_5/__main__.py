@@ -3,10 +3,9 @@
 Studies, each a table in Markdown:
 
 steps    other steps of the reconstruction, cheaper and dearer
-filters  broadband filters at the colour sites, cyan, magenta and yellow, against red, green and blue
 bands    eight narrow bands, against three channels and a guess, and against a mosaic of bands; takes spectral:WIDTHxHEIGHT
 
-The first two take photographs, and print means over all of them. PSNR is in dB: of 10 x 10 patches the median or the 10 % quantile,
+The first takes photographs, and prints means over all of them. PSNR is in dB: of 10 x 10 patches the median or the 10 % quantile,
 or that of the whole image, always in the scene's red, green and blue, whatever the filters are. All cameras get the same light.
 """
 
@@ -23,7 +22,7 @@ from tools.scenes.drawn.spectral import BANDS
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
 
-from . import bands, broadband, steps
+from . import bands, steps
 
 Rows = dict[tuple[str, str], list[list[float]]]
 """Figures of a table: by noise and by what is tried, one list for each scene."""
@@ -31,7 +30,6 @@ Study = Callable[[Scene, Protocol], Iterator[tuple[str, list[float]]]]
 # Title, names of the figures, study.
 STUDIES: dict[str, tuple[str, tuple[str, ...], Study]] = {
     "steps": ("Steps of the reconstruction", steps.MEASURES, steps.steps),
-    "filters": ("Filters at the colour sites", broadband.MEASURES, broadband.broadband),
     "bands": ("Eight bands", bands.MEASURES, bands.bands),
 }
 

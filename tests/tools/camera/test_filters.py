@@ -7,7 +7,6 @@ import pytest
 
 from shared import CfaPattern, SensorCalibration
 from shared.colorimetry import D50, SRGB_TO_XYZ, as_rows
-from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.sensor import sample, typical_noise
 from tools.camera.filters import Filters, filters_for
@@ -83,16 +82,6 @@ def test_colours_come_back_through_the_filters(block: str, known: bool, neutral:
     assert seen is not None
     np.testing.assert_allclose(filters.of(scene.rgb) @ np.transpose(matrix), scene.rgb @ to_xyz.T, atol=1e-5)
     np.testing.assert_allclose(np.array(matrix) @ seen, D50, atol=1e-9)
-
-
-def test_grey_is_grey_and_colours_have_their_hues_behind_the_filters() -> None:
-    scene = scene_of(camera_to_xyz=SRGB_TO_XYZ, neutral=(1.0, 1.0, 1.0))
-    filters = filters_for(pattern_of("CM/YC"), scene)
-    matrix, neutral = filters.colours(scene)
-    calibration = SensorCalibration(filters.channels, filters.gamma, camera_to_xyz=matrix, neutral=neutral)
-    shown = ColourTransform.to_space(calibration).apply(filters.of(scene.rgb))
-    plain = SensorCalibration(camera_to_xyz=scene.camera_to_xyz, neutral=scene.neutral)
-    np.testing.assert_allclose(shown, ColourTransform.to_space(plain).apply(scene.rgb), atol=1e-4)
 
 
 def test_colours_that_filters_cannot_tell_apart_are_unknown() -> None:

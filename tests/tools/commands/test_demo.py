@@ -1,7 +1,5 @@
 """`panchroma demo`: the whole chain in one go, on a scene small enough for a test."""
 
-import os
-import signal
 from pathlib import Path
 from typing import Any
 
@@ -80,28 +78,6 @@ def test_a_burst_has_more_colour_than_one_frame(small: Path) -> None:
     assert len({read_dng(folder / name).samples.tobytes() for name in frames}) == 4
 
 
-def test_without_a_folder_each_run_gets_its_own(small: Path) -> None:
-    assert run("demo").code == 0
-    assert run("demo").code == 0
-    assert names(small) == {"panchroma-demo", "panchroma-demo-2"}
-    for name in RESULTS:
-        assert (small / "panchroma-demo" / name).read_bytes() == (small / "panchroma-demo-2" / name).read_bytes()
-
-
-def test_a_file_that_exists_stops_it_before_the_work(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = small / "results"
-    folder.mkdir()
-    (folder / "comparison.png").write_text("old")
-    with monkeypatch.context() as patched:
-        patched.setattr(demo, "builtin_scene", lambda *_: pytest.fail("worked"))
-        outcome = run("demo", "-o", "results")
-    assert outcome.code == 1
-    assert outcome.errors == ["panchroma: results/comparison.png: exists already; use --overwrite to replace it"]
-    assert names(folder) == {"comparison.png"}
-    assert run("demo", "-o", "results", "--overwrite").code == 0
-    assert names(folder) == RESULTS
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -117,19 +93,3 @@ def test_wrong_options_are_usage_and_make_nothing(small: Path, options: list[str
     assert len(outcome.err.splitlines()) == 1
     assert outcome.err.startswith(f"panchroma: {words}")
     assert names(small) == {"file"}
-
-
-def test_an_interrupt_leaves_whole_files_only(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[int] = []
-    fsync = os.fsync
-
-    def interrupted(descriptor: int) -> None:
-        calls.append(descriptor)
-        if len(calls) == 3:  # file and folder of the shot, then the preview
-            signal.raise_signal(signal.SIGINT)
-        fsync(descriptor)
-
-    monkeypatch.setattr(os, "fsync", interrupted)
-    assert run("demo", "-o", "results").code == 130
-    assert names(small / "results") == {"shot.dng"}
-    read_dng(small / "results" / "shot.dng")

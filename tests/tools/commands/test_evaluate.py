@@ -13,8 +13,6 @@ from PIL import Image
 from tests.tools.command import run, spawn, start
 from tests.tools.evaluation.examples import small_scene
 
-FIVE = "ABDWWW/EFWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW"
-
 
 @pytest.fixture
 def mixed(tmp_path: Path) -> Path:
@@ -29,20 +27,6 @@ def mixed(tmp_path: Path) -> Path:
     np.save(folder / "tiny.npy", small_scene(20, 20, 0))
     (folder / ".hidden").write_bytes(b"")
     return folder
-
-
-def test_shots_with_what_they_saw_are_refused(out: Path, tmp_path: Path) -> None:
-    """They would be measured for minutes, as if they were photographs."""
-    folder = tmp_path / "shots"
-    assert run("simulate", "builtin:60x60", "-o", folder, "--truth").code == 0
-    assert run("simulate", "builtin:66x60", "-o", folder / "below", "--burst", "2", "--truth").code == 0
-    outcome = run("evaluate", folder, "-o", out, "--methods", "preview")
-    assert outcome.code == 2
-    assert "holds shots and what they saw (builtin-60x60.truth.tif)" in outcome.err
-    assert "Name the photographs instead" in outcome.err
-    assert run("evaluate", folder / "below", "-o", out, "--methods", "preview").code == 2
-    named = run("evaluate", folder / "builtin-60x60.truth.tif", "-o", out, "--methods", "preview", "--sigma", "0", "--workers", "1")
-    assert named.code == 0
 
 
 def test_a_folder_of_mixed_files(out: Path, mixed: Path) -> None:
@@ -94,36 +78,18 @@ def test_dry_run_lists_the_work_and_does_none(tmp_path: Path, mixed: Path) -> No
 def test_patterns_and_periods_add_up(tmp_path: Path, out: Path) -> None:
     mine = tmp_path / "mine.txt"
     mine.write_text("# four wide\nCMWW\nYCWW\nWWWW\nWWWW\n")
-    options = (
-        "--methods",
-        "planes",
-        "bilinear",
-        "--sigma",
-        "0.01",
-        "--workers",
-        "1",
-        "--json",
-        "--pattern",
-        mine,
-        "WBWG/BWGW/WGWR/GWRW",
-    )
+    light = ("--protocol", "sensor", "--light", "0.25", "--workers", "1", "--no-page", "--json")
+    options = ("--methods", "planes", "bilinear", *light, "--pattern", mine, "WBWG/BWGW/WGWR/GWRW")
     outcome = run("evaluate", "builtin:60x60", "-o", out, *options, "--period", "6")
     assert outcome.code == 0
     assert "mine: C, M and Y are made from the scene's red, green and blue" in outcome.err
     document = json.loads((out / "evaluation.json").read_text())
+    assert (document["protocol"]["kind"], document["protocol"]["levels"]) == ("sensor", [0.25])
+    assert not (out / "evaluation.html").exists()
     assert list(document["protocol"]["patterns"]) == ["K=6", "mine", "Kodak"]
     assert document["protocol"]["pattern"] == "K=6"
     found = {(each["method"], each["pattern"], each["period"]) for each in document["figures"]}
     assert found == {("planes", "K=6", 6), ("planes", "mine", None), ("planes", "Kodak", None), ("bilinear", None, None)}
-    # A scene of five channels beside RGB ones: each pattern photographs what it has filters for.
-    np.save(tmp_path / "bands.npy", np.repeat(small_scene(60, 60, 0), 2, axis=2)[..., :5])
-    five = ("--methods", "planes", "--sigma", "0.01", "--workers", "1", "--json", "--overwrite", "--no-page")
-    outcome = run("evaluate", tmp_path / "bands.npy", "builtin:60x60", "-o", out, *five, "--pattern", FIVE, "--period", "6")
-    assert outcome.code == 0
-    assert "bands, and others with these channels, without K=6: the pattern has the filters R and G" in outcome.err
-    document = json.loads((out / "evaluation.json").read_text())
-    found = {(each["scene"], each["pattern"], each["wrong_hue"] is None) for each in document["figures"] if each["scene"]}
-    assert found == {("bands", "ABDWWW/... (6 x 6)", True), ("builtin-60x60", "K=6", False)}
     alone = run("evaluate", "builtin:60x60", "-o", tmp_path, *options, "--dry-run")
     assert {record["pattern"] for record in alone.records} == {"mine", "Kodak", None}
 
@@ -143,15 +109,6 @@ def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said:
     assert outcome.code == 2
     assert said in outcome.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_equal_exposure_times(tmp_path: Path) -> None:
-    options = ("--protocol", "sensor", "--light", "1", "0.25", "--methods", "preview", "bilinear", "--workers", "1", "--no-page")
-    assert run("evaluate", "builtin:60x60", "-o", tmp_path, *options).code == 0
-    document = json.loads((tmp_path / "evaluation.json").read_text())
-    assert document["protocol"]["kind"] == "sensor"
-    assert document["protocol"]["levels"] == [1.0, 0.25]
-    assert not (tmp_path / "evaluation.html").exists()
 
 
 def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """`panchroma simulate`: scenes become shots, every option counts, and what is no scene costs one line."""
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -84,12 +83,6 @@ def test_the_layout_is_what_raw_developers_see(out: Path) -> None:
         with tifffile.TiffFile(out / SHOT) as file:
             assert file.pages.first.pages is not None
             assert file.pages.first.pages[0].photometric == photometric  # type: ignore[union-attr]
-
-
-def test_the_seed_decides_the_noise(out: Path) -> None:
-    one, other, again = (simulate(out, "--sigma", "0.1", "--seed", seed).codes for seed in ("1", "2", "1"))
-    assert np.array_equal(one, again)
-    assert not np.array_equal(one, other)
 
 
 def test_shots_of_one_command_have_noise_of_their_own_in_any_order(out: Path, tmp_path: Path) -> None:
@@ -186,13 +179,6 @@ def test_several_scenes_and_their_records(out: Path, tmp_path: Path) -> None:
     assert names(out) == {SHOT, TRUTH, "ramp.dng", "ramp.truth.tif"}
 
 
-def test_the_smallest_frames(out: Path, tmp_path: Path) -> None:
-    for rows, columns in ((5, 7), (7, 5), (2, 2)):
-        np.save(tmp_path / f"scene{rows}.npy", np.full((rows, columns, 3), 0.5, np.float32))
-    assert run("simulate", *tmp_path.glob("*.npy"), "-o", out).code == 0
-    assert read_dng(out / "scene2.dng").shape == (2, 2)
-
-
 # --- bursts ---------------------------------------------------------------------------------------------------------------------
 
 SERIES, HAND = "builtin:150x120", ["--burst", "3", "--motion", "2", "--rotation", "0.5", "--moving"]
@@ -220,26 +206,6 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
     assert record["reference"] == str(out / FRAMES[0])
     assert f"{out}/builtin-150x120.truth.tif: what {out / FRAMES[0]} sees, the reference; " in outcome.err
     assert (record["height"], record["width"]) == frames[0].rgb.shape[:2]
-
-
-def test_a_seed_makes_the_same_burst_again_and_another_another(out: Path, tmp_path: Path) -> None:
-    contents = []
-    for number, seed in enumerate(("1", "1", "2")):
-        folder = tmp_path / str(number)
-        assert run("simulate", SERIES, "-o", folder, *HAND, "--seed", seed, "--truth").code == 0
-        contents.append([(folder / name).read_bytes() for name in (*FRAMES, *BESIDE)])
-    assert contents[0] == contents[1]
-    assert all(one != other for one, other in zip(contents[0][1:], contents[2][1:], strict=True))
-
-
-def test_frames_that_do_not_move_differ_by_noise_alone(out: Path) -> None:
-    assert run("simulate", SERIES, "-o", out, "--burst", "2", "--sigma", "0.05").code == 0
-    one, other = (read_dng(out / name).signal for name in FRAMES[:2])
-    assert one.shape == (120, 150)
-    noise = (one - other)[CfaPattern.bayer().panchromatic_mask(one.shape)]
-    assert noise.std() == pytest.approx(0.05 * 2**0.5, rel=0.05)
-    assert run("simulate", SERIES, "-o", out, "--burst", "2", "--overwrite").code == 0
-    assert np.array_equal(read_dng(out / FRAMES[0]).codes, read_dng(out / FRAMES[1]).codes)
 
 
 @pytest.mark.parametrize("protocol", [["--sigma", "0"], ["--protocol", "sensor"]])
@@ -327,15 +293,6 @@ def test_what_is_no_scene_costs_one_line_and_the_rest_goes_on(out: Path, tmp_pat
     assert names(out) == {SHOT, TRUTH}
 
 
-def test_what_is_not_there_and_what_is_a_folder(out: Path, tmp_path: Path) -> None:
-    assert_refused(run("simulate", tmp_path / "x.dng", "-o", out), "there is no such file", name=str(tmp_path / "x.dng"))
-    assert_refused(run("simulate", tmp_path, "-o", out), "no fitting file is in this folder or below it", name=str(tmp_path))
-    assert_refused(run("simulate", "x" * 300, "-o", out), "cannot be read", name="x" * 300)
-    os.mkfifo(tmp_path / "pipe.dng")
-    assert_refused(run("simulate", tmp_path / "pipe.dng", "-o", out), "is a pipe or a device", name=str(tmp_path / "pipe.dng"))
-    assert names(out) == set()
-
-
 def test_a_layout_that_cannot_hold_the_pattern_leaves_no_truth_behind(out: Path) -> None:
     outcome = run("simulate", SOURCE, "-o", out, "--period", "9", "--layout", "cfa", "--truth")
     assert outcome.code == 1
@@ -343,32 +300,4 @@ def test_a_layout_that_cannot_hold_the_pattern_leaves_no_truth_behind(out: Path)
     assert names(out) == set()
 
 
-def test_existing_results_are_kept_unless_told(out: Path) -> None:
-    (out / TRUTH).write_text("precious")
-    outcome = run("simulate", SOURCE, "-o", out, "--truth")
-    assert_refused(outcome, "exists already; use --overwrite to replace it", name=str(out / TRUTH))
-    assert names(out) == {TRUTH}
-    assert (out / TRUTH).read_text() == "precious"
-    assert run("simulate", SOURCE, "-o", out, "--truth", "--overwrite").code == 0
-    assert names(out) == {SHOT, TRUTH}
-
-
-def test_a_scene_is_never_replaced_by_its_own_truth(out: Path) -> None:
-    """The name of a truth is that of a possible scene; only the input is refused."""
-    run("simulate", SOURCE, "-o", out, "--truth")
-    before = (out / TRUTH).read_bytes()
-    np.save(out / "builtin-24x18.npy", np.full((12, 12, 3), 0.5))
-    outcome = run("simulate", out / "builtin-24x18.npy", out / TRUTH, "-o", out, "--truth", "--overwrite")
-    assert outcome.code == 1
-    assert "is an input; use another output folder" in outcome.err
-    assert (out / TRUTH).read_bytes() == before
-
-
 # --- a disk that takes no more --------------------------------------------------------------------------------------------------
-
-
-def test_a_full_disk_costs_one_line_and_leaves_nothing(out: Path, full_disk: Callable[..., None]) -> None:
-    full_disk(times=1)
-    outcome = run("simulate", SOURCE, "builtin:12x12", "-o", out)
-    assert_refused(outcome, ";", name=str(out / SHOT))
-    assert names(out) == {"builtin-12x12.dng"}

@@ -25,5 +25,5 @@ def test_the_papers_method_scores_what_it_should(name: str) -> None:
     scene = reading.info(str(photograph(name)))
     study = Study((scene,), ("paper",), levels, (Tile.of_period(6),), 0, reading)
     for cell, expected in zip(study.cells(), PAPER[name], strict=True):
-        measures = Measures.of(render_cell(cell, 0, reading), reading.truth(scene.source))
+        measures = Measures.of(render_cell(cell, 0, reading), reading.scene(scene.source).rgb)
         assert measures.quality.median == pytest.approx(expected, abs=TOLERANCE)

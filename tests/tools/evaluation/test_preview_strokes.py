@@ -5,15 +5,14 @@ import pytest
 
 from device import Preview
 from shared import CfaPattern, SensorCalibration
-from shared.arrays import DoubleArray, FloatArray
+from shared.arrays import FloatArray
 from shared.sensor import simulate_additive
-from tools.evaluation.strokes import COLOURS, WHITE, WIDTHS, drawing, kept
+from tools.evaluation.strokes import WHITE, WIDTHS, drawing, kept
 
 SIX = CfaPattern.bayer(6)
 KODAK = CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
 SONY = CfaPattern.of_letters("WRWG/BWGW/WGWR/GWBW")
 KAIZU = CfaPattern.of_letters("RWGWBW/WRWGWB/GWBWRW/WGWBWR/BWRWGW/WBWRWG")
-BANDS = CfaPattern.with_block(("ABCD", "EFGH"), 8)
 BARS = {0.0: (0.83, 0.93, 0.95, 0.97, 0.98), 0.01: (0.78, 0.89, 0.93, 0.95, 0.97), 0.03: (0.7, 0.84, 0.88, 0.92, 0.95)}
 """What each colour keeps at least, by width. Noise-free: what one block tells. In noise: measured, less 0.02 to 0.07."""
 CHANCE = 0.01
@@ -42,41 +41,6 @@ def test_noise_takes_little_of_it_with_any_pattern(pattern: CfaPattern, sigma: f
     wide = np.array(WIDTHS) >= 2 * pattern.period if pattern.period > 6 else np.array(WIDTHS) >= 12
     quiet, noisy = (np.array(kept(seen(pattern, each)))[:, wide] for each in (0.0, sigma))
     assert (noisy >= OF_NOISE_FREE[sigma] * quiet).all(), (noisy / quiet).round(2)
-
-
-@pytest.mark.parametrize("scale", [2, 3])
-def test_smaller_pictures_have_the_same_colours(scale: int) -> None:
-    pattern = CfaPattern.bayer(6, origin=(5, 5))  # pixels of the picture begin at the frame's first
-    places = drawing()[1]
-    cells = places.reshape(places.shape[0] // scale, scale, places.shape[1] // scale, scale)
-    whole = (cells == cells[:, :1, :, :1]).all(axis=(1, 3)) & (cells[:, 0, :, 0] >= 0)
-    picture = seen(pattern, 0.01, scale)
-    large = np.repeat(np.repeat(picture, scale, axis=0), scale, axis=1)
-    found = inside(large, np.where(np.repeat(np.repeat(whole, scale, axis=0), scale, axis=1), places, -1))
-    assert (found[:, 1:] >= np.array(BARS[0.01])[1:] - 0.02).all(), found.round(3)
-
-
-def inside(picture: FloatArray, places: np.ndarray) -> DoubleArray:
-    """As `kept`, of other places."""
-    found = np.empty((len(COLOURS), len(WIDTHS)))
-    for row, colour in enumerate(COLOURS.values()):
-        truth = np.array(colour) - np.mean(colour)
-        for column in range(len(WIDTHS)):
-            mean = picture[places == row * len(WIDTHS) + column].mean(axis=0, dtype=float)
-            found[row, column] = mean @ truth / (truth @ truth)
-    return found
-
-
-def test_eight_bands() -> None:
-    colour = np.array([0.3, 0.25, 0.1, 0.05, 0.03, 0.03, 0.02, 0.02], np.float32)
-    light, places = drawing()
-    strokes = light[..., 0] != WHITE
-    shown = seen(BANDS, 0.01, light=np.where(strokes[..., None], colour, np.float32(WHITE)))
-    truth = colour - colour.mean()
-    for column, width in enumerate(WIDTHS):
-        if width >= 2 * BANDS.period:
-            here = shown[(places >= 0) & (places % len(WIDTHS) == column)].mean(axis=0)
-            assert here @ truth / (truth @ truth) > 0.85, width
 
 
 def test_a_colour_as_light_as_its_ground_is_kept_too() -> None:

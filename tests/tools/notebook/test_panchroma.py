@@ -105,17 +105,6 @@ def test_any_pattern_and_channels_become_a_picture_that_shows_itself(pattern: An
     assert shown(picture).shape == shown(shot).shape == (48, 54, 3)
 
 
-def test_rows_of_a_pattern_are_parted_by_any_blank() -> None:
-    rows = panchroma.simulate(
-        GREY,
-        pattern="""
-        WBWG BWGW
-        WGWR/GWRW
-    """,
-    )
-    assert rows.pattern == CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")
-
-
 def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
     scene = RNG.random((24, 24, 4), np.float32)
     given = panchroma.simulate(scene, pattern=FOUR)
@@ -194,11 +183,6 @@ def test_small_highlights_are_white_as_the_command_shows_them(format: str, tmp_p
     bare = replace(picture, lost=None)
     white = np.asarray(panchroma.to_srgb(picture, exposure=-3)).min(axis=2) >= 250
     assert white.sum() > 300 > (np.asarray(panchroma.to_srgb(bare, exposure=-3)).min(axis=2) >= 250).sum()
-    picture.save(tmp_path / "a.npy")
-    assert np.array_equal(np.load(tmp_path / "a.npy"), picture.rgb)
-    picture.save(tmp_path / "a.exr", space="linear-srgb")
-    bare.save(tmp_path / "b.exr", space="linear-srgb")
-    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
 
 
 def test_what_is_lost_has_the_shape_of_its_picture() -> None:
@@ -281,12 +265,9 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.simulate("there.tif", channels="BGR"), "`channels` is 'BGR'"),
         (lambda: panchroma.simulate(GREY, pattern=6.0), "`pattern` is 6.0"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate(GREY, bits="12"), "`bits` is '12', expected a whole number"),  # type: ignore[arg-type]
-        (lambda: panchroma.simulate(GREY, sigma="0.1"), "`sigma` is '0.1', expected a number"),  # type: ignore[arg-type]
-        (lambda: panchroma.simulate(GREY, seed=None), "`seed` is None"),  # type: ignore[arg-type]
         (lambda: panchroma.simulate([[0.1, 0.2], [0.3]]), "and not list"),
         (lambda: panchroma.render("shot.dng", preset="bset"), "`preset` is 'bset'"),
         (lambda: panchroma.render("shot.dng", wb="sunny"), "`wb` is 'sunny'"),
-        (lambda: panchroma.render("shot.dng", wb=3), "`wb` is 3"),  # type: ignore[arg-type]
         (lambda: panchroma.render(panchroma.simulate(0 * GREY), wb="auto"), 'wb="camera"'),
         (lambda: panchroma.preview("shot.dng", scale=True), "`scale` is True, expected a whole number"),
         (lambda: panchroma.render(GREY), "expected a shot"),  # type: ignore[arg-type]
@@ -297,17 +278,12 @@ def test_a_camera_file_replaces_the_calibration(shot: panchroma.Shot, tmp_path: 
         (lambda: panchroma.Picture(GREY).save("picture.png", format="tif"), "ends in .tif"),
         (lambda: panchroma.Picture(GREY).save("picture.npy", exposure=1), 'space="camera"'),
         (lambda: panchroma.Picture(GREY).save("there.tif"), "overwrite=True"),
-        (lambda: panchroma.Picture(GREY, calibration=None), "`calibration` is None"),  # type: ignore[arg-type]
         (lambda: panchroma.Shot(GREY), "panchroma.simulate makes a shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.to_srgb(GREY).save("there.tif"), "png"),
         (lambda: panchroma.open("shot.dng").save("shot.dng"), "overwrite=True"),
         (lambda: panchroma.open("shot.dng").save("shot.tif"), "DNG"),
         (lambda: panchroma.simulate(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.to_srgb(panchroma.open("shot.dng")), "not Shot"),  # type: ignore[arg-type]
         (lambda: panchroma.evaluate(panchroma.open("shot.dng"), GREY), "not Shot"),  # type: ignore[arg-type]
-        (lambda: panchroma.evaluate(panchroma.to_srgb(GREY), GREY), "not Image"),  # type: ignore[arg-type]
         (lambda: panchroma.evaluate(GREY, panchroma.open("shot.dng")), "truth"),
-        (lambda: panchroma.evaluate(GREY, None), "truth"),
         (lambda: panchroma.evaluate(GREY, GREY[1:]), "shape"),
         (lambda: panchroma.evaluate(GREY[:40], GREY[:40]), "at least 41 pixels"),
         (lambda: panchroma.evaluate(np.asarray(panchroma.to_srgb(GREY)), GREY), "uint8"),

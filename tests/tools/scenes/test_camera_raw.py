@@ -15,8 +15,9 @@ from shared.arrays import CodeArray
 from shared.colorimetry import D50, D65_XY, adaptation, xyz
 from shared.errors import InputError
 from shared.pattern import BAYER_ORDERS
+from shared.white_balance import shades_of_grey
 from tests.python import run_python
-from tools.scenes.camera_colour import camera_to_xyz, estimate_neutral
+from tools.scenes.camera_colour import camera_to_xyz
 from tools.scenes.camera_raw import bayer_pattern
 from tools.scenes.load import load_scene
 from tools.scenes.scene import Scene
@@ -136,24 +137,14 @@ def test_a_unit_matrix_is_no_matrix(tmp_path: Path) -> None:
 
 def test_capture_data(tmp_path: Path) -> None:
     texts = {271: "Maker", 272: "Model 1", 306: "2024:05:06 07:08:09", 315: "Somebody"}
-    fields = {**{tag: (2, text) for tag, text in texts.items()}, 33434: (RATIONAL, (1, 50))}
+    odd = {33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
+    fields = {**{tag: (2, text) for tag, text in texts.items()}, 33434: (RATIONAL, (1, 50)), 274: (SHORT, [6]), **odd}
     metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
     assert (metadata.make, metadata.model, metadata.artist) == ("Maker", "Model 1", "Somebody")
     assert metadata.taken == datetime(2024, 5, 6, 7, 8, 9)  # noqa: DTZ001 -- Exif knows no zone
     assert metadata.exposure_time == pytest.approx(0.02)
-
-
-@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
-def test_orientation_goes_along_and_pixels_stay(tmp_path: Path, orientation: int) -> None:
-    scene = loaded(tmp_path, noise(60, 80), fields={274: (SHORT, [orientation])})
-    assert scene.metadata.orientation == orientation
-    assert scene.shape == (30, 40)
-
-
-def test_odd_capture_data_are_left_out(tmp_path: Path) -> None:
-    fields = {306: (2, "yesterday"), 33434: (RATIONAL, (1, 0)), 33437: (RATIONAL, (0, 1)), 34855: (SHORT, [0]), 37386: (2, "wide")}
-    metadata = loaded(tmp_path, noise(60, 80), fields=fields).metadata
-    assert (metadata.taken, metadata.exposure_time, metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 5
+    assert metadata.orientation == 6
+    assert (metadata.f_number, metadata.iso, metadata.focal_length) == (None,) * 3
 
 
 X_TRANS = "GBGGRGRGRBGBGBGGRGGRGGBGBGBRGRGRGGBG"
@@ -218,9 +209,9 @@ def test_the_estimate_ignores_clipped_and_dark_pixels() -> None:
     rgb = np.random.default_rng(1).uniform(0.1, 0.9, (40, 40, 1)) * np.array([0.6, 1.0, 0.4])
     rgb[:5] = 1.0
     rgb[5:10] = (0.01, 0.001, 0.001)
-    assert estimate_neutral(rgb.astype(np.float32)) == pytest.approx((0.6, 1.0, 0.4), abs=1e-6)
-    assert estimate_neutral(np.ones((20, 20, 3), np.float32)) is None
-    assert estimate_neutral(np.full((5, 5, 3), 0.5, np.float32)) is None  # too few to tell
+    assert shades_of_grey(rgb.astype(np.float32)) == pytest.approx((0.6, 1.0, 0.4), abs=1e-6)
+    assert shades_of_grey(np.ones((20, 20, 3), np.float32)) is None
+    assert shades_of_grey(np.full((5, 5, 3), 0.5, np.float32)) is None  # too few to tell
 
 
 READING = """

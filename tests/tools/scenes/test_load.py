@@ -1,9 +1,9 @@
 """The door: what may come in, what is refused and how that is said."""
 
+import os
 from pathlib import Path
 from typing import Any
 
-import imagecodecs
 import numpy as np
 import pytest
 import tifffile
@@ -79,7 +79,6 @@ def test_sizes_are_bounded_before_decoding() -> None:
 def test_even_light_is_a_picture_however_well_it_compresses(tmp_path: Path) -> None:
     grey = np.full((2100, 2100, 3), 128, np.uint8)
     Image.fromarray(grey).save(tmp_path / "flat.png")
-    Image.fromarray(grey).save(tmp_path / "flat.webp", lossless=True)
     tifffile.imwrite(tmp_path / "flat.tif", grey.astype(np.uint16) * 257, compression="zstd", photometric="rgb")
     for path in tmp_path.iterdir():
         assert path.stat().st_size < grey.nbytes // 500
@@ -97,38 +96,20 @@ def test_tiles_that_hold_more_than_the_picture_are_refused(tmp_path: Path) -> No
 
 def test_missing_empty_and_folder(tmp_path: Path) -> None:
     (tmp_path / "empty.dng").touch()
+    os.mkfifo(tmp_path / "pipe.dng")
     refused = {"absent.dng": "no such file", "empty.dng": "empty", ".": "is a folder", "a\0b.png": "cannot be read"}
+    refused |= {"pipe.dng": "is a pipe or a device", "x" * 300: "cannot be read"}
     for name, message in refused.items():
         with pytest.raises(InputError, match=message):
             load_scene(str(tmp_path / name))
 
 
-@pytest.mark.parametrize(
-    ("name", "data", "what"),
-    [
-        *((f"a.{suffix}", b"x", "a text") for suffix in ("txt", "dng", "cr2", "png", "tif", "npy", "exr")),
-        ("a.xmp", b'<?xpacket begin="\xef\xbb\xbf"?>', "a text"),
-        ("a.nef", "Gr\u00fc\u00dfe".encode()[:-1], "a text"),
-        ("a.raw", "\ufeffnotes".encode("utf-16-le"), "a text"),
-        ("a.dng", b"II is how this text begins", "a text"),
-        ("a.zip", b"PK\3\4\0\0", "of no known kind"),
-        ("a", b"\x80\0\1", "of no known kind"),
-        ("a.mov", b"\0\0\0\x14ftypqt  " + bytes(900), "of no known kind"),
-    ],
-)
-def test_a_stray_file_is_no_raw_cut_short(tmp_path: Path, name: str, data: bytes, what: str) -> None:
-    (tmp_path / name).write_bytes(data)
-    with pytest.raises(InputError, match=f"neither a picture nor a camera RAW, but {what}") as caught:
+@pytest.mark.parametrize("name", ["a.txt", "a.zip", "a", "a.jxl", "a.dng", "a.cr2", "a.png", "a.tif"])
+def test_a_stray_file_is_no_raw_cut_short(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"PK\3\4\0\0" if name == "a.zip" else b"II is how this text begins")
+    with pytest.raises(InputError, match="neither a picture nor a camera RAW") as caught:
         load_scene(str(tmp_path / name))
     assert f"{name}:" not in str(caught.value)  # whoever prints it puts the name in front
-
-
-@pytest.mark.parametrize("container", [True, False])
-def test_a_jpeg_xl_is_refused_for_what_it_is(tmp_path: Path, container: bool) -> None:
-    pixels = np.zeros((8, 8, 3), np.uint8)
-    (tmp_path / "a.jxl").write_bytes(imagecodecs.jpegxl_encode(pixels, usecontainer=container))
-    with pytest.raises(InputError, match="is a JPEG XL picture"):
-        load_scene(str(tmp_path / "a.jxl"))
 
 
 def test_a_picture_under_another_name_is_refused(tmp_path: Path) -> None:
@@ -162,14 +143,14 @@ def test_a_shot_with_a_damaged_directory_does_not_reach_libraw(tmp_path: Path) -
         load_scene(str(path))
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif", ".npy", ".exr", ".dng"])
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".npy", ".exr", ".dng"])
 def test_files_that_are_cut_short_are_refused_in_one_line(tmp_path: Path, suffix: str, capfd: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / f"good{suffix}"
     picture = np.random.default_rng(0).integers(0, 65536, (60, 50, 3), np.uint16)
     if suffix == ".dng":
         write_dng(path, picture[..., 0])
     else:
-        dtypes = {".exr": np.float32, ".jpg": np.uint8, ".webp": np.uint8}
+        dtypes = {".exr": np.float32, ".jpg": np.uint8}
         save(path, picture.astype(dtypes.get(suffix, np.uint16)))
     data = path.read_bytes()
     load_scene(str(path))

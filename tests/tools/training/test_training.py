@@ -49,7 +49,6 @@ def test_it_learns_and_writes_what_the_render_runs(photographs: tuple[str, ...],
     path = run.train(small(photographs, 120), tmp_path, 1, SILENT, said.append)
     assert said
     assert said[-1].startswith("step 120: left 0.")
-    assert (tmp_path / "k4" / "loss.png").stat().st_size > 1000
     assert _session(path).get_inputs()
     history = json.loads((tmp_path / "k4" / "plan.json").read_text())
     assert history["steps"] == 120

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
-from shared.dng.tags import CFA_CODES, DNG_BACKWARD_VERSION, DNG_VERSION, Compression, Photometric, Tag
+from shared.dng.tags import CFA_CODES, DNG_VERSION, Photometric, Tag
 from shared.errors import InputError
-from shared.tiff import Directory, FieldType, encode_tiff
+from shared.tiff import FieldType
 from tools.camera.bayer import ORDER, check_mosaic
 
 from ..method import Method
@@ -63,33 +63,23 @@ def develop(data: bytes, algorithm: str) -> NDArray[np.uint16]:
 
 def encode_bayer_dng(codes: NDArray[np.uint16]) -> bytes:
     """Uncompressed DNG of a Bayer mosaic, uint16 (H, W): black is 0, white 65535, camera colours are those of sRGB."""
-    rows, columns = codes.shape
-    fields: dict[int, tuple[FieldType, Any]] = {
-        Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0]),
-        Tag.IMAGE_WIDTH: (FieldType.LONG, [columns]),
-        Tag.IMAGE_LENGTH: (FieldType.LONG, [rows]),
-        Tag.BITS_PER_SAMPLE: (FieldType.SHORT, [16]),
-        Tag.COMPRESSION: (FieldType.SHORT, [Compression.NONE]),
-        Tag.PHOTOMETRIC: (FieldType.SHORT, [Photometric.CFA]),
-        Tag.MAKE: (FieldType.ASCII, "Panchroma"),
-        Tag.MODEL: (FieldType.ASCII, "Bayer rival"),
-        Tag.ORIENTATION: (FieldType.SHORT, [1]),
-        Tag.SAMPLES_PER_PIXEL: (FieldType.SHORT, [1]),
-        Tag.ROWS_PER_STRIP: (FieldType.LONG, [rows]),
-        Tag.PLANAR_CONFIG: (FieldType.SHORT, [1]),
-        Tag.CFA_REPEAT_PATTERN_DIM: (FieldType.SHORT, [2, 2]),
-        Tag.CFA_PATTERN: (FieldType.BYTE, bytes(CFA_CODES[letter] for letter in ORDER)),
-        Tag.DNG_VERSION: (FieldType.BYTE, DNG_VERSION),
-        Tag.DNG_BACKWARD_VERSION: (FieldType.BYTE, DNG_BACKWARD_VERSION),
-        Tag.UNIQUE_CAMERA_MODEL: (FieldType.ASCII, "Panchroma Bayer rival"),
-        Tag.BLACK_LEVEL: (FieldType.SHORT, [0]),
-        Tag.WHITE_LEVEL: (FieldType.LONG, [65535]),
-        # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and needs a matrix.
-        Tag.COLOR_MATRIX_1: (FieldType.SRATIONAL, [3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057]),
-        Tag.CALIBRATION_ILLUMINANT_1: (FieldType.SHORT, [21]),
-        Tag.AS_SHOT_NEUTRAL: (FieldType.RATIONAL, [1, 1, 1]),
-    }
-    return encode_tiff(Directory(fields, strips=[codes.astype("<u2").tobytes()]))
+    from tifffile import imwrite
+
+    # XYZ -> linear sRGB (IEC 61966-2-1), under D65: AHD compares colours in CIE Lab and needs a matrix.
+    matrix = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.204, 1.057)
+    fields = (
+        (Tag.CFA_REPEAT_PATTERN_DIM, FieldType.SHORT, 2, (2, 2)),
+        (Tag.CFA_PATTERN, FieldType.BYTE, 4, bytes(CFA_CODES[letter] for letter in ORDER)),
+        (Tag.DNG_VERSION, FieldType.BYTE, 4, bytes(DNG_VERSION)),
+        (Tag.UNIQUE_CAMERA_MODEL, FieldType.ASCII, 0, "Panchroma Bayer rival"),
+        (Tag.WHITE_LEVEL, FieldType.LONG, 1, 65535),
+        (Tag.COLOR_MATRIX_1, FieldType.SRATIONAL, 9, tuple(part for each in matrix for part in (round(10000 * each), 10000))),
+        (Tag.CALIBRATION_ILLUMINANT_1, FieldType.SHORT, 1, 21),
+        (Tag.AS_SHOT_NEUTRAL, FieldType.RATIONAL, 3, (1, 1) * 3),
+    )
+    file = io.BytesIO()
+    imwrite(file, codes, photometric=Photometric.CFA, extratags=[(*field, True) for field in fields], metadata=None)
+    return file.getvalue()
 
 
 METHODS = tuple(

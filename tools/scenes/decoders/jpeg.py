@@ -3,20 +3,23 @@
 from dataclasses import replace
 from pathlib import Path
 
+from shared.errors import InputError
 from shared.jpeg_check import read_header
 from shared.reading import data_bytes
 
 from ..exif_reading import picture_metadata
 from ..scene import check_size
 from .decoded import Decoded, PictureFormat
-from .pillow import read_whole, with_pillow
+from .pillow import with_pillow
 
 _LARGEST = 1 << 30  # bytes, read whole
 
 
 def decode_jpeg(path: Path, max_pixels: int, channels: str) -> Decoded:
     """Decode a JPEG."""
-    jpeg = read_whole(path, _LARGEST, "JPEG")
+    if path.stat().st_size > _LARGEST:
+        raise InputError(f"is larger than {_LARGEST} bytes, more than any JPEG needs: it is damaged; if not, save it as PNG")
+    jpeg = path.read_bytes()
     header = read_header(jpeg)
     check_size(header.columns, header.rows, 4, data_bytes(path), max_pixels)
     header.check(max_pixels)

@@ -1,8 +1,7 @@
-"""Pictures of 8 bits, which Pillow decodes: JPEG, WebP, and most PNGs."""
+"""Pictures of 8 bits, which Pillow decodes: JPEG and most PNGs."""
 
 import warnings
 from io import BytesIO
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -20,9 +19,9 @@ _MODES = ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX")
 
 
 def with_pillow(data: bytes, max_pixels: int) -> Decoded:
-    """Decode an 8-bit PNG, a JPEG or a WebP whose declared size has been checked."""
+    """Decode an 8-bit PNG or a JPEG whose declared size has been checked."""
     # Invalid capture data cause warnings.
-    with warnings.catch_warnings(action="ignore"), pillow().open(BytesIO(data), formats=("PNG", "JPEG", "WEBP")) as image:
+    with warnings.catch_warnings(action="ignore"), pillow().open(BytesIO(data), formats=("PNG", "JPEG")) as image:
         width, height = image.size
         check_size(width, height, 4, len(data), max_pixels)
         if image.mode not in _MODES:
@@ -57,10 +56,3 @@ def png_encoding(info: dict[Any, Any]) -> tuple[Encoding | None, tuple[str, ...]
     if gamma and 0.1 < gamma < 10:
         return Encoding((power_curve(1 / gamma),) * 3, SRGB.to_xyz, f"gamma {gamma:.4g}"), ()
     return None, ()
-
-
-def read_whole(path: Path, largest: int, kind: str) -> bytes:
-    """The content of a file. Raises InputError, naming its kind, when it has more bytes than `largest`."""
-    if path.stat().st_size > largest:
-        raise InputError(f"is larger than {largest} bytes, more than any {kind} needs: it is damaged; if not, save it as PNG")
-    return path.read_bytes()

@@ -37,7 +37,7 @@ def test_a_square_is_cut_out_of_the_whole_rendering(tmp_path: Path, level: Proto
     study = large(tmp_path, methods=names, levels=(level,))
     scene = study.scenes[0]
     crop = Crop(scene, level, 117, 131, WINDOW, WINDOW, WHY_WORST)
-    parts = dict(render_crop(study, crop, study.reading.truth(scene.source), study.methods))
+    parts = dict(render_crop(study, crop, study.reading.scene(scene.source).rgb, study.methods))
     assert tuple(parts) == study.methods
     for name, part in parts.items():
         method = methods()[name]
@@ -56,7 +56,7 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
     worst = next(crop for crop in crops if crop.why == WHY_WORST and crop.level == study.levels[1])
     taken = [crop for crop in crops if crop.level == study.levels[1] and crop is not worst]
     own = figures.results[study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile)].errors
-    truth = study.reading.truth(study.scenes[0].source)
+    truth = study.reading.scene(study.scenes[0].source).rgb
     rendered = render_cell(
         study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile), study.seed, study.reading
     )
@@ -91,7 +91,7 @@ def test_dark_scenes_are_brightened(tmp_path: Path) -> None:
     shown = render_exhibit(study, (crop, ("bilinear",)))
     assert shown.stops > 3
     assert shown.pictures[0].pixels.mean() > 60
-    assert Reading().truth(study.scenes[0].source).max() < 0.06
+    assert Reading().scene(study.scenes[0].source).rgb.max() < 0.06
 
 
 def test_without_rivals_there_is_no_gallery(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from shared import CfaPattern
 from shared.colorimetry import D50
 from tools.camera.filters import Filters, filters_for
 from tools.scenes.drawn.builtin import ASPECT, GAP, HEIGHT
-from tools.scenes.drawn.spectral import BANDS, CHARTS, MIXTURES, PATCHES, light, metamers, spectral_scene
+from tools.scenes.drawn.spectral import BANDS, CHARTS, PATCHES, light, metamers, spectral_scene
 from tools.scenes.scene import Scene
 
 ROUNDING = 2e-6  # of sums of float32
@@ -20,11 +20,6 @@ def filters(block: tuple[str, ...], scene: Scene) -> Filters:
     return filters_for(CfaPattern.with_block(block, period=6), scene)
 
 
-def test_no_band_has_the_letter_of_another_filter() -> None:
-    assert len(BANDS) == len(set(BANDS)) == 8
-    assert not set(BANDS) & set("RGBCMYWE")
-
-
 @pytest.mark.parametrize(("block", "gamma"), [(("RG", "GB"), 1.0), (("CM", "YC"), 0.5), (("HIJ", "KWL", "NOP"), 1.0)])
 def test_filters_share_out_all_light(block: tuple[str, ...], gamma: float, scene: Scene) -> None:
     """Eq. 7 holds exactly: what the filters read adds up to what a panchromatic pixel reads."""
@@ -32,13 +27,6 @@ def test_filters_share_out_all_light(block: tuple[str, ...], gamma: float, scene
     assert made.gamma == pytest.approx([gamma] * len(made.channels), abs=1e-12)
     panchromatic = made.of(scene.rgb) @ np.array(made.gamma)
     assert panchromatic == pytest.approx(scene.rgb.sum(axis=2) * sum(made.gamma) / len(BANDS), abs=ROUNDING)
-
-
-def test_mixtures_are_a_partition_of_light() -> None:
-    passed = {letter: np.array(each) for letter, each in MIXTURES.items()}
-    assert sum(passed[each] for each in "RGB") == pytest.approx(np.ones(8), abs=1e-15)
-    for letter, two in {"C": "GB", "M": "RB", "Y": "RG"}.items():
-        assert passed[letter] == pytest.approx(passed[two[0]] + passed[two[1]], abs=1e-15)
 
 
 def test_metamers_differ_in_bands_alone(scene: Scene) -> None:
@@ -70,12 +58,3 @@ def test_it_knows_its_colours(scene: Scene) -> None:
     x, y, z = to_xyz @ (PATCHES[[12, 13, 14]] * light()).T  # blue, green, red
     assert np.argmax(x / y) == 2
     assert np.argmax(z / y) == 0
-
-
-def test_three_channels_do_not_know_the_bands(scene: Scene) -> None:
-    """Spectra have more than three dimensions, and nearly all of their power in five, as natural ones do."""
-    spectra = scene.rgb[::3, ::3].reshape(-1, 8).astype(np.float64)
-    power = np.linalg.svd(spectra, compute_uv=False) ** 2
-    explained = np.cumsum(power) / power.sum()
-    assert explained[2] < 0.995
-    assert explained[4] > 0.997
