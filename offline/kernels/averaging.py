@@ -1,12 +1,7 @@
-"""Non-local averaging of chromaticity (Eqs. 15-16), in windows that stay in the cache.
+"""Non-local averaging of chromaticity (Eqs. 15-16), in tiles that stay in the cache.
 
-Weights are computed once, for half the offsets: the distance from n' to n equals that from n to n'. They live in a ring buffer.
-When row r's weights are ready, repetition i can process row r - i * radius; all repetitions therefore advance together, some rows
-at a time. A window is a strip of rows and a range of columns; around it, repetitions before the last are computed again as far as
-the window reaches.
-
-A row of a window is cut into as many pieces as a vector has lanes, one piece per lane: then a neighbour is a whole vector, and
-vectors are always aligned. A few columns of the next piece follow each piece, and a few of the one before precede it.
+Weights are computed once for all repetitions, and for half the offsets: the distance from n' to n equals that from n to n'. The
+offset (down, across) has the number down * side + across; the opposite one has its negative.
 """
 
 import numpy as np
@@ -14,29 +9,20 @@ import numpy as np
 from shared.arrays import FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
-from .functions import LEAST_EXPONENT, exponential, mirrored, zeros
-from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, shifted, store, total, where_less
+from .functions import LEAST_EXPONENT, exponential, zeros
+from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
-_STRIP, _COLUMNS, _BATCH = 128, 244, 4
+_ROWS, _COLUMNS = 64, 240  # of a tile
 _TOGETHER = 4  # planes summed at a time: the light and three channels
-_LAST = WIDTH - 1
 _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
-Area = tuple[int, int, int, int]
-Similarity = tuple[int, FloatArray, Scalar]
-"""(radius, blur, falloff), as `average` takes them."""
-Memory = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""(light, squares, blurred, weights, colour): what one worker computes with. All but `squares` are ring buffers of rows."""
-Four = tuple[Lanes, Lanes, Lanes, Lanes]
 
-
-@parallel_kernel("f4[:, :, ::1], i8, f4[:, ::1], (i8, i8), i8, f4[::1], f8, i8, i8, f4[:, :, ::1]")
+@parallel_kernel("f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1], i8[::1]), i8, f4[::1], f8, i8, i8, f4[:, :, ::1]")
 def average(
     initial: FloatArray,
-    first: int,
     luminance: FloatArray,
-    rows: tuple[int, int],
+    places: tuple[IndexArray, IndexArray, IndexArray],
     radius: int,
     blur: FloatArray,
     falloff: Scalar,
@@ -44,126 +30,99 @@ def average(
     workers: int,
     out: FloatArray,
 ) -> None:
-    """Average the chromaticities of Eq. 10 over rows[0] to rows[1] of the frame.
+    """Average the chromaticities of Eq. 10 over some rows of the frame.
 
-    initial: (rows, W, C), chromaticities from row `first` of the frame on: radius * repetitions rows more than `rows` on both
-        sides, or to the frame's edge.
-    first: the frame's row at initial[0].
+    initial: (rows, W, C), chromaticities.
     luminance: (H, W), scene units.
-    rows: first and end row of the frame to compute.
+    places: the row of `luminance`, the row of `initial` and the column of both for each row and column of `out`, and for those that
+        it depends on: radius * (repetitions + 1) + half the taps more at both ends.
     radius: radius of the square window around n, pixels.
     blur: taps of the Gaussian, an odd number.
     falloff: -1 / (2 h^2).
     repetitions: 1 or more.
-    workers: how many windows are computed at a time.
-    out: (rows[1] - rows[0], W, C), written.
+    workers: how many tiles are computed at a time.
+    out: (rows of the result, W, C), written.
     """
-    width, around = luminance.shape[1], repetitions * radius
+    (height, width, channels), reach = out.shape, len(blur) // 2
+    margin, begin = (repetitions + 1) * radius + reach, (radius + reach + WIDTH - 1) // WIDTH * WIDTH
+    lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
     along = (width + _COLUMNS - 1) // _COLUMNS
-    wide = (width + along - 1) // along
-    windows = (rows[1] - rows[0] + _STRIP - 1) // _STRIP * along
+    tiles = (height + _ROWS - 1) // _ROWS * along
     for worker in prange(workers):
-        # Memory is allocated once per worker.
-        piece = max((wide + 2 * around + 2 * WIDTH - 1) // (2 * WIDTH), (radius + 1) // 2) * 2  # an even number of columns
-        offsets, reach = radius * (2 * radius + 1) + radius, len(blur) // 2
-        planes = (initial.shape[2] + _TOGETHER) // _TOGETHER * _TOGETHER
-        light = zeros(radius + 1, piece + 2 * (radius + reach), WIDTH)
-        squares = zeros(piece + 2 * reach + 1, WIDTH)
-        blurred = zeros(offsets, _BATCH + 2 * reach, piece, WIDTH)
-        weights = zeros(around + _BATCH, offsets, piece + 2 * radius, WIDTH)
-        colour = zeros(repetitions, 2 * radius + _BATCH, planes, piece + 2 * radius, WIDTH)
-        similarity, memory = (radius, blur, np.float32(falloff)), (light, squares, blurred, weights, colour)
-        for window in range(worker, windows, workers):
-            top, left = rows[0] + window // along * _STRIP, window % along * wide
-            area = top, min(top + _STRIP, rows[1]), left, min(left + wide, width)
-            _window(initial, first, luminance, area, similarity, memory, out[top - rows[0] :])
+        tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
+        planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
+        weights = zeros(radius * (2 * radius + 2) + 1, tall, wide)
+        colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
+        light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
+        for tile in range(worker, tiles, workers):
+            top, left = tile // along * _ROWS, tile % along * _COLUMNS
+            below, after = min(_ROWS, height - top) + margin, min(_COLUMNS, width - left) + margin
+            for row in range(below + margin):
+                tints, across = initial[places[1][top + row]], places[2][left : left + after + margin]
+                _gather(luminance[places[0][top + row]], tints, across, light[row, lead:], colour[:, row, lead:])
+            rows, columns = (2 * radius, below + margin - 2 * radius), (begin, lead + after + margin - radius - reach)
+            _weigh(light, rows, columns, radius, blur, np.float32(falloff), (squares, lines), weights)
+            for following in range(repetitions - 1, -1, -1):
+                rows = margin - following * radius, below + following * radius
+                _average(weights, colour, rows, columns, radius, mean)
+                if following:
+                    _lit(mean, rows, columns, colour)
+            for row in range(margin, below):
+                found = out[top + row - margin, left : left + after - margin]
+                _finish(mean[:, row, lead + margin :], initial[places[1][top + row], left:], found)
 
 
 @kernel
-def _window(
-    initial: FloatArray, first: int, luminance: FloatArray, area: Area, similarity: Similarity, memory: Memory, out: FloatArray
-) -> None:
-    """Average one window. area: first and end row, first and end column."""
-    (height, width), (top, bottom, left, right) = luminance.shape, area
-    (radius, blur, _), (_, _, blurred, weights, colour) = similarity, memory
-    repetitions, ring, piece, reach = colour.shape[0], colour.shape[1], blurred.shape[2], len(blur) // 2
-    edge = left - repetitions * radius  # the frame's column at the first column of the first piece
-    places = _places(edge, width, piece, radius + reach)
-    sums = zeros(colour.shape[2], piece, WIDTH)
-    begin, end = max(-radius, top - repetitions * radius), bottom + (repetitions - 1) * radius
-    coloured = max(top - repetitions * radius, 0)  # the first row that is not in colour[0] yet
-    for batch in range(begin, end, _BATCH):
-        after = min(batch + _BATCH, end)
-        if batch < height:
-            _weigh(luminance, (begin, batch, min(after, height)), places, similarity, memory)
-        for repetition in range(repetitions):
-            behind, around = repetition * radius, (repetitions - 1 - repetition) * radius
-            for row in range(max(batch - behind, top - around, 0), min(after - behind, bottom + around, height)):
-                while repetition == 0 and coloured < min(row + radius + 1, height):
-                    _colour(initial[coloured - first], luminance[coloured], edge, radius, colour[0, coloured % ring])
-                    coloured += 1
-                _sum(weights, colour[repetition], row, height, radius, sums)
-                if repetition == repetitions - 1:
-                    _finish(sums, initial[row - first], (left, right), edge, out[row - top])
-                else:
-                    _pass_on(sums, colour[repetition, row % ring], edge, width, colour[repetition + 1, row % ring])
-
-
-@kernel
-def _places(edge: int, width: int, piece: int, margin: int) -> IndexArray:
-    """The frame's column at each column of each piece, and of a margin on both sides, (columns, WIDTH)."""
-    places = np.empty((piece + 2 * margin, WIDTH), np.intp)
+def _gather(source: FloatArray, tints: FloatArray, places: IndexArray, light: FloatArray, colour: FloatArray) -> None:
+    """Copy a row of the frame, with light, and light times chromaticity: Eq. 16 multiplies weights by the other pixel's light."""
     for column in range(len(places)):
-        for lane in range(WIDTH):
-            places[column, lane] = mirrored(edge + lane * piece + column - margin, width)
-    return places
+        light[column] = source[places[column]]
+        colour[0, column] = max(light[column], _NONE)
+    for channel in range(tints.shape[1]):
+        for column in range(len(places)):
+            colour[channel + 1, column] = colour[0, column] * tints[places[column], channel]
 
 
 @kernel
-def _weigh(luminance: FloatArray, rows: tuple[int, int, int], places: IndexArray, similarity: Similarity, memory: Memory) -> None:
-    """Compute the weights of Eq. 16, without the light, for some rows; 0 below an exponent of -87.
+def _finish(mean: FloatArray, initial: FloatArray, out: FloatArray) -> None:
+    """Write a row of the result; a pixel without light around it keeps its chromaticity."""
+    for channel in range(out.shape[1]):
+        for column in range(len(out)):
+            out[column, channel] = mean[channel + 1, column] if mean[0, column] > _LEAST else initial[column, channel]
 
-    rows: the first row of the window that has weights, and first and end row of those to compute.
+
+@kernel
+def _weigh(
+    light: FloatArray, rows: tuple[int, int], columns: tuple[int, int], radius: int, blur: FloatArray, falloff: Scalar,
+    memory: tuple[FloatArray, FloatArray], weights: FloatArray,
+) -> None:  # fmt: skip
+    """Compute the weights of Eq. 16, without the light; 0 below an exponent of -87.
+
+    rows: the first and the end of those that the first repetition looks at, `reach` more on both sides. columns: with weights.
+    memory: for a line and a plane of squared differences.
     """
-    (radius, blur, falloff), (light, squares, blurred, weights, _) = similarity, memory
-    (begin, top, bottom), (offsets, ring, piece, _), height, reach = rows, blurred.shape, len(luminance), len(blur) // 2
-    # Rows are counted from the first that is blurred, `reach` above the first that has weights.
-    for row in range(0 if top == begin else top - begin + 2 * reach, bottom - begin + 2 * reach):
-        for below in range(0 if row == 0 else radius, radius + 1):
-            source = luminance[mirrored(begin - reach + row + below, height)]
-            _gather(source, places, light[(row + below) % len(light)])
-        offset = 0
-        for down in range(radius + 1):
-            for across in range(-radius if down else 1, radius + 1):
-                here, there = row % len(light), (row + down) % len(light)
-                for column in range(piece + 2 * reach):
-                    difference = load(light, (there, column + radius + across, 0)) - load(light, (here, column + radius, 0))
-                    store(squares, (column, 0), difference * difference)
-                for column in range(0, piece, 2):
-                    following = load(squares, (column + 1, 0))
-                    one, two = blur[0] * load(squares, (column, 0)), blur[0] * following
-                    for tap in range(1, len(blur)):
-                        one += blur[tap] * following
-                        following = load(squares, (column + tap + 1, 0))
-                        two += blur[tap] * following
-                    store(blurred, (offset, row % ring, column, 0), one)
-                    store(blurred, (offset, row % ring, column + 1, 0), two)
-                offset += 1
-    slots = np.arange(top - begin, bottom - begin + 2 * reach + 1) % ring
-    for offset in range(offsets):
-        for row in range(0, bottom - top, 2):  # if their number is odd, one row that nobody needs comes last
-            slot, other = (top + row) % len(weights), (top + row + 1) % len(weights)
-            for column in range(piece):
-                following = load(blurred, (offset, slots[row + 1], column, 0))
-                one, two = blur[0] * load(blurred, (offset, slots[row], column, 0)), blur[0] * following
+    (squares, lines), reach, side = memory, len(blur) // 2, 2 * radius + 1
+    for offset in range(len(weights)):
+        down, across = (offset + radius) // side, (offset + radius) % side - radius
+        for row in range(rows[0] - down, rows[1]):  # those above are paired with the first ones
+            for column in range(columns[0] - reach, columns[1] + reach, WIDTH):
+                difference = load(light, (row + down, column + across)) - load(light, (row, column))
+                store(squares, column, difference * difference)
+            for column in range(columns[0], columns[1], WIDTH):
+                total = blur[0] * load(squares, column - reach)
                 for tap in range(1, len(blur)):
-                    one += blur[tap] * following
-                    following = load(blurred, (offset, slots[row + tap + 1], column, 0))
-                    two += blur[tap] * following
-                store(weights, (slot, offset, column + radius, 0), _weight(one * falloff))
-                store(weights, (other, offset, column + radius, 0), _weight(two * falloff))
-            _join(weights[slot, offset], radius)
-            _join(weights[other, offset], radius)
+                    total += blur[tap] * load(squares, column - reach + tap)
+                store(lines, (row, column), total)
+        for row in range(rows[0] - down + reach, rows[1] - reach, 2):
+            for column in range(columns[0], columns[1], WIDTH):
+                following = load(lines, (row - reach + 1, column))
+                upper, lower = blur[0] * load(lines, (row - reach, column)), blur[0] * following
+                for tap in range(1, len(blur)):
+                    upper += blur[tap] * following
+                    following = load(lines, (row - reach + tap + 1, column))
+                    lower += blur[tap] * following
+                store(weights, (offset, row, column), _weight(upper * falloff))
+                store(weights, (offset, row + 1, column), _weight(lower * falloff))
 
 
 @kernel
@@ -173,155 +132,48 @@ def _weight(exponent: Lanes) -> Lanes:
 
 
 @kernel
-def _gather(source: FloatArray, places: IndexArray, row: FloatArray) -> None:
-    """Store the elements of a row of the frame that `places` names."""
-    for column in range(len(places)):
-        for lane in range(WIDTH):
-            row[column, lane] = source[places[column, lane]]
+def _average(
+    weights: FloatArray, colour: FloatArray, rows: tuple[int, int], columns: tuple[int, int], radius: int, mean: FloatArray
+) -> None:
+    """Eq. 15 in some rows and columns: the weighted sum of the first plane, the light, and those of the others divided by it.
 
-
-@kernel
-def _join(row: FloatArray, margin: int) -> None:
-    """Copy the ends of pieces to the margins of their neighbours. What the outermost margins then hold is not used."""
-    piece = len(row) - 2 * margin
-    for column in range(margin):
-        last, first = load(row, (piece + column, 0)), load(row, (margin + column, 0))
-        store(row, (column, 0), shifted(last, last, _LAST))
-        store(row, (margin + piece + column, 0), shifted(first, first, 1))
-
-
-@kernel
-def _colour(initial: FloatArray, luminance: FloatArray, edge: int, radius: int, colour: FloatArray) -> None:
-    """Store light, and light times chromaticity, of a row: Eq. 16 multiplies each weight by the light of the other pixel."""
-    width, channels = initial.shape
-    piece = colour.shape[1] - 2 * radius
-    for lane in range(WIDTH):
-        start = edge + lane * piece
-        if start >= 0 and start + piece <= width:
-            lights, tints = luminance[start : start + piece], initial[start : start + piece]
-            for column in range(piece):
-                colour[0, column + radius, lane] = max(lights[column], _NONE)
-            for channel in range(channels):
-                for column in range(piece):
-                    colour[channel + 1, column + radius, lane] = max(lights[column], _NONE) * tints[column, channel]
-        else:
-            for column in range(piece):
-                place = mirrored(start + column, width)
-                light = max(luminance[place], _NONE)
-                colour[0, column + radius, lane] = light
-                for channel in range(channels):
-                    colour[channel + 1, column + radius, lane] = light * initial[place, channel]
-    for plane in range(len(colour)):
-        _join(colour[plane], radius)
-
-
-@kernel
-def _sum(weights: FloatArray, colour: FloatArray, row: int, height: int, radius: int, sums: FloatArray) -> None:
-    """Compute both sums of Eq. 15 along a row, for two columns at a time, which have most neighbours in common.
-
-    Each weight is used twice: for the pixel at its offset and for the opposite one.
+    Two rows are computed together, which have most neighbours in common. Beside the edges nothing is right, and nothing is used.
     """
-    kept, ring = len(weights), len(colour)
-    here, at = row % kept, row % ring
-    slots = np.empty((radius + 1, 3), np.intp)
-    for down in range(radius + 1):
-        slots[down, 0] = mirrored(row + down, height) % ring
-        slots[down, 1] = mirrored(row - down, height) % ring
-        slots[down, 2] = (row - down) % kept
-    for plane in range(0, colour.shape[1], _TOGETHER):
-        for column in range(0, sums.shape[1], 2):
-            x = column + radius
-            one, two = _four(colour, at, plane, x), _four(colour, at, plane, x + 1)
-            offset = 0
-            for down in range(radius + 1):
-                below, above, before = slots[down]
-                start = -radius if down else 1
-                lower, upper = _four(colour, below, plane, x + start), _four(colour, above, plane, x + 1 - start)
-                for across in range(start, radius + 1):
-                    y, z = x + across, x - across
-                    one = _add(one, load(weights, (here, offset, x, 0)), lower)
-                    lower = _four(colour, below, plane, y + 1)
-                    two = _add(two, load(weights, (here, offset, x + 1, 0)), lower)
-                    two = _add(two, load(weights, (before, offset, z + 1, 0)), upper)
-                    upper = _four(colour, above, plane, z)
-                    one = _add(one, load(weights, (before, offset, z, 0)), upper)
-                    offset += 1
-            _store_four(sums, plane, column, one)
-            _store_four(sums, plane, column + 1, two)
+    nothing = _NONE * load(colour, (0, 0, 0))
+    for row in range(rows[0], rows[1], 2):
+        for column in range(columns[0], columns[1], WIDTH):
+            for plane in range(0, len(colour), _TOGETHER):
+                a = b = c = d = e = f = g = h = nothing
+                for y in range(row - radius, row + radius + 2):
+                    for x in range(column - radius, column + radius + 1):
+                        s, t = load(colour, (plane, y, x)), load(colour, (plane + 1, y, x))
+                        u, v = load(colour, (plane + 2, y, x)), load(colour, (plane + 3, y, x))
+                        if y <= row + radius:
+                            weight = _between(weights, row, column, y, x, radius)
+                            a, b, c, d = a + weight * s, b + weight * t, c + weight * u, d + weight * v
+                        if y > row - radius:
+                            weight = _between(weights, row + 1, column, y, x, radius)
+                            e, f, g, h = e + weight * s, f + weight * t, g + weight * u, h + weight * v
+                for step, upper, lower in ((0, a, e), (1, b, f), (2, c, g), (3, d, h)):
+                    store(mean, (plane + step, row, column), upper)
+                    store(mean, (plane + step, row + 1, column), lower)
+            for each in range(row, row + 2):
+                share = quotient(_ONE, greater(load(mean, (0, each, column)), _LEAST))
+                for plane in range(1, len(colour)):
+                    store(mean, (plane, each, column), load(mean, (plane, each, column)) * share)
 
 
 @kernel
-def _four(colour: FloatArray, row: int, plane: int, column: int) -> Four:
-    """One column of four planes."""
-    return (
-        load(colour, (row, plane, column, 0)), load(colour, (row, plane + 1, column, 0)),
-        load(colour, (row, plane + 2, column, 0)), load(colour, (row, plane + 3, column, 0)),
-    )  # fmt: skip
+def _between(weights: FloatArray, row: int, column: int, y: int, x: int, radius: int) -> Lanes:
+    """The weights of the pixels at (y, x) for those at (row, column)."""
+    offset = (y - row) * (2 * radius + 1) + x - column
+    return load(weights, (offset, row, column)) if offset >= 0 else load(weights, (-offset, y, x))
 
 
 @kernel
-def _add(sums: Four, weight: Lanes, colour: Four) -> Four:
-    """Add four weighted values to four sums."""
-    return (
-        sums[0] + weight * colour[0], sums[1] + weight * colour[1],
-        sums[2] + weight * colour[2], sums[3] + weight * colour[3],
-    )  # fmt: skip
-
-
-@kernel
-def _store_four(sums: FloatArray, plane: int, column: int, values: Four) -> None:
-    """Store one column of four planes."""
-    a, b, c, d = values
-    store(sums, (plane, column, 0), a)
-    store(sums, (plane + 1, column, 0), b)
-    store(sums, (plane + 2, column, 0), c)
-    store(sums, (plane + 3, column, 0), d)
-
-
-@kernel
-def _finish(sums: FloatArray, initial: FloatArray, columns: tuple[int, int], edge: int, out: FloatArray) -> None:
-    """Divide the sums of Eq. 15 and write them to `out`; a pixel without light keeps its initial chromaticity."""
-    piece = sums.shape[1]
-    dark = _NONE * load(sums, (0, 0, 0))
-    for column in range(piece):
-        light = load(sums, (0, column, 0))
-        dark += where_less(_LEAST, light, _NONE, _ONE)
-        share = quotient(_ONE, greater(light, _LEAST))
-        for channel in range(out.shape[1]):
-            store(sums, (channel + 1, column, 0), load(sums, (channel + 1, column, 0)) * share)
-    for lane in range(WIDTH):
-        start = edge + lane * piece
-        first, end = max(start, columns[0]), min(start + piece, columns[1])
-        if first < end:
-            target, source = out[first:end], sums[:, first - start : end - start]
-            for channel in range(out.shape[1]):
-                for place in range(end - first):
-                    target[place, channel] = source[channel + 1, place, lane]
-            if total(dark) > 0:
-                for place in range(end - first):
-                    if not source[0, place, lane] > _LEAST:
-                        for channel in range(out.shape[1]):
-                            target[place, channel] = initial[first + place, channel]
-
-
-@kernel
-def _pass_on(sums: FloatArray, colour: FloatArray, edge: int, width: int, following: FloatArray) -> None:
-    """Divide the sums of Eq. 15 and multiply by light again, for the next repetition; a pixel without light has no weight there."""
-    piece = sums.shape[1]
-    radius = (colour.shape[1] - piece) // 2
-    for column in range(piece):
-        light = load(colour, (0, column + radius, 0))
-        share = light * quotient(_ONE, greater(load(sums, (0, column, 0)), _LEAST))
-        store(following, (0, column + radius, 0), light)
-        for plane in range(1, len(sums)):
-            store(following, (plane, column + radius, 0), load(sums, (plane, column, 0)) * share)
-    # The row is mirrored beyond the frame's edges, if the window reaches them.
-    for step in range(1, radius + 1):
-        for beyond in (-step, width - 1 + step):
-            target, source = beyond - edge, mirrored(beyond, width) - edge
-            if 0 <= target < WIDTH * piece:
-                for plane in range(len(sums)):
-                    value = following[plane, source % piece + radius, source // piece]
-                    following[plane, target % piece + radius, target // piece] = value
-    for plane in range(len(sums)):
-        _join(following[plane], radius)
+def _lit(mean: FloatArray, rows: tuple[int, int], columns: tuple[int, int], colour: FloatArray) -> None:
+    """Multiply what Eq. 15 gave by the light, for the next repetition."""
+    for plane in range(1, len(colour)):
+        for row in range(rows[0], rows[1]):
+            for column in range(columns[0], columns[1], WIDTH):
+                store(colour, (plane, row, column), load(colour, (0, row, column)) * load(mean, (plane, row, column)))

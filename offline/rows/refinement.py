@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shared.arrays import FloatArray
+from shared.arrays import FloatArray, mirrored
 from shared.calibration import NoiseModel
 
 from ..gaussian import gaussian
@@ -57,8 +57,14 @@ def refine(
     result = np.empty((rows[1] - rows[0], *part.chromaticity.shape[1:]), np.float32)
     width = max(settings.strength * sigma, settings.floor)  # h
     blur, radius = gaussian(settings.blur * period), period // 2  # a window of (K + 1) x (K + 1) for even K
+    margin = (settings.repetitions + 1) * radius + len(blur) // 2
+    down, across = (
+        mirrored(np.arange(first - margin, end + margin), size)
+        for (first, end), size in zip((rows, (0, luminance.shape[1])), luminance.shape, strict=True)
+    )
+    at = (down - part.first).clip(0, len(part.chromaticity) - 1)  # beyond them, weights alone are needed
     initial = np.ascontiguousarray(part.chromaticity)
-    average(initial, part.first, luminance, rows, radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
+    average(initial, luminance, (down, at, across), radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
     return result
 
 
