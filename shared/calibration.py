@@ -17,7 +17,7 @@ import numpy as np
 from .aberration import Aberration
 from .arrays import DoubleArray, FloatArray, IndexArray
 from .errors import InputError
-from .figures import numbers, shown, whole
+from .figures import numbers, shown, tables, whole
 from .lens import OfLens
 from .pattern import PANCHROMATIC, CfaPattern
 from .reading import MAX_PIXELS
@@ -153,10 +153,7 @@ class SensorCalibration:
         if PANCHROMATIC in letters:
             raise InputError(f"calibration: channels is {letters!r}; {PANCHROMATIC} stands for panchromatic")
         # Only the empty tuple means "default": null, 0 or [] in a document are mistakes.
-        self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count)
-        if min(self.gamma) <= 0:
-            raise InputError(f"calibration: gamma is {self.gamma}, expected positive weights")
-        _check_range("gamma", self.gamma, _GAMMA)
+        self._set("gamma", (1.0,) * count if _absent(self.gamma) else self.gamma, count, _GAMMA)
         self._set("black_level", (4096,) * (count + 1) if _absent(self.black_level) else self.black_level, count + 1)
         object.__setattr__(self, "white_level", whole("calibration: white_level", self.white_level))  # JSON takes only int
         if not 0 <= min(self.black_level) <= max(self.black_level) < self.white_level <= 65535:
@@ -175,29 +172,11 @@ class SensorCalibration:
             for name in ("shot", "read"):
                 _check_range(f"noise.{name}", [figure for figure in getattr(self.noise, name) if figure], NOISE_RANGE, "0, or ")
         if self.neutral is not None:
-            self._set("neutral", self.neutral, count)
-            if min(self.neutral) <= 0:
-                raise InputError(f"calibration: neutral is {self.neutral}, expected positive readings")
-            _check_range("neutral", self.neutral, _NEUTRAL)
-        if self.neutral_estimated and self.neutral is None:
+            self._set("neutral", self.neutral, count, _NEUTRAL)
+        elif self.neutral_estimated:
             raise InputError("calibration: neutral_estimated is true, but there is no neutral")
         if self.camera_to_xyz is not None:
-            try:
-                rows = tuple(numbers("calibration: camera_to_xyz", row, count) for row in self.camera_to_xyz)
-            except TypeError:
-                raise InputError(f"calibration: camera_to_xyz is {shown(self.camera_to_xyz)}, expected a list of rows") from None
-            if not rows:
-                raise InputError(f"calibration: camera_to_xyz is {shown(self.camera_to_xyz)}, expected 3 rows")
-            matrix = np.array(rows)
-            largest = np.abs(matrix).max(axis=0)
-            if not all(_COLOUR[0] <= figure <= _COLOUR[1] for figure in largest[largest > 0]):
-                raise InputError(
-                    f"calibration: camera_to_xyz has a column whose largest figure is not {_COLOUR[0]:g} to {_COLOUR[1]:g}: {rows}"
-                )
-            lengths = np.sqrt((matrix**2).sum(axis=0))
-            if len(rows) != 3 or not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
-                raise InputError(f"calibration: camera_to_xyz is not a 3 x {count} matrix of full rank: {rows}")
-            object.__setattr__(self, "camera_to_xyz", rows)
+            object.__setattr__(self, "camera_to_xyz", _matrix(self.camera_to_xyz, count))
         object.__setattr__(self, "defects", _places(self.defects))
         for fault in self.lens:
             fault.check_channels(letters)
@@ -302,8 +281,9 @@ class SensorCalibration:
                 given[name] = fault.from_json(given[name])
         return cls(**given)
 
-    def _set(self, name: str, values: Any, count: int) -> None:
+    def _set(self, name: str, values: Any, count: int, limits: tuple[float, float] = (-math.inf, math.inf)) -> None:
         object.__setattr__(self, name, numbers(f"calibration: {name}", values, count))
+        _check_range(name, getattr(self, name), limits)
 
 
 LENS: dict[str, type[OfLens]] = {
@@ -325,6 +305,21 @@ def _check_range(name: str, values: Iterable[float], limits: tuple[float, float]
     for value in values:
         if not low <= value <= high:
             raise InputError(f"calibration: {name} holds {value:g}, expected {also}{low:g} to {high:g}")
+
+
+def _matrix(values: Any, channels: int) -> tuple[tuple[float, ...], ...]:
+    """Check a matrix from channels to XYZ and return its rows; raises InputError."""
+    rows: tuple[tuple[float, ...], ...] = tables("calibration: camera_to_xyz", values, 2)
+    if len(rows) != 3 or any(len(row) != channels for row in rows):
+        raise InputError(f"calibration: camera_to_xyz is {shown(values)}, expected 3 rows of {channels} figures")
+    matrix = np.array(rows)
+    largest, (least, most) = np.abs(matrix).max(axis=0), _COLOUR
+    if not all(least <= figure <= most for figure in largest[largest > 0]):
+        raise InputError(f"calibration: camera_to_xyz has a column whose largest figure is not {least:g} to {most:g}: {rows}")
+    lengths = np.sqrt((matrix**2).sum(axis=0))
+    if not np.linalg.cond(matrix / np.where(lengths > 0, lengths, 1)) < _WORST_MATRIX:
+        raise InputError(f"calibration: camera_to_xyz has not full rank: {rows}")
+    return rows
 
 
 def _places(values: Any) -> tuple[tuple[int, int], ...]:

@@ -21,7 +21,7 @@ from shared.errors import InputError
 from tests.tools.calibration.known_camera import PATTERNS, true_place
 from tools.calibration.chart.place import ChartPlace
 from tools.calibration.measure import Conclusion, conclude
-from tools.calibration.session import ChartSearch, Session
+from tools.calibration.session import Session
 from tools.commands.calibrate import color_checker_xyz
 from tools.host.console import Console
 from tools.scenes.drawn.builtin import builtin_scene
@@ -59,21 +59,21 @@ class SimulatedCamera:
     falls: DoubleArray
 
     @staticmethod
-    def drawn(random: np.random.Generator, *, black: float = 1.0, colours: float = 1.0) -> "SimulatedCamera":
-        """A camera at random. black, colours: how far black and the lens are from what is assumed; 0 = not at all."""
+    def drawn(random: np.random.Generator) -> "SimulatedCamera":
+        """A camera at random."""
         bits = int(random.choice([10, 12, 14]))
         states = SensorCalibration.of_bits(bits, headroom=False)
         level = states.black_level[0]
-        off = black * float(random.choice([0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level]))
+        off = float(random.choice([0.0, random.normal(0, level / 16), random.uniform(-0.75, 0.5) * level]))
         falls = np.zeros((4, 4))
         falls[:, :2] += random.uniform(0, 0.6) * np.array([0.8, 0.2])
-        falls[:3, :2] += colours * random.choice([0.3, 1.0]) * random.normal(0, (0.1, 0.05), (3, 2))
-        falls[:3, 2:] += colours * random.normal(0, 0.005, (3, 2))
+        falls[:3, :2] += random.choice([0.3, 1.0]) * random.normal(0, (0.1, 0.05), (3, 2))
+        falls[:3, 2:] += random.normal(0, 0.005, (3, 2))
         return SimulatedCamera(
             pattern=list(PATTERNS.values())[int(random.integers(len(PATTERNS)))],
             states=states,
             gamma=random.uniform(0.6, 1.4, 3),
-            black=level + off + black * random.normal(0, level / 256, 4),
+            black=level + off + random.normal(0, level / 256, 4),
             electrons=float(np.exp(random.uniform(np.log(6e3), np.log(6e4)))),
             read=random.uniform(1.5, 8, 4),
             falls=falls,
@@ -93,13 +93,6 @@ class SimulatedCamera:
         white, black = self.states.white_level, self.black[planes] + drift
         codes = np.rint(black + counted / self.electrons * (white - black)).clip(0, white)
         return Mosaic(codes.astype(np.uint16), self.pattern, self.states)
-
-
-class Silent(Console):
-    """A console that says nothing, not even what failed."""
-
-    def error(self, text: str) -> None:
-        """Say nothing."""
 
 
 @dataclass
@@ -151,14 +144,14 @@ def session_of(camera: SimulatedCamera, random: np.random.Generator) -> Frames:
 
 def calibrated(frames: Frames, kind: str) -> Conclusion | None:
     """Calibrate from a subset: chart, charts, scene, scenes, dark, flat, or flat1, one flat frame; None = no frame can be used."""
-    parts, session = set(kind.split("+")), Session(Silent(json=True, quiet=True), read=frames.mosaics.__getitem__)
+    parts, session = set(kind.split("+")), Session(Console(json=True, quiet=True), read=frames.mosaics.__getitem__)
     if "dark" in parts:
         session.dark(frames.named("dark"))
     if parts & {"flat", "flat1"}:
         session.flat(frames.named("flat")[0 if "flat" in parts else -1 :])
     charts = frames.named("chart")[: 3 if "charts" in parts else 1] if parts & {"chart", "charts"} else []
     for name in charts:
-        session.shots([name], ChartSearch(CHART, frames.places[name].corners))
+        session.shots([name], CHART, frames.places[name].corners)
     scenes = frames.named("scene")[: 2 if "scenes" in parts else 1] if parts & {"scene", "scenes"} else []
     session.shots(scenes, None)
     if session.seen.base is None or ((charts or scenes) and not session.seen.shots):
@@ -205,12 +198,12 @@ class Counts:
         return "| " + " | ".join([*cells, f"{100 * np.median(self.wide):.1f} %" if self.wide else ""]) + " |"
 
 
-def campaign(cameras: Iterable[int], kinds: Sequence[str], *, black: float = 1.0, colours: float = 1.0) -> dict[str, Counts]:
+def campaign(cameras: Iterable[int], kinds: Sequence[str]) -> dict[str, Counts]:
     """Calibrate cameras, by their numbers, from these kinds of subsets."""
     counts = {kind: Counts() for kind in kinds}
     for number in cameras:
         random = np.random.default_rng(number)
-        camera = SimulatedCamera.drawn(random, black=black, colours=colours)
+        camera = SimulatedCamera.drawn(random)
         frames = session_of(camera, random)
         for kind, count in counts.items():
             outcome = calibrated(frames, kind)
@@ -232,11 +225,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cameras", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--black", type=float, default=1.0, help="how far black may be off, of what is usual")
-    parser.add_argument("--colours", type=float, default=1.0, help="how unlike each other colours may fall off, of what is usual")
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
     given = parser.parse_args()
-    counts = campaign(range(given.seed, given.seed + given.cameras), given.kinds, black=given.black, colours=given.colours)
+    counts = campaign(range(given.seed, given.seed + given.cameras), given.kinds)
     print("| frames | refused | do not use | gamma | black | shot | read | half width of gamma, median |")
     print("|---|---|---|---|---|---|---|---|")
     for kind, count in counts.items():

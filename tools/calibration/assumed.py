@@ -20,15 +20,13 @@ from shared.figures import numbers
 
 from .dark_frames import DarkResult
 
-_UNKNOWN_BLACK = (
-    0.5  # of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64 are assumed
-)
+# Of the black level: OV5647 has 16 of 1024 codes and IMX219 64 (libcamera's tuning files), where 64 are assumed.
+_UNKNOWN_BLACK = 0.5
 _STEADY = 0.3  # codes of 12 bits: drift of black between dark frames and other shots
 # Of the light, in the corners: behind its usual lens an IMX219 loses 34 % more red there, 5 % less blue (libcamera's tuning file).
 _UNKNOWN_COLOUR, _UNKNOWN_TILT = 0.15, 0.02
-_KNOWN_COLOUR = (
-    0.005  # of the light: flat frames may differ by as much from a smooth shading, and uneven light by as much per colour
-)
+# Of the light: flat frames may differ by as much from a smooth shading, and uneven light by as much per colour.
+_KNOWN_COLOUR = 0.005
 SHAPES = 4  # of colour shading: two that are round, and two that tilt
 
 
@@ -77,11 +75,9 @@ class Assumed:
             *colours, panchromatic = calibration.shading.sketch
             falls = np.array([float(np.abs(panchromatic / each - 1).max()) for each in colours])
             return replace(known, colour=np.hypot(known.colour, falls))
-        return known if even or "shading" in measured else known._of_any_lens()
-
-    def _of_any_lens(self) -> "Assumed":
-        """What is assumed of shots whose shading was not undone."""
-        return replace(self, colour=np.full_like(self.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT)
+        if even or "shading" in measured:
+            return known
+        return replace(known, colour=np.full_like(known.colour, _UNKNOWN_COLOUR), tilt=_UNKNOWN_TILT)
 
     def precision(self, gamma: DoubleArray, calibration: SensorCalibration, *, offset: bool = True) -> DoubleArray:
         """Return the inverse covariance of the unknowns, (P, P), in the order of `unknowns`.

@@ -13,7 +13,6 @@ from shared.errors import InputError
 # least without rows and columns; in bright flat frames of large pixels it reaches 0.88 (1 % at 100,000 electrons).
 DARK_ALIKE, FLAT_ALIKE = 0.67, 0.9
 _SAMPLES = 1 << 20  # of a frame: they decide as well as all of them
-_LEAST = 50  # samples of a plane: with fewer, independent noise may correlate by chance
 _OUTLIER = 5.0  # standard deviations
 
 
@@ -30,7 +29,7 @@ def refuse_copies(frames: Sequence[tuple[str, Mosaic]], alike: float) -> None:
     noise = [_noise(mosaic) for _, mosaic in frames]
     for one, other in combinations(range(len(frames)), 2):
         same = np.array_equal(frames[one][1].codes, frames[other][1].codes)
-        likeness = 1.0 if same else max((_correlation(a, b) for a, b in zip(noise[one], noise[other], strict=True)), default=0.0)
+        likeness = 1.0 if same else _correlation(noise[one], noise[other])
         if likeness > alike:
             raise InputError(
                 f"{frames[other][0]} and {frames[one][0]} have the same noise (correlation {likeness:.2f}): one is a copy of the "
@@ -39,8 +38,8 @@ def refuse_copies(frames: Sequence[tuple[str, Mosaic]], alike: float) -> None:
             )
 
 
-def _noise(mosaic: Mosaic) -> list[DoubleArray]:
-    """Return what neighbours of the same filter differ by, one array per plane with enough samples; if none has, of all together.
+def _noise(mosaic: Mosaic) -> DoubleArray:
+    """Return what neighbours of the same filter differ by, NaN for outliers.
 
     The pattern repeats after a period, and the light hardly changes over it. What a row or a column has in common is taken away.
     """
@@ -51,15 +50,12 @@ def _noise(mosaic: Mosaic) -> list[DoubleArray]:
     codes = mosaic.codes[chosen].astype(np.float64)
     difference = codes[:, period:] - codes[:, :-period]
     if not difference.size:
-        return []
+        return difference
     usual = _usual(difference)
     for axis in (0, 1):
         difference -= difference.mean(axis, keepdims=True, where=usual | ~usual.any(axis, keepdims=True))
     difference[~(usual & _usual(difference))] = np.nan
-    planes = mosaic.pattern.filter_map(mosaic.shape)[chosen][:, period:]
-    masks: list[BoolArray] = [planes == plane for plane in range(len(mosaic.pattern.planes))]
-    enough = [mask for mask in masks if mask.sum() >= _LEAST]
-    return [difference[mask] for mask in enough] or [difference.ravel()]
+    return difference
 
 
 def _usual(values: DoubleArray) -> BoolArray:

@@ -12,7 +12,7 @@ from shared.arrays import DoubleArray
 from shared.errors import InputError
 
 from .observations import Observations
-from .part import Evidence, Part, with_black
+from .part import Evidence, Part
 from .parts.aberration import aberration
 from .parts.colour import colour
 from .parts.dark import black_level, defects
@@ -34,7 +34,7 @@ class Conclusion:
     parts: what the frames show, or say that they do not show.
     camera: the camera; None if the frames cannot determine it.
     refusal: the reason why there is no camera; "" if there is one.
-    contradictions: sentences on what does not fit together, beyond doubt: the camera must not be used.
+    contradictions: sentences on what is wrong beyond doubt: the camera must not be used.
     warnings: sentences for the user.
     """
 
@@ -48,7 +48,7 @@ class Conclusion:
     @property
     def verdict(self) -> str:
         """The verdict: "use it", "use it with care" or "do not use it"."""
-        if self.camera is None or self.contradictions or any(part.useless for part in self.parts):
+        if self.camera is None or self.contradictions:
             return "do not use it"
         return "use it with care" if self.warnings else "use it"
 
@@ -71,7 +71,7 @@ def conclude(
     if old:
         calibration = replace(old.calibration, sensor=old.calibration.sensor or calibration.sensor)
     if seen.dark:
-        calibration = with_black(calibration, seen.dark.black)
+        calibration = replace(calibration, black_level=tuple(seen.dark.black.tolist()))
     evidence = Evidence(seen, calibration, seen.base.pattern.channels, chart_colours, old)
     parts = tuple(part for concluded in PARTS if (part := concluded(evidence)))
     measured = {part.name: {**(provenance or {}), **part.facts} for part in parts if part.facts is not None}

@@ -37,11 +37,6 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return table_of(head, [row(map(cell, texts)) for texts in rows])
 
 
-def four_digits(values: DoubleArray) -> str:
-    """Return numbers with four digits after the point."""
-    return " ".join(f"{value:.4f}" for value in values)
-
-
 def axes(x: Span, y: Span, across: str, up: str, *, log: bool = False) -> Plot:
     """Return an empty plot with a grid and the names of both axes.
 

@@ -1,7 +1,7 @@
 """A measured part of a camera, and what it is concluded from. `measure.PARTS` lists all parts; each is a function in `parts/`."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -59,10 +59,9 @@ class Part:
     facts: for camera.json: how it was measured, and how well it is known; None = it was not, and only its warnings count.
     changes: fields of the calibration, and their values.
     warnings: sentences for the user.
-    contradictions: sentences on what does not fit together, beyond doubt: the camera must not be used.
+    contradictions: sentences on what is wrong beyond doubt: the camera must not be used.
     refusal: why there must not be a camera file; "" = there may be one.
     headline: what the report's verdict says of it; "" = nothing.
-    useless: it is so bad that the camera must not be used.
     sections: draws its sections of the report: heading -> HTML.
     files: to be written beside the report: name -> content.
     """
@@ -74,14 +73,8 @@ class Part:
     contradictions: Sequence[str] = ()
     refusal: str = ""
     headline: str = ""
-    useless: bool = False
     sections: Callable[[], Mapping[str, str]] = dict
     files: Mapping[str, bytes] = field(default_factory=dict)
-
-
-def with_black(calibration: SensorCalibration, black: DoubleArray) -> SensorCalibration:
-    """Return a calibration with another black level, (C + 1,) codes."""
-    return replace(calibration, black_level=tuple(black.tolist()))
 
 
 def rounded(values: DoubleArray) -> list[float]:

@@ -5,15 +5,14 @@ gamma for levels as for scene units. That is why gamma can be measured without k
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
-from typing import Any
 
 import numpy as np
 
 from shared import Mosaic
 from shared.aberration import half_diagonal
-from shared.arrays import BoolArray, DoubleArray, FloatArray
+from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
 CLIPPED = 0.985  # of full scale: above it some of the noise would be cut off
 CLIP = 5.0  # standard deviations: samples beyond are left out when a deviation is measured
@@ -22,17 +21,8 @@ _TILES = 12  # per side, at most: flat frames are never quite even, so means and
 _OUTLIER = 5.0  # standard deviations: dust, glints, hot pixels; one Gaussian sample in two million is beyond
 
 
-@dataclass(frozen=True, eq=False)
-class Region:
-    """The pixels of a place.
-
-    top, left: first row and column of a rectangle.
-    mask: (h, w), which pixels of the rectangle belong to the place.
-    """
-
-    top: int
-    left: int
-    mask: BoolArray
+Pixels = tuple[IndexArray, IndexArray]
+"""Rows and columns of the pixels of a place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +43,14 @@ class PlaceSamples:
     where: DoubleArray | None = None
 
     def chosen(self, which: BoolArray) -> "PlaceSamples":
-        """Return the places where `which` (N,) is true."""
-        return PlaceSamples(**{field.name: _each(getattr(self, field.name), which) for field in fields(self)})
+        """Return the places where `which` (N,) is true, without where they are."""
+        return PlaceSamples(self.mean[which], self.variance[which], self.count[which], self.clipped[which])
 
     @staticmethod
     def joined(parts: Sequence["PlaceSamples"]) -> "PlaceSamples":
         """Return the places of several shots, one after the other, without where they are."""
         names = ("mean", "variance", "count", "clipped")
         return PlaceSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def _each(values: DoubleArray | BoolArray | None, which: BoolArray) -> Any:
-    return None if values is None else values[which]
 
 
 def from_middle(rows: DoubleArray, columns: DoubleArray, shape: tuple[int, int]) -> DoubleArray:
@@ -88,7 +74,7 @@ def robust_deviation(residuals: DoubleArray) -> float:
     return 1.4826 * float(np.median(np.abs(residuals)))  # 1.4826: for a Gaussian
 
 
-def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
+def patch_samples(mosaic: Mosaic, patches: Sequence[Pixels]) -> PlaceSamples:
     """Return the statistics of the patches of a chart.
 
     The light may fall off across a patch, equally for all filters: a linear surface is fitted to the panchromatic samples, which
@@ -97,30 +83,20 @@ def patch_samples(mosaic: Mosaic, regions: Sequence[Region]) -> PlaceSamples:
     levels, planes, number = levels_of(mosaic), mosaic.pattern.filter_map(mosaic.shape), len(mosaic.pattern.planes)
     bare = replace(mosaic, calibration=replace(mosaic.calibration, shading=None))
     clipped = levels_of(bare) >= CLIPPED  # what saturates is what the sensor reads
-    rows = [_statistics(levels, clipped, planes, region, number) for region in regions]
-    corners = np.array([(region.top, region.left) for region in regions], np.float64).reshape(-1, 2)
-    middles = corners + np.array([np.argwhere(region.mask).mean(axis=0) for region in regions]).reshape(-1, 2)
-    places = PlaceSamples(*(np.array(column) for column in zip(*rows, strict=True)))
-    return replace(places, where=from_middle(middles[:, 0], middles[:, 1], mosaic.shape))
+    moments = [_moments(*pixels, levels[pixels].astype(np.float64), planes[pixels], number) for pixels in patches]
+    mean, variance, count = np.moveaxis(np.array(moments), 1, 0)
+    middles = np.array([(rows.mean(), columns.mean()) for rows, columns in patches])
+    at_white = np.array([clipped[pixels].any() for pixels in patches])
+    return PlaceSamples(mean, variance, count, at_white, from_middle(middles[:, 0], middles[:, 1], mosaic.shape))
 
 
-def _statistics(
-    levels: FloatArray, clipped: BoolArray, planes: np.ndarray, region: Region, number: int
-) -> tuple[DoubleArray, DoubleArray, DoubleArray, bool]:
-    """Return mean, variance and count per plane, and whether a sample is clipped."""
-    window = np.s_[region.top : region.top + region.mask.shape[0], region.left : region.left + region.mask.shape[1]]
-    down, right = np.nonzero(region.mask)
-    values = levels[window][region.mask].astype(np.float64)
-    plane = planes[window][region.mask]
-    design = np.stack([np.ones(values.size), down - down.mean(), right - right.mean()], axis=1)
+def _moments(rows: IndexArray, columns: IndexArray, values: DoubleArray, plane: np.ndarray, number: int) -> DoubleArray:
+    """Return mean, variance and count per plane, (3, number)."""
+    design = np.stack([np.ones(values.size), rows - rows.mean(), columns - columns.mean()], axis=1)
     white = plane == number - 1
     fitted, *_ = np.linalg.lstsq(design[white], values[white], rcond=None)
     shading = np.clip(design @ fitted / fitted[0], 0.5, 2.0) if fitted[0] > 0 else np.ones(values.size)
-    mean, variance, count = np.zeros(number), np.zeros(number), np.zeros(number)
-    for index in range(number):
-        of_plane = plane == index
-        mean[index], variance[index], count[index] = _robust(values[of_plane], shading[of_plane])
-    return mean, variance, count, bool(clipped[window][region.mask].any())
+    return np.array([_robust(values[plane == each], shading[plane == each]) for each in range(number)], np.float64).T
 
 
 def _robust(values: DoubleArray, shading: DoubleArray) -> tuple[float, float, int]:

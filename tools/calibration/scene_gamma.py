@@ -50,7 +50,7 @@ def fit_scene_gamma(mosaic: Mosaic, excluded: BoolArray | None = None, assumed: 
     Raises InputError that says what to shoot instead, if there are too few blocks or too little colour.
     """
     assumed = assumed or Assumed.of(mosaic.calibration)
-    blocks = _chosen(_measured(mosaic, excluded))
+    blocks = _blocks(mosaic, excluded)
     level, colours = blocks.level, blocks.colours
     if len(level) < LEAST_BLOCKS:
         raise InputError(
@@ -100,28 +100,12 @@ def _with_texture(equations: NormalEquations, gamma: DoubleArray) -> NormalEquat
 
 
 @dataclass(frozen=True, eq=False)
-class _Grid:
-    """Measurements on the grid (n, m) of whole blocks that have a ring around them, or of scattered tiles.
-
-    level: (n, m), panchromatic, at a block's centre.
-    colours: (n, m, C), the channels there.
-    texture: (n, m), variance of the ring about a linear surface.
-    usable: (n, m), whether nothing is clipped or excluded.
-    where: (n, m, 2), see `from_middle`.
-    """
-
-    level: DoubleArray
-    colours: DoubleArray
-    texture: DoubleArray
-    usable: BoolArray
-    where: DoubleArray
-
-
-@dataclass(frozen=True, eq=False)
 class _Blocks:
     """N blocks in smooth places.
 
-    level: (N,); colours: (N, C); where: (N, 2); all as in `_Grid`.
+    level: (N,), panchromatic, at a block's centre.
+    colours: (N, C), the channels there.
+    where: (N, 2), see `from_middle`.
     instruments: (N, C), mean colours of the blocks around.
     classes: (N,), blocks of one class share a variance.
     """
@@ -133,8 +117,8 @@ class _Blocks:
     classes: IndexArray
 
 
-def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Grid:
-    """Measure every whole block that has a ring around it, or every scattered tile."""
+def _blocks(mosaic: Mosaic, excluded: BoolArray | None) -> _Blocks:
+    """Measure every whole block that has a ring around it, or every scattered tile, and choose those in smooth places."""
     pattern, levels = mosaic.pattern, levels_of(mosaic.evenly_shaded()).astype(np.float64)
     grid, tiles, period = pattern.grid(mosaic.shape), _tiles_together(pattern), pattern.period
     high, wide = (size + (tiles - 1) * period for size in pattern.block_shape)
@@ -163,16 +147,15 @@ def _measured(mosaic: Mosaic, excluded: BoolArray | None) -> _Grid:
         slope = plane[..., 1:] @ (np.array(place) - middle)
         sample = at(*place)
         colours[..., channel] += sample
-        shading[..., channel] += np.clip(
-            1 + slope / np.maximum(level, 1e-6), 0.5, 2
-        )  # The light falls off equally for all filters.
+        # The light falls off equally for all filters.
+        shading[..., channel] += np.clip(1 + slope / np.maximum(level, 1e-6), 0.5, 2)
         brightest = np.maximum(brightest, sample)
     usable = brightest < CLIPPED
     if excluded is not None:
         usable &= ~excluded[np.ix_(rows, columns)]
     places = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2) + middle
     where = from_middle(places[:, 0], places[:, 1], mosaic.shape)
-    return _Grid(level, colours / shading, texture, usable, where.reshape(*level.shape, 2))
+    return _chosen(level, colours / shading, texture, usable, where.reshape(*level.shape, 2))
 
 
 def _tiles_together(pattern: CfaPattern) -> int:
@@ -186,22 +169,26 @@ def _tiles_together(pattern: CfaPattern) -> int:
     return int(np.ceil(np.sqrt(_LEAST_RING / (pattern.period**2 - len(pattern.sites)))))
 
 
-def _chosen(grid: _Grid) -> _Blocks:
-    """Choose the blocks in smooth places."""
-    usable = grid.usable
+def _chosen(level: DoubleArray, colours: DoubleArray, texture: DoubleArray, usable: BoolArray, where: DoubleArray) -> _Blocks:
+    """Choose the blocks in smooth places.
+
+    level, colours, where: as in `_Blocks`, but on the grid (n, m) of all blocks.
+    texture: (n, m), variance of the ring about a linear surface.
+    usable: (n, m), whether nothing is clipped or excluded.
+    """
     number = convolve(usable.astype(np.float64), _NEIGHBOURS, mode="constant")
 
     def around(values: DoubleArray) -> DoubleArray:
         total: DoubleArray = convolve(values * usable, _NEIGHBOURS, mode="constant")
         return total / np.maximum(number, 1)
 
-    level = around(grid.level)
-    roughness = around(grid.texture) + np.maximum(around(grid.level**2) - level**2, 0) / 10
-    instruments = np.stack([around(plane) for plane in np.moveaxis(grid.colours, -1, 0)], axis=-1)
-    good = usable & (number >= _LEAST_NEIGHBOURS) & (level > _DARK)
-    level, roughness = level[good], roughness[good]
-    classes = np.full(level.size, -1)
-    for bright, at_level in enumerate(np.array_split(np.argsort(level), _LEVELS)):
+    near = around(level)
+    roughness = around(texture) + np.maximum(around(level**2) - near**2, 0) / 10
+    instruments = np.stack([around(plane) for plane in np.moveaxis(colours, -1, 0)], axis=-1)
+    good = usable & (number >= _LEAST_NEIGHBOURS) & (near > _DARK)
+    near, roughness = near[good], roughness[good]
+    classes = np.full(near.size, -1)
+    for bright, at_level in enumerate(np.array_split(np.argsort(near), _LEVELS)):
         if not at_level.size:
             continue
         by_roughness = at_level[np.argsort(roughness[at_level])]
@@ -209,7 +196,7 @@ def _chosen(grid: _Grid) -> _Blocks:
         for rough, alike in enumerate(np.array_split(smooth, _TEXTURES)):
             classes[alike] = bright * _TEXTURES + rough
     chosen = classes >= 0
-    level, colours, where, instruments = (values[good][chosen] for values in (grid.level, grid.colours, grid.where, instruments))
+    level, colours, where, instruments = (values[good][chosen] for values in (level, colours, where, instruments))
     return _Blocks(level, colours, where, instruments, classes[chosen])
 
 

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,18 +28,6 @@ from .shading import measure_shading
 from .shot import measure_chart, measure_scene
 
 Frames = list[tuple[str, Mosaic]]
-
-
-@dataclass(frozen=True, eq=False)
-class ChartSearch:
-    """The chart that shots show.
-
-    colours: (24, 3), XYZ (D50), white = 1.
-    corners: where it is in the shot, see `ChartPlace`; None = find it.
-    """
-
-    colours: DoubleArray
-    corners: Matrix | None = None
 
 
 class Session:
@@ -68,11 +56,13 @@ class Session:
                 self._known["black_level"] = old.calibration.black_level
         self.seen = Observations()
 
-    def measure(self, files: CalibrationFiles, chart: ChartSearch | None, filled: Filled) -> Observations:
-        """Measure all frames; chart: that the shots show, None = ordinary scenes; filled: see `find_edges`."""
+    def measure(
+        self, files: CalibrationFiles, chart_colours: DoubleArray | None, corners: Matrix | None, filled: Filled
+    ) -> Observations:
+        """Measure all frames; chart_colours, corners: see `shots`; filled: see `find_edges`."""
         self.dark(files.dark)
         self.flat(files.flat)
-        self.shots(files.shots, chart)
+        self.shots(files.shots, chart_colours, corners)
         self.edges(files.edges, filled)
         return self.seen
 
@@ -121,19 +111,23 @@ class Session:
         for index in unpaired:
             self._console.note(f"{frames[index][0]} tells no noise: it is clipped, or no other flat frame has its exposure")
 
-    def shots(self, paths: Sequence[str], chart: ChartSearch | None) -> None:
-        """Measure shots of a chart, or of ordinary scenes."""
+    def shots(self, paths: Sequence[str], chart_colours: DoubleArray | None, corners: Matrix | None = None) -> None:
+        """Measure shots of a chart, or of ordinary scenes.
+
+        chart_colours: (24, 3), XYZ (D50), white = 1; None = the shots show ordinary scenes.
+        corners: where the chart is, see `ChartPlace`; None = find it.
+        """
         for path in paths:
             with self._skipping([path], "shot"):
                 mosaic, name = self._read(path), Path(path).name
                 if (shading := mosaic.calibration.shading) and (zoomed := shading.zoomed(mosaic.metadata.focal_length)):
                     self._console.note(f"{path}: {zoomed}")
                 assumed = self._assumed(mosaic.calibration)
-                if chart is None:
+                if chart_colours is None:
                     shot = measure_scene(name, mosaic, assumed)
                 else:
                     with self._console.progress(name) as progress:
-                        shot = measure_chart(name, mosaic, chart.colours, chart.corners, progress, assumed)
+                        shot = measure_chart(name, mosaic, chart_colours, corners, progress, assumed)
                 self._console.say(shot.words)
                 self.seen.shots.append(shot)
 

@@ -69,7 +69,7 @@ def measure_chart(
     """
     chart = chart_at(mosaic, corners, reference) if corners else find_chart(mosaic, reference, progress)
     progress.stage("measuring", 1)
-    places = patch_samples(mosaic, chart.place.regions())
+    places = patch_samples(mosaic, chart.place.measured())
     check_channel_order(places.mean[:, :-1], reference, mosaic.pattern)
     fits = [fit_chart_gamma(places, mosaic.calibration, assumed)]
     with suppress(InputError):  # Surroundings are optional: a wall behind the chart has no colours.

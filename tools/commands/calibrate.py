@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from tools.calibration.measure import conclude
     from tools.calibration.reference import read_reference
     from tools.calibration.report import report
-    from tools.calibration.session import ChartSearch, Session
+    from tools.calibration.session import Session
 
     output, replace_existing = Path(arguments.output), arguments.update or arguments.overwrite
     files, searches = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or ())
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     chart_colours = read_reference(Path(arguments.chart)) if arguments.chart else color_checker_xyz()
     old = read_known(output) if arguments.update and output.exists() else None
     session = Session(console, arguments.sensor, old)
-    seen = session.measure(files, None if arguments.no_chart else ChartSearch(chart_colours, corners), filled_luminance)
+    seen = session.measure(files, None if arguments.no_chart else chart_colours, corners, filled_luminance)
     if seen.base is None or seen.empty:
         for remark in seen.remarks:
             console.note(remark)

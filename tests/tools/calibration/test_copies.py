@@ -51,13 +51,6 @@ def test_frames_taken_one_by_one_pass_with_their_fixed_pattern(kind: str) -> Non
     refuse_copies([(str(seed), edited(taken(level, seed), pattern)) for seed in range(4)], alike)
 
 
-def test_a_plane_that_was_copied_is_enough() -> None:
-    first, second = taken(0.5, 1), taken(0.5, 2)
-    red = first.pattern.filter_map(SHAPE) == 0
-    with pytest.raises(InputError, match="same noise"):
-        refuse_copies([("a", first), ("b", edited(second, lambda codes: np.where(red, first.codes, codes)))], FLAT_ALIKE)
-
-
 def test_small_frames_and_frames_without_noise() -> None:
     small = [(str(seed), frame(np.full((8, 8, 3), 0.5), seed=seed)) for seed in range(3)]
     refuse_copies(small, FLAT_ALIKE)

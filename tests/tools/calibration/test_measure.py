@@ -1,5 +1,6 @@
 """From observations to a camera: what is measured replaces what was known, and what was not measured stays."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -76,6 +77,15 @@ def test_that_a_lens_has_none_is_a_measurement(part: str, found: Any) -> None:
     measured = concluded(known, **{part: found})
     assert getattr(measured.calibration, part) is None
     assert "corner" not in measured.measured[part]
+
+
+@pytest.mark.parametrize(("spread", "verdict"), [(0.08, "use it with care"), (0.4, "do not use it")])
+def test_colours_of_another_chart_are_not_used(spread: float, verdict: str) -> None:
+    other = color_checker_xyz() * np.random.default_rng(1).uniform(1 - spread, 1 + spread, (24, 3))
+    base = Mosaic(np.full(SHAPE, 500, np.uint16), PATTERN, BLIND)
+    outcome = conclude(Observations(base, DARK, FLAT, [shot()]), other)
+    assert outcome.verdict == verdict
+    assert re.search("colours differ from the reference by a mean dE2000", " ".join((*outcome.contradictions, *outcome.warnings)))
 
 
 @pytest.mark.parametrize(

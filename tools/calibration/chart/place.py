@@ -10,7 +10,7 @@ from shared.colorimetry import Matrix
 from shared.errors import InputError
 from shared.perspective import apply_homography, homography, rectangle
 
-from ..samples import Region
+from ..samples import Pixels
 
 COLUMNS, ROWS = 6, 4
 PATCHES = COLUMNS * ROWS
@@ -83,9 +83,9 @@ class ChartPlace:
         quads = self.patch_corners(1.0)
         return float(np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=-1).min())
 
-    def regions(self) -> list[Region]:
-        """Return the measured parts of the patches, in reading order."""
-        return [_region(quad) for quad in self.patch_corners(INNER)]
+    def measured(self) -> list[Pixels]:
+        """Return the pixels of the measured parts of the patches, in reading order."""
+        return [_pixels(quad) for quad in self.patch_corners(INNER)]
 
     def covered(self, shape: tuple[int, int]) -> BoolArray:
         """Return which pixels of a frame (rows, columns) show the chart, with the card around it: (H, W)."""
@@ -98,17 +98,14 @@ class ChartPlace:
         """The centres of the patches in cells, (24, 2): x and y."""
         return np.stack([np.tile(np.arange(COLUMNS) + 0.5, ROWS), np.repeat(np.arange(ROWS) + 0.5, COLUMNS)], axis=1)
 
-    def turned(self, quarter: int) -> "ChartPlace":
-        """Return the place turned by `quarter` quarter turns: the same corners, starting from another one."""
-        return ChartPlace((*self.corners[quarter:], *self.corners[:quarter]))
 
-
-def _region(corners: DoubleArray) -> Region:
+def _pixels(corners: DoubleArray) -> Pixels:
     """Return the pixels whose centres lie inside a convex polygon; corners: see `_inside`."""
     left, top = np.floor(corners.min(axis=0)).astype(int)
     right, bottom = np.ceil(corners.max(axis=0)).astype(int)
-    down, right = np.ogrid[top:bottom, left:right]
-    return Region(int(top), int(left), _inside(corners, right + 0.5, down + 0.5))
+    rows, columns = np.mgrid[top:bottom, left:right]
+    inside = _inside(corners, columns + 0.5, rows + 0.5)
+    return rows[inside], columns[inside]
 
 
 def _inside(corners: DoubleArray, x: DoubleArray, y: DoubleArray) -> BoolArray:

@@ -13,9 +13,10 @@ from shared.colour_difference import delta_e_2000
 from ..chart.place import COLUMNS, NAMES
 from ..chart_gamma import reconciled
 from ..colour_matrix import UNEVEN, ColourFit, fit_colour, white_balanced
-from ..page import css_colours, four_digits, table
+from ..page import css_colours, table
 from ..part import Evidence, Part
 from ..reference import ti3
+from ..samples import figures
 from .gamma import coloured_light
 
 _CORRECTED = 2.5  # mean dE2000 of patches predicted from the others: below it the correction for uneven light has worked
@@ -37,6 +38,15 @@ def colour(evidence: Evidence) -> Part | None:
     if known is not None or evidence.channels == "RGB":
         before = white_balanced(levels, chart_colours, np.array(known if known is not None else SRGB_TO_XYZ))
     mean, left_out = float(fit.difference.mean()), float(fit.left_out.mean())
+    warnings, off = [], f"{shot.name}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than"
+    # In strongly coloured light other errors are corrected as uneven light.
+    if fit.unevenness > UNEVEN and left_out > _CORRECTED and not coloured_light(shot):
+        warnings.append(
+            f"{shot.name}: the light on the chart is uneven, up to {fit.unevenness:.2f} times brighter in one place than in "
+            "another; correcting the colours for it leaves errors; light the chart evenly"
+        )
+    if _GOOD < mean <= _USELESS:
+        warnings.append(f"{off} {_GOOD:.0f}")
     return Part(
         "colour",
         {
@@ -48,9 +58,9 @@ def colour(evidence: Evidence) -> Part | None:
             "light_unevenness": round(fit.unevenness, 3),
         },
         {"camera_to_xyz": as_rows(fit.matrix), "neutral": tuple(fit.neutral.tolist())},
-        _warnings(fit, shot.name, coloured=bool(coloured_light(shot))),
+        warnings,
+        [f"{off} {_USELESS:.0f}"] if mean > _USELESS else (),
         headline=f"The colours match the reference to a mean ΔE2000 of {mean:.2f} (leave-one-out: {left_out:.2f}).",
-        useless=mean > _USELESS,
         sections=partial(_sections, fit, shot.name, before),
         files=_profile(chart_colours, levels / fit.light[:, None], fit.neutral),
     )
@@ -83,7 +93,7 @@ def _sections(fit: ColourFit, shot: str, before: DoubleArray | None) -> dict[str
         f'<div class="patches">{_patches(fit, [*versions.values(), fit.lab, fit.reference])}</div>'
         f"{table(('ΔE2000', 'mean', 'maximum'), rows)}"
         f'<div class="pair"><div><h3>Matrix from scene units to XYZ (D50)</h3>{matrix}'
-        f"<p>White reads {four_digits(fit.neutral)}.</p></div>"
+        f"<p>White reads {figures(fit.neutral)}.</p></div>"
         f"<div><h3>Light on the chart</h3>{_light(fit.light)}<p>Brightest over dimmest: {fit.unevenness:.2f}.</p></div></div>"
     )
     return {"Colour": page}
@@ -105,21 +115,3 @@ def _light(light: DoubleArray) -> str:
         f'<div style="background:hsl(45 85% {tone:.0f}%)">{value:.2f}</div>' for value, tone in zip(light, bright, strict=True)
     )
     return f'<div class="light" style="grid-template-columns:repeat({COLUMNS},1fr)">{"".join(cells)}</div>'
-
-
-def _warnings(fit: ColourFit, shot: str, *, coloured: bool) -> list[str]:
-    """Warn of uneven light on the chart and of large colour differences.
-
-    shot: its name.
-    coloured: whether its light is strongly coloured: then that is the cause of errors that are corrected as uneven light.
-    """
-    warnings = []
-    if not coloured and fit.unevenness > UNEVEN and fit.left_out.mean() > _CORRECTED:
-        warnings.append(
-            f"{shot}: the light on the chart is uneven, up to {fit.unevenness:.2f} times brighter in one place than in another; "
-            "correcting the colours for it leaves errors; light the chart evenly"
-        )
-    mean = float(fit.difference.mean())
-    if mean > _GOOD:
-        warnings.append(f"{shot}: the colours differ from the reference by a mean dE2000 of {mean:.1f}, more than {_GOOD:.0f}")
-    return warnings

@@ -13,8 +13,9 @@ from tools.pictures.html import figure, picture, reduced
 from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS
 from ..gamma import GammaFit, check_determined
-from ..page import axes, css_colours, four_digits, patch_style, table
+from ..page import axes, css_colours, patch_style, table
 from ..part import Evidence, Part, rounded
+from ..samples import figures
 from ..shot import ShotMeasurement
 
 CONTRADICTION = 4.0  # standard errors: a larger one is not a coincidence
@@ -167,8 +168,8 @@ def _estimates(fit: GammaFit, evidence: Evidence) -> str:
         (
             shot.name,
             "chart" if shot.chart and number == 0 else "scene",
-            four_digits(each.gamma),
-            four_digits(each.half_width),
+            figures(each.gamma),
+            figures(each.half_width),
             f"{int(each.used.sum())} of {each.used.size}",
         )
         for shot in evidence.seen.shots
