@@ -19,7 +19,6 @@ def test_every_file_that_a_user_writes_may_begin_with_a_byte_order_mark(tmp_path
         ("camera.json", json.dumps(camera), read_camera),
         ("pattern.txt", "WBWG/BWGW/WGWR/GWRW", lambda path: read_pattern(str(path))),
         ("defects.txt", "5, 8\n", read_defects),
-        ("defects.json", "[[5, 8]]", read_defects),
         ("chart.ti3", ti3(color_checker_xyz(), color_checker_xyz()), lambda path: read_reference(path).tolist()),
         ("scheduler.json", '{"address": "tcp://host:1"}', lambda path: _written_address(str(path))),
     ):

@@ -18,7 +18,7 @@ from tools.host.memory import reuse_memory
 from tools.host.progress import StageProgress
 from tools.rendering.burst import BurstOrder
 from tools.rendering.compilation import limit_threads
-from tools.rendering.run import Resources, passes
+from tools.rendering.run import passes
 from tools.rendering.series import series, series_stem
 
 from .options import add, numbers
@@ -80,6 +80,6 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         outputs.append(output_folder(arguments.report, dry_run=arguments.dry_run) / f"{stem}.html")
     job = Job(names[0], tuple(outputs), all(each.found for each in found.sources), tuple(names))
     jobs, possible = possible_jobs([job], console, overwrite=order.overwrite or order.resume)
-    resources = Resources.of(order, jobs, 1, arguments.threads, arguments.max_memory)
-    states = do_jobs(jobs, passes(order, resources, console, 1), console, StageProgress())
+    through = passes(order, jobs, console, workers=1, threads=arguments.threads, memory=arguments.max_memory)
+    states = do_jobs(jobs, through, console, StageProgress())
     return 0 if possible and not states["failed"] else FAILED

@@ -48,7 +48,7 @@ def add_picture(parser: argparse.ArgumentParser, *presets: str) -> None:
         help="white balance: camera (as shot), auto (estimated from the picture), or multipliers R,G,B, such as 2.1,1,1.6",
     )
     add(parser, "camera", instead=", in place of the one in the shots")
-    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: lines of row, column (from 0), or JSON")
+    parser.add_argument("--defects", metavar="FILE", help="more defective pixels: a text, a line of row, column (from 0) for each")
     parser.add_argument(
         "--preset",
         choices=presets,

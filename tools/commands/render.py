@@ -18,10 +18,9 @@ from tools.host.memory import reuse_memory
 from tools.host.progress import StageProgress
 from tools.rendering.compilation import limit_threads
 from tools.rendering.order import Order
-from tools.rendering.run import Pass, Resources, passes
-from tools.rendering.shard import Shard
+from tools.rendering.run import Pass, passes, shard_of
 
-from .options import add, add_shots, uses_scheduler
+from .options import add, add_shots, uses_scheduler, value
 from .picture_options import add_picture, add_run, order_fields
 
 
@@ -31,7 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "output", files="STEM.EXT (subfolders are kept)")
     add_picture(parser, "best", "unlearned", "paper")
     group = add_run(parser)
-    group.add_argument("--shard", metavar="I/N", help="render only part I of N, counted from 1: for job arrays")
+    shard = value(_shard, "a part and their number, such as 3/8; parts are counted from 1")
+    group.add_argument(
+        "--shard", type=shard, default=(1, 1), metavar="I/N", help="render only part I of N, counted from 1 (default: all)"
+    )
     add(group, "workers", things="processes", usual="1, or for many shots what cores and memory allow")
     add(group, "scheduler", "scheduler-file")
     add(parser, "json", each="shot")
@@ -44,7 +46,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     elsewhere = uses_scheduler(arguments)
     if arguments.workers is not None and elsewhere:
         raise InputError("--workers cannot be used with a scheduler, which has its own workers")
-    shard = Shard.parse(arguments.shard) if arguments.shard else Shard(1, 1)
+    part, parts = arguments.shard
     order = _order(arguments)
     found = search(arguments.shots, DNGS, output=order.folder)
     searched = found.report(console)
@@ -52,15 +54,22 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
         plan(found.sources, lambda source: [f"{Path(source).stem}{order.kind.suffix}"], order.folder),
         console,
         overwrite=order.overwrite or order.resume,
-        wanted=lambda job: shard.has(order.name(job.output)),
+        wanted=lambda job: shard_of(order.name(job.output), parts) == part,
     )
     if elsewhere and not order.dry_run:
         all_made = _made_elsewhere(order, jobs, arguments, console)
     else:
         workers = 1 if order.dry_run else arguments.workers
-        resources = Resources.of(order, jobs, workers, arguments.threads, arguments.max_memory)
-        all_made = _made(jobs, passes(order, resources, console, len(jobs)), console)
+        through = passes(order, jobs, console, workers=workers, threads=arguments.threads, memory=arguments.max_memory)
+        all_made = _made(jobs, through, console)
     return 0 if all_made and all_possible and searched else FAILED
+
+
+def _shard(text: str) -> tuple[int, int]:
+    part, parts = map(int, text.split("/"))
+    if not 1 <= part <= parts:
+        raise ValueError
+    return part, parts
 
 
 def _made(jobs: Sequence[Job], through: Sequence[Pass], console: Console) -> bool:

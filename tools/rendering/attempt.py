@@ -75,7 +75,7 @@ class _Attempt:
             raise OutputError(
                 f"{order.folder}: the output folder is not there; every machine at work has to see it under this name"
             )
-        if not any(self._states()):
+        if not any(map(file_status, self.job.files)):
             self._open()  # says what is wrong with it, before a folder is made for its picture
         try:
             if order.dry_run:
@@ -97,14 +97,13 @@ class _Attempt:
 
     def _made(self) -> Outcome:
         """Make the picture, while this process holds the lock on the output."""
-        start, order = time.monotonic(), self.order
-        before, source_digest = self._states(), self._digest()
+        start, order, source_digest = time.monotonic(), self.order, self._digest()
         existing = self._existing(source_digest)
         if state := self._is_current(existing):
             return self._current(state)
         subject = self._read()
         with announced_compilation(self.listener):
-            if source_digest is None or self._states() != before:
+            if source_digest is None or self._digest() != source_digest:
                 raise InputError(f"{self.job.source}: has changed while it was read; render it again when it is complete")
             asked = subject.mosaic, order.kind, order.settings
             if not self.share.last and needed_memory(*asked, subject.count) > self.share.memory:
@@ -233,9 +232,6 @@ class _Attempt:
         frames = self.job.frames
         return key(frames=[digest(name) for name in frames]) if frames else digest(self.job.source)
 
-    def _states(self) -> list[tuple[int, ...] | None]:
-        return [_state(name) for name in self.job.files]
-
 
 @contextmanager
 def _frequent_turns() -> Iterator[None]:
@@ -251,12 +247,6 @@ def _frequent_turns() -> Iterator[None]:
 @lru_cache(maxsize=1)  # so that a process reads a long journal once
 def _journal(folder: Path) -> Journal:
     return Journal(folder)
-
-
-def _state(source: str) -> tuple[int, ...] | None:
-    """Identity, size and time of a file, by which a change shows; None when there is no such file."""
-    status = file_status(source)
-    return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns) if status else None
 
 
 def _both_there(one: str, other: str) -> bool:

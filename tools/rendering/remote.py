@@ -30,29 +30,21 @@ def passes(order: Order, client: Any, threads: int | None, memory: int | None, n
 
     Raises SchedulerGoneError when the scheduler ends.
     """
-    order, workers = replace(order, folder=order.folder.absolute()), _Elsewhere(Cluster(client, note))
-    return [(partial(_work, order, threads, memory, last), workers) for last in (False, True)]
+    order, cluster = replace(order, folder=order.folder.absolute()), Cluster(client, note)
 
-
-class _Elsewhere:
-    """A way to work (`tools.host.work.Workers`) on jobs, whose files have the same absolute names on every machine."""
-
-    def __init__(self, cluster: Cluster) -> None:
-        self._cluster = cluster
-
-    def __call__(
-        self, work: Callable[[Job, StageProgress], Outcome], jobs: Sequence[Job], /
+    def elsewhere(
+        work: Callable[[Job, StageProgress], Outcome], jobs: Sequence[Job], /
     ) -> Iterator[tuple[Job, Outcome | Exception]]:
         there = {_with_absolute_names(job): job for job in jobs}
-        for named, result in self._cluster(work, list(there)):
+        for named, result in cluster(work, list(there)):
             job = there[named]
             if isinstance(result, Outcome) and result.state == "made" and not job.output.exists():
-                yield (
-                    job,
-                    OutputError(f"{job.output}: was made where this machine does not see it; `output` must be a shared folder"),
-                )
+                unseen = "was made where this machine does not see it; `output` must be a shared folder"
+                yield job, OutputError(f"{job.output}: {unseen}")
             else:
                 yield job, result
+
+    return [(partial(_work, order, threads, memory, last), elsewhere) for last in (False, True)]
 
 
 def _with_absolute_names(job: Job) -> Job:

@@ -1,7 +1,8 @@
 """Render a list of shots on this machine: how many processes, how much memory for each, which shots are postponed."""
 
+import hashlib
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 
 from shared.errors import PanchromaError
@@ -26,31 +27,6 @@ _LARGEST = 3  # files that are read to learn how much memory the largest shot ne
 _REMEDY = "render it with `workers=1`, or allow more with `max_memory`"
 
 
-@dataclass(frozen=True)
-class Resources:
-    """What a run may use of this machine.
-
-    workers: number of processes.
-    threads: of each process.
-    memory: bytes for all processes together.
-    """
-
-    workers: int
-    threads: int
-    memory: int
-
-    @classmethod
-    def of(cls, order: Order, jobs: Sequence[Job], workers: int | None, threads: int | None, memory: int | None) -> "Resources":
-        """What the user asks for. What is left open (None) is chosen by processors and memory: one process for a few shots."""
-        cores, allowed = processors(), allowed_memory(memory)
-        if workers is None:
-            workers = 1
-            if len(jobs) >= _MANY * cores:
-                workers = max(1, min(cores // (threads or 1), allowed // _largest_need(order, jobs)))
-        workers = min(workers, max(1, len(jobs)))
-        return cls(workers, threads or max(1, cores // workers), allowed)
-
-
 def _largest_need(order: Order, jobs: Sequence[Job]) -> int:
     """Bytes that the largest shot needs, roughly. The largest files are read: they have the most pixels, or nearly."""
     for _, source in sorted(((_size(job.source), job.source) for job in jobs), reverse=True)[:_LARGEST]:
@@ -66,19 +42,40 @@ def _size(source: str) -> int:
     return status.st_size if status else 0
 
 
-def passes(order: Order, resources: Resources, console: Console, count: int) -> list[Pass]:
-    """The passes of this machine over `count` jobs. The last one does postponed jobs one by one, each with all the memory.
+def passes(
+    order: Order, jobs: Sequence[Job], console: Console, *, workers: int | None, threads: int | None, memory: int | None
+) -> list[Pass]:
+    """The passes of this machine over some jobs. The last one does postponed jobs one by one, each with all the memory.
 
-    If there is only one job, the console shows its stages.
+    workers: number of processes.
+    threads: of each process.
+    memory: bytes for all processes together.
+
+    What is left open (None) is chosen by processors and memory: one process for a few shots. If there is only one job, the console
+    shows its stages.
     """
+    cores, allowed = processors(), allowed_memory(memory)
+    if workers is None:
+        many = len(jobs) >= _MANY * cores
+        workers = max(1, min(cores // (threads or 1), allowed // _largest_need(order, jobs))) if many else 1
+    workers = max(1, min(workers, len(jobs)))
+    threads = threads or max(1, cores // workers)
     note = cache(console.note)  # several processes send the same note: it is shown once
-    alone = Here(lambda job: console.progress(job.source) if count == 1 else StageProgress(note=console.note))
-    last: Pass = partial(attempt, order, Share(resources.memory, True, resources.threads)), alone
-    if count == 1:
+    alone = Here(lambda job: console.progress(job.source) if len(jobs) == 1 else StageProgress(note=console.note))
+    last: Pass = partial(attempt, order, Share(allowed, True, threads)), alone
+    if len(jobs) == 1:
         return [last]
-    if resources.workers == 1:
-        return [(partial(attempt, order, Share(resources.memory, False, resources.threads)), alone), last]
-    if count:
-        compile_ahead([order.settings], resources.workers, StageProgress(note=note))
-    share = Share(resources.memory // resources.workers)
-    return [(partial(attempt, order, share), Processes(resources.workers, note, _REMEDY, resources.threads)), last]
+    if workers == 1:
+        return [(partial(attempt, order, Share(allowed, False, threads)), alone), last]
+    compile_ahead([order.settings], workers, StageProgress(note=note))
+    share = Share(allowed // workers)
+    return [(partial(attempt, order, share), Processes(workers, note, _REMEDY, threads)), last]
+
+
+def shard_of(output: str, count: int) -> int:
+    """The part, 1 to `count`, of a divided run that makes the picture with this path below the output folder.
+
+    The path alone decides: machines agree without communication, and a new file does not change the part of any other.
+    """
+    digest = hashlib.sha256(os.fsencode(output)).digest()
+    return int.from_bytes(digest[:8], "big") % count + 1

@@ -11,12 +11,13 @@ from typing import IO
 
 import pytest
 
+from shared.errors import InputError
 from tests.dask_cluster import cluster, scheduler, worker
 from tests.data import ROOT
 from tests.tools.command import assert_refused, run, start
 from tests.tools.rendering.examples import save_shot
 from tools.host import cluster as module
-from tools.host.cluster import Program, program, source_digest
+from tools.host.cluster import Cluster, Program, program, source_digest
 from tools.host.progress import StageProgress
 
 pytest.importorskip("distributed")
@@ -76,43 +77,28 @@ def test_without_workers_it_says_so_and_can_be_interrupted(tmp_path: Path, out: 
     assert "Traceback" not in said
 
 
-def test_it_says_again_that_workers_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = 0.0
-    monkeypatch.setattr("tools.host.cluster.time.monotonic", lambda: now)
-    said: list[str] = []
-    workers = module._Workers(_Client({}), said.append)
-    for now in range(0, 200, 10):  # noqa: B007
-        workers.look()
-    assert len(said) == 4  # at 0, 60, 120 and 180 seconds
-    assert not workers.fit
-
-
-def test_a_worker_with_another_source_gets_nothing(tmp_path: Path, out: Path) -> None:
-    shots = [save_shot(tmp_path / f"{seed}.dng", seed) for seed in range(4)]
+def test_a_worker_with_another_source_ends_the_run(tmp_path: Path, out: Path) -> None:
+    shot = save_shot(tmp_path / "0.dng")
     with ExitStack() as stack:
         file, _ = stack.enter_context(scheduler(tmp_path))
         stack.enter_context(worker(file, "changed", other_source(tmp_path / "changed", "offline/settings.py")))
-        rendering = start("render", *shots, "-o", out, "--scheduler-file", file)
-        refused = line_with(rendering.stderr, "refused")
-        assert refused.startswith("worker tcp://127.0.0.1:")
-        assert "another source of Panchroma" in refused
-        time.sleep(1)
-        assert not list(out.glob("*.tif"))
-        stack.enter_context(worker(file, "ours"))
-        _, said = rendering.communicate(timeout=100)
-    assert rendering.returncode == 0, said
-    assert len(list(out.glob("*.tif"))) == 4
+        outcome = run("render", shot, "-o", out, "--scheduler-file", file)
+    assert outcome.code == 2
+    (line,) = outcome.errors
+    assert line.startswith("panchroma: worker tcp://127.0.0.1:")
+    assert "runs another source of Panchroma" in line
+    assert not list(out.iterdir())
+
+
+def length(piece: str, listener: StageProgress) -> int:
+    listener.note(f"at {piece}")
+    return len(piece)
 
 
 def test_a_worker_that_comes_late_refuses_the_work_of_another_source() -> None:
-    def length(piece: str, listener: StageProgress) -> int:
-        listener.note(f"at {piece}")
-        return len(piece)
-
-    result, notes = module._locked("another", length, "four")
-    assert isinstance(result, module._Refused)
-    assert not notes
-    assert module._locked(program().source, length, "four") == (4, ["at four"])
+    with pytest.raises(InputError, match="runs another source of Panchroma"):
+        module._done("another", length, "four")
+    assert module._done(program().source, length, "four") == (4, ["at four"])
 
 
 class _Client:
@@ -127,8 +113,8 @@ class _Client:
     def nthreads(self) -> dict[str, int]:
         return dict.fromkeys(self.answers, 1)
 
-    def run(self, function: object, *, workers: list[str], on_error: str) -> dict[str, object]:
-        return {address: self.answers[address] for address in workers}
+    def run(self, function: object, *, on_error: str) -> dict[str, object]:
+        return self.answers
 
 
 def test_the_digest_of_the_source_is_that_of_every_file_that_runs(tmp_path: Path) -> None:
@@ -149,24 +135,18 @@ def test_workers_are_judged_by_what_they_run() -> None:
     ours = program()
     versions = tuple((name, "0.1" if name == "numba" else version) for name, version in ours.versions)
     said: list[str] = []
-    client = _Client(
-        {"same": ours, "older": Program(ours.source, versions), "other": Program("x", ours.versions), "left": OSError()}
-    )
-    client.answers |= {"none": ModuleNotFoundError("No module named 'tools'"), "left": OSError()}
-    workers = module._Workers(client, said.append)
-    assert workers.look(again=True)
-    assert workers.fit == {"same", "older"}
-    assert workers.allowed() == ["older", "same"]
+    older = Program(ours.source, versions)
+    Cluster(_Client({"same": ours, "older": older, "old": older, "left": OSError()}), said.append)._check_workers()
     here = dict(ours.versions)["numba"]
-    assert f"worker older: has numba 0.1 (here {here}): its results may differ from those made here in the last bits" in said
-    assert any(line.startswith("worker other: refused, because it runs another source of Panchroma (x, here") for line in said)
-    assert any(line.startswith("worker none: refused, because it has no Panchroma") for line in said)
-    assert len(said) == 3
-    assert workers.look(again=True)  # it is still there, and is not named again
-    assert len(said) == 3
-    client.answers = {"same": ours}
-    assert not workers.look(again=True)
-    assert workers.allowed() is None
+    assert said == [
+        f"worker older and 1 more: has numba 0.1 (here {here}): its results may differ from those made here in the last bits"
+    ]
+    for other, words in (
+        (Program("x", ours.versions), r"worker other: runs another source of Panchroma \(x, here"),
+        (ModuleNotFoundError("No module named 'tools'"), "worker other: has no Panchroma, or another one"),
+    ):
+        with pytest.raises(InputError, match=words):
+            Cluster(_Client({"same": ours, "other": other}), said.append)._check_workers()
 
 
 def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path, out: Path) -> None:
@@ -190,10 +170,8 @@ def test_an_interrupt_leaves_no_file_of_a_worker_that_was_killed(tmp_path: Path,
         ("", "the file is empty"),
         ("garbage{", "holds no address"),
         ("[1, 2]", "holds no address"),
-        ("{}", "holds no address"),
         ('{"address": null}', "holds no address"),
         ('{"address": ""}', "holds no address"),
-        ('{"address": ["tcp://127.0.0.1:1"]}', "holds no address"),
         ("[" * 100_000, "holds no address"),
         (" " * (1 << 21), "bytes"),
         ('{"address": "tls://127.0.0.1:1"}', "no scheduler answers"),

@@ -258,7 +258,7 @@ def test_exposure_reaches_the_file() -> None:
         ({"format": "png"}, ("png", 8, "srgb")),
         ({"format": "png", "space": "display-p3", "bits": 16}, ("png", 16, "display-p3")),
         ({"format": "jpg"}, ("jpg", 8, "srgb")),
-        ({"format": "jxl"}, ("jxl", 16, "srgb")),
+        ({"format": "jxl"}, ("jxl", 8, "srgb")),
         ({"format": "jxl", "bits": 32}, ("jxl", 32, "linear-srgb")),
         ({"format": "uhdr"}, ("uhdr", 8, "srgb")),
         ({"format": "dng"}, ("dng", 16, "camera")),

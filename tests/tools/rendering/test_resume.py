@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from shared.calibration import NoiseModel
 from tests.tools.command import Outcome, assert_refused, contents, results, run
 from tests.tools.rendering.examples import save_shot
 from tools.rendering.journal import NAME
+from tools.rendering.run import shard_of
 
 
 @pytest.fixture
@@ -235,7 +237,7 @@ def test_two_folders_with_the_same_names_are_refused_before_anything_is_lost(sho
 def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def late(path: str, max_pixels: int) -> object:
         mosaic = read_dng(path, max_pixels=max_pixels)
-        os.utime(path, ns=(1, 1))
+        Path(path).write_bytes(Path(path).read_bytes() + b"!")
         return mosaic
 
     monkeypatch.setattr("tools.rendering.order.read_dng", late)
@@ -249,4 +251,11 @@ def test_shards_make_everything_once(shots: Path, out: Path) -> None:
     made = [record["output"] for part in "123" for record in render(shots, out, "--shard", f"{part}/3").records]
     assert len(made) == len(set(made)) == 9
     assert np.all([Path(path).exists() for path in made])
-    assert run("render", shots, "-o", out, "--shard", "4/3").code == 2
+    for wrong in ("4/3", "0/3", "3", "1/3/5", "a/b"):
+        assert run("render", shots, "-o", out, "--shard", wrong).code == 2
+
+
+def test_shards_are_alike_in_size() -> None:
+    sizes = Counter(shard_of(f"sub/IMG_{number:04}.tif", 7) for number in range(1000))
+    assert set(sizes) == set(range(1, 8))
+    assert all(100 < size < 190 for size in sizes.values())  # 143 on average, with a standard deviation of 11
