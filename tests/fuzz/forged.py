@@ -4,29 +4,37 @@ import io
 import struct
 import tempfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
+from shared.tiff import Directory, FieldType, encode_tiff
+
 SIDE = 64
 """Pixels, each way, of a picture that claims to be larger, or is in needlessly many pieces."""
-LONG = 4
-Entries = dict[int, tuple[int, int, int]]
-"""Fields of a TIFF: tag -> (type, count, value or offset)."""
+Fields = dict[int, int | list[int] | bytes]
+"""Fields of a TIFF: one LONG, SHORTs, or bytes; b"": none."""
 
 
-def tiff(entries: Entries, data: bytes = b"") -> bytes:
-    """A little-endian TIFF of one directory, at byte 8, and what follows it."""
-    table = b"".join(struct.pack("<HHII", tag, *entry) for tag, entry in sorted(entries.items()))
-    return b"II*\0" + struct.pack("<IH", 8, len(entries)) + table + bytes(4) + data
-
-
-def longs(values: dict[int, int]) -> Entries:
-    """Fields of one number each."""
-    return {tag: (LONG, 1, value) for tag, value in values.items()}
+def tiff(fields: Fields, strips: Sequence[bytes] = (), different: int = 0) -> bytes:
+    """A TIFF of one directory. different: 1: all strips are the same bytes of the file; 0: each has its own."""
+    kinds = {int: FieldType.LONG, list: FieldType.SHORT, bytes: FieldType.BYTE}
+    known: Any = {
+        tag: (kinds[type(value)], [value] if isinstance(value, int) else value) for tag, value in fields.items() if value != b""
+    }
+    if not different:
+        return encode_tiff(Directory(known, strips=strips))
+    sizes: Any = {279: (FieldType.LONG, [len(strips[0])] * len(strips))}
+    start = 0
+    for _ in range(2):  # how long the directory is does not depend on where the strips are
+        data = encode_tiff(Directory(known | sizes | {273: (FieldType.LONG, [start] * len(strips))}))
+        start = len(data)
+    return data + strips[0]
 
 
 def entries_of(data: bytes | bytearray) -> dict[int, tuple[int, int, int, int]]:

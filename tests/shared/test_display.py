@@ -49,11 +49,6 @@ def test_primaries_are_those_of_the_published_profiles(name: str, published: lis
     np.testing.assert_allclose(SPACES[name].to_xyz, published, atol=2e-4)
 
 
-@pytest.mark.parametrize("name", SPACES)
-def test_white_of_every_space_is_d50(name: str) -> None:
-    np.testing.assert_allclose(SPACES[name].to_xyz.sum(axis=1), D50, rtol=1e-12)
-
-
 # --- white ------------------------------------------------------------------------------------------------------------------------
 
 

@@ -126,23 +126,9 @@ def test_other_samples_are_refused(samples: Any, words: str) -> None:
         Mosaic(samples, pattern, CALIBRATION)
 
 
-def test_numbers_beyond_float32_are_refused() -> None:
-    with pytest.raises(InputError, match="not finite"), np.errstate(over="ignore"):
-        Mosaic(np.full(SHAPE, 1e39), PATTERN, CALIBRATION)
-
-
 def test_pattern_and_calibration_of_different_sensors_are_refused() -> None:
     with pytest.raises(InputError, match="different sensors"):
         Mosaic(codes(), CfaPattern.with_block(("XY",), 4), CALIBRATION)
-
-
-def test_any_number_of_channels() -> None:
-    pattern = CfaPattern.with_block(("RGB", "XWY"), 6, (2, 1))
-    calibration = SensorCalibration("RGBXY", black_level=(10, 20, 30, 40, 50, 60), white_level=1000)
-    mosaic = Mosaic(np.full((12, 12), 500, np.uint16), pattern, calibration)
-    for row, column in np.ndindex(12, 12):
-        black = calibration.black_level["RGBXYW".index(geometry.letter(pattern, row, column))]
-        assert mosaic.signal[row, column] == pytest.approx((500 - black) / (1000 - black) * 5.0, rel=1e-6)
 
 
 def test_metadata_travels_along_and_is_checked() -> None:

@@ -5,9 +5,8 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from shared.block_grid import BlockGrid
 from shared.errors import InputError
-from shared.pattern import BAYER_ORDERS, PERIODS, CfaPattern
+from shared.pattern import CfaPattern
 from tests.reference import geometry
 
 FIVE = ("RGB", "XWY")  # six pixels, five channels, and a hole in the block
@@ -54,24 +53,11 @@ def test_block_is_the_smallest_rectangle_around_the_colour_sites(pattern: CfaPat
 
 
 @with_patterns
-def test_masks_count_the_panchromatic_pixels(pattern: CfaPattern) -> None:
-    mask = pattern.panchromatic_mask((3 * pattern.period, 2 * pattern.period))
-    assert mask.dtype == np.bool_
-    assert (~mask).sum() == 6 * len(pattern.sites)
-
-
-@with_patterns
 def test_cropping_shifts_the_pattern(pattern: CfaPattern) -> None:
     whole = pattern.filter_map((40, 40))
     for top, left in ((0, 0), (1, 5), (19, 2)):
         assert np.array_equal(pattern.cropped(top, left).filter_map((20, 30)), whole[top : top + 20, left : left + 30])
         assert pattern.cropped(top, left).letters_from() == pattern.letters_from((top, left))
-
-
-def test_the_letters_make_the_pattern_again() -> None:
-    for pattern in PATTERNS:
-        again = CfaPattern(pattern.letters_from(), channels=pattern.channels)
-        assert np.array_equal(again.filter_map((20, 20)), pattern.filter_map((20, 20)))
 
 
 def test_the_papers_pattern() -> None:
@@ -81,15 +67,6 @@ def test_the_papers_pattern() -> None:
     assert pattern.sites == ((0, 0, 0), (0, 1, 1), (1, 0, 1), (1, 1, 2))
     assert pattern.light_efficiency == pytest.approx(100 / 36)  # 32 pixels that see three times as much, and 4
     assert CfaPattern.bayer(4).light_efficiency == pytest.approx(2.5)
-
-
-@pytest.mark.parametrize("order", BAYER_ORDERS)
-@pytest.mark.parametrize("period", PERIODS)
-def test_every_bayer_pattern_has_its_block_in_the_corner(order: str, period: int) -> None:
-    pattern = CfaPattern.bayer(period, order)
-    assert pattern.channels == "RGB"
-    assert pattern.block_origin == (0, 0)
-    assert "".join(pattern.channels[channel] for _, _, channel in pattern.sites) == order
 
 
 def test_origin_counts_modulo_the_period_and_patterns_are_values() -> None:
@@ -191,15 +168,6 @@ def test_blocks_are_the_corners_of_the_patches(pattern: CfaPattern, shape: tuple
     assert (planes < len(pattern.channels)).sum() >= grid.inside.sum() * len(pattern.sites)
 
 
-def test_four_corners_of_a_patch_are_sites_of_four_bayer_blocks() -> None:
-    """Section 3.3: "the four corners of each patch include one site from a Bayer block"."""
-    pattern = CfaPattern.bayer(5, origin=(1, 3))
-    grid = pattern.grid((30, 30))
-    top, left = int(grid.rows[1]) + 1, int(grid.columns[1]) + 1
-    corners = pattern.filter_map((5, 5), (top, left))[[0, 0, 4, 4], [0, 4, 0, 4]]
-    assert "".join(pattern.planes[plane] for plane in corners) == "BGGR"
-
-
 @with_patterns
 @pytest.mark.parametrize("shape", SHAPES)
 def test_outer_blocks_take_their_nearest_whole_one(pattern: CfaPattern, shape: tuple[int, int]) -> None:
@@ -221,13 +189,3 @@ def test_the_least_frames_that_hold_a_block() -> None:
     for shape in ((3, 5), (4, 4), (2, 2), (1, 40)):
         with pytest.raises(InputError, match=f"{shape[1]} x {shape[0]} pixels holds no whole colour block"):
             pattern.grid(shape)
-
-
-@pytest.mark.parametrize("origin", [(0, 0), (3, 1), (5, 5)])
-def test_two_periods_always_hold_a_block(origin: tuple[int, int]) -> None:
-    for block in (("RG", "GB"), FIVE, ("RGBXY",) * 5):
-        assert CfaPattern.with_block(block, 6, origin).grid((12, 12)).inside.any()
-
-
-def test_a_grid_is_a_value() -> None:
-    assert CfaPattern.bayer().grid((20, 20)) == BlockGrid(6, (0, 0), (2, 2), (20, 20))

@@ -119,12 +119,7 @@ def test_a_full_disk_ends_it_and_leaves_what_was_saved(tmp_path: Path, full_disk
         (FrameLayout(32, 26, "raw12"), CfaPattern.bayer(), CALIBRATION, "of 10 bits, raw12 has 12"),
         (FrameLayout(32, 26, "raw10"), CfaPattern.bayer(), SensorCalibration(), "of 16 bits, raw10 has 10"),
         (FrameLayout(3, 3, "raw10"), CfaPattern.bayer(8, origin=(4, 4)), CALIBRATION, "no whole colour block"),
-        (
-            FrameLayout(32, 26, "raw10"),
-            CfaPattern.with_block(("CM", "YC"), 6),
-            CALIBRATION,
-            "they belong to different sensors",
-        ),
+        (FrameLayout(32, 26, "raw10"), CfaPattern.with_block(("CM", "YC"), 6), CALIBRATION, "they belong to different sensors"),
     ],
 )
 def test_a_sensor_that_contradicts_itself(

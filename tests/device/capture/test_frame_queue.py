@@ -40,23 +40,6 @@ def test_the_oldest_is_dropped_when_nobody_takes_them() -> None:
     assert numbers(queue) == [8, 9]
 
 
-def test_a_consumer_that_keeps_up_gets_every_frame() -> None:
-    taken = threading.Semaphore(1)
-
-    def source() -> Iterator[RawFrame]:
-        for number in range(20):
-            taken.acquire()
-            yield frame(number)
-
-    queue = FrameQueue(source(), 1)
-    got = []
-    for each in queue:
-        got.append(each.data[0])
-        taken.release()
-    assert got == list(range(20))
-    assert queue.dropped == 0
-
-
 def test_a_recording_waits() -> None:
     given = 0
 

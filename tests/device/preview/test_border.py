@@ -31,28 +31,6 @@ def test_the_pattern_goes_on(pattern: CfaPattern, shape: tuple[int, int]) -> Non
     assert np.array_equal(whole, pattern.filter_map((whole.shape[0], whole.shape[1]), (MARGINS[0][0], MARGINS[1][0])))
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
-def test_clear_pixels_are_mirrored_where_the_image_is_clear_too(pattern: CfaPattern) -> None:
-    codes = np.arange(23 * 17, dtype=np.uint16).reshape(23, 17)
-    whole = extended(codes, pattern)
-    clear = len(pattern.channels)
-    planes = pattern.filter_map((whole.shape[0], whole.shape[1]), (MARGINS[0][0], MARGINS[1][0])) == clear
-    margins = [(-low, high) for low, high in MARGINS]
-    mirrored = np.pad(codes, margins, mode="reflect")
-    alike = planes & np.pad(pattern.panchromatic_mask(codes.shape), margins, mode="reflect")
-    assert np.array_equal(whole[alike], mirrored[alike])
-    assert not np.array_equal(whole[~alike], mirrored[~alike])
-
-
-def test_the_rest_takes_the_nearest_of_its_place_in_the_tile() -> None:
-    """Along a row with sites at 0 and 1 of every 6, of a frame from 0 to 16."""
-    codes = np.tile(np.arange(17, dtype=np.uint16), (17, 1))
-    whole = extended(codes, CfaPattern.bayer(6))
-    block_row = whole[13]
-    assert block_row[9 - 9 : 9].tolist() == [9, 8, 5, 0, 1, 4, 3, 2, 5]
-    assert block_row[9 + 17 :].tolist() == [15, 12, 13, 14, 11, 10, 9, 12, 13, 14, 5, 4, 3, 12]
-
-
 def test_pieces_are_those_of_the_whole() -> None:
     pattern, codes = CfaPattern.bayer(6, origin=(2, 5)), np.arange(23 * 17, dtype=np.uint16).reshape(23, 17)
     whole = extended(codes, pattern)

@@ -60,15 +60,10 @@ def test_where_the_frame_begins_does_not_show_but_at_its_edge(origin: tuple[int,
 @pytest.mark.parametrize("pattern", [CfaPattern.bayer(4), CfaPattern.bayer(6, "BGGR"), CfaPattern.bayer(7), CfaPattern.bayer(16)])
 def test_any_size(shape: tuple[int, int], pattern: CfaPattern) -> None:
     mosaic = shot(shape, pattern)
-    for scale, linear in product((1, 2) if pattern.period % 2 == 0 else (1,), (False, True)):
+    for scale, linear in product((1, 4) if pattern.period % 4 == 0 else (1,), (False, True)):
         picture = Preview(pattern, scale, linear=linear, threads=1).run(mosaic)
-        assert picture.shape == (shape[0] // scale, shape[1] // scale, 3)
+        assert picture.shape == (max(shape[0] // scale, 1), max(shape[1] // scale, 1), 3)
         assert np.isfinite(picture).all()
-
-
-def test_a_picture_has_at_least_a_pixel() -> None:
-    mosaic = shot((2, 3), CfaPattern.bayer(6))
-    assert Preview.for_mosaic(mosaic, 3).run(mosaic).shape == (1, 1, 3)
 
 
 @pytest.mark.parametrize("scale", [2, 3])
@@ -81,16 +76,6 @@ def test_a_smaller_picture_shows_the_same_places(scale: int) -> None:
         light = np.asarray(Preview.for_mosaic(mosaic, scale, linear=True).run(mosaic), np.float32)[5, :, 1]
         edge = float(((light < 0.89) * (0.9 - light) / 0.8).sum()) * scale
         assert abs(edge - column) <= scale / 2 + 0.1
-
-
-def test_other_channels_than_three() -> None:
-    pattern = CfaPattern.with_block(("VGC", "YWM", "GEV"), 8)
-    mosaic = shot((40, 41), pattern)
-    assert Preview.for_mosaic(mosaic, linear=True).run(mosaic).shape == (40, 41, 6)
-    picture = Preview.for_mosaic(mosaic).run(mosaic)
-    assert picture.shape == (40, 41, 3)
-    assert int(picture.max(axis=2).astype(int).max()) > 0
-    assert np.ptp(picture, axis=2).max() == 0  # nobody knows the colours
 
 
 def test_one_preview_serves_all_cameras_and_sizes() -> None:
@@ -138,13 +123,10 @@ def test_another_pattern_is_refused_with_both_named() -> None:
         preview.run(shot(pattern=CfaPattern.bayer(4, "GRBG")))
     with pytest.raises(InputError, match="channels RGB, the mosaic has BGR"):
         preview.run(shot(pattern=CfaPattern(CfaPattern.bayer(4).tile, channels="BGR")))
-    with pytest.raises(InputError, match="has 1, 5"):
-        Preview(CfaPattern.bayer(5), 3)
-
-
-def test_threads_below_one() -> None:
     with pytest.raises(InputError, match="`threads` is 0"):
         Preview(CfaPattern.bayer(), threads=0)
+    with pytest.raises(InputError, match="has 1, 5"):
+        Preview(CfaPattern.bayer(5), 3)
 
 
 MEMORY = """
@@ -171,16 +153,6 @@ print(resident() - before)
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory of a process as Linux shows it")
 def test_memory_does_not_grow() -> None:
     assert int(run_python(MEMORY)) < GROWTH
-
-
-def test_a_preview_that_is_dropped_leaves_no_thread() -> None:
-    script = (
-        "import gc, threading\nfrom device import Preview\n"
-        "from tests.device.preview.test_preview import shot\nmosaic = shot()\n"
-        "for _ in range(5):\n    Preview.for_mosaic(mosaic, threads=3).run(mosaic)\n    gc.collect()\n"
-        "print(sum(each.name.startswith('preview') and each.is_alive() for each in threading.enumerate()))"
-    )
-    assert int(run_python(script)) <= 3
 
 
 def test_other_channels_without_a_colour_matrix_are_shown_as_grey_light() -> None:

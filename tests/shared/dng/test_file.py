@@ -44,6 +44,9 @@ WHOLE = encode_dng(mosaic(), preview())
     [
         (None, "there is no such file"),
         (b"", "the file is empty"),
+        (b"\x89PNG", "not a DNG"),
+        (b"II*\0", "damaged"),
+        (b"II*\0\x08\0\0\0\0\0\0\0\0\0", ""),
         (decode_preview(WHOLE), "a JPEG picture, not a DNG"),
         (WHOLE[: len(WHOLE) // 2], "damaged: the file ends after"),
     ],

@@ -243,22 +243,6 @@ def test_samples_of_another_kind_are_told() -> None:
         decode_dng(tampered({Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [1])}))
 
 
-@pytest.mark.parametrize(
-    ("data", "reason"),
-    [
-        (b"", "the file is empty"),
-        (b"\xff\xd8\xff\xe0 and so on", "a JPEG picture, not a DNG"),
-        (b"\x89PNG", "not a DNG"),
-        (b"II*\0", "damaged"),
-        (b"II*\0\x08\0\0\0\0\0\0\0\0\0", "not a mosaic|no JPEG preview"),
-    ],
-)
-def test_other_files_are_told(data: bytes, reason: str) -> None:
-    for decode in (decode_dng, decode_preview):
-        with pytest.raises(InputError, match=reason):
-            decode(data)
-
-
 def test_a_rendered_picture_is_no_mosaic() -> None:
     rendering = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
     with pytest.raises(InputError, match="not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW"):

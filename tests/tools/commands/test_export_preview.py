@@ -1,10 +1,9 @@
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from device.preview.graph import build_preview
-from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared import CfaPattern
 from tests.tools.command import names, run
 
 
@@ -23,15 +22,6 @@ def test_it_writes_the_graph_asked_for(tmp_path: Path, options: str, expected: b
     assert outcome.code == 0, outcome.err
     assert path.read_bytes() == expected
     assert outcome.out == f"{path}: {len(expected)} bytes\n"
-
-
-def test_the_pattern_of_a_shot(tmp_path: Path) -> None:
-    pattern = CfaPattern.with_block(("RGC", "YWM", "GBR"), 8, (5, 2))
-    mosaic = Mosaic(np.full((40, 40), 30000, np.uint16), pattern, SensorCalibration(channels=pattern.channels))
-    write_dng(tmp_path / "shot.dng", mosaic, np.zeros((40, 40, 3), np.uint8))
-    path = tmp_path / "g.onnx"
-    assert run("export-preview", "-o", path, "--like", tmp_path / "shot.dng").code == 0
-    assert path.read_bytes() == build_preview(pattern)
 
 
 @pytest.mark.parametrize(

@@ -145,16 +145,6 @@ def test_a_frame_that_does_not_fit_is_refused_and_the_rest_is_shown_until_the_st
     assert len(refused) == 1
 
 
-def test_a_late_watcher_begins_with_what_is_there(served: Served) -> None:
-    for number in range(5):
-        show(served.finder, number)
-    first = next(pictures(served.ask("/stream.mjpg")))
-    view = served.finder.after(0)
-    assert view is not None
-    assert first == view.jpeg
-    assert view.number == 5
-
-
 def test_the_figures(served: Served) -> None:
     status, facts = served.facts("/status")
     assert status == 200
