@@ -1,7 +1,7 @@
 """Convert capture metadata to TIFF, Exif and GPS fields (Exif 2.3, section 4.6), for every format that holds them."""
 
 from ..metadata import CaptureMetadata
-from ..tiff import Directory, Fields, FieldType, encode_tiff
+from ..tiff import Directory, Fields, FieldType
 from .exif_table import GPS_VERSION
 from .tags import MAKER, Tag
 
@@ -58,13 +58,6 @@ def metadata_directory(metadata: CaptureMetadata) -> Directory:
     if len(gps.fields) > 1:
         main.children[Tag.GPS_IFD] = gps
     return main
-
-
-def exif_block(metadata: CaptureMetadata) -> bytes:
-    """The metadata as the Exif block of a picture file: a TIFF structure, without the "Exif" and two NULs of a JPEG segment."""
-    directory = metadata_directory(metadata)
-    directory.fields.update(resolution_fields())
-    return encode_tiff(directory)
 
 
 def resolution_fields() -> Fields:

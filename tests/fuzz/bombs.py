@@ -135,8 +135,9 @@ def _tiffs() -> dict[str, bytes]:
         "inflate": (8, deflated),
         "packbits": (32773, b"\x81\0" * 1_000_000),
     }
-    grey = {256: SIDE, 257: SIDE, 258: 8, 262: 1, 277: 1}
-    square, raw = {256: SIDE, 257: SIDE, 278: SIDE, 284: 1, 254: 0, **_DNG_VERSION}, zlib.compress(bytes(120), 9)
+    grey: Fields = {256: SIDE, 257: SIDE, 258: 8, 262: 1, 277: 1}
+    square: Fields = {256: SIDE, 257: SIDE, 278: SIDE, 284: 1, 254: 0, **_DNG_VERSION}
+    raw = zlib.compress(bytes(120), 9)
     names: Fields = {33421: [2, 2], 33422: bytes([0, 1, 1, 2]), 271: b"Camera\0", 272: b"Camera\0"}
     noise = zlib.compress(np.random.default_rng(0).bytes(400_000), 1)
     side = 13_000  # grey that inflates to 200 times its size, and as a scene to twelve times as much again

@@ -12,7 +12,7 @@ from shared.errors import InputError
 from ..frames import RawFrame
 from ..sensor import Sensor
 from .look import Look
-from .proofs import CHECKS, not_covered
+from .proofs import proofs
 
 _NEXT = "; the next frames are looked at"
 _UNPROVEN = f"the frame does not show whether size, format and pattern are right (dark, even or noisy){_NEXT}"
@@ -48,17 +48,17 @@ class FrameCheck:
         look = Look(frame, self._sensor, confirmed=self._confirmed > 0, thorough=rarely)
         if not self._covered and not look.found and look.levels.are_dark():
             return [_UNPROVEN]
-        for check in [not_covered] if self._covered else CHECKS:
-            if proof := check(look):
-                told = f"the frame is not as described: {proof.seen}; likely {proof.likely}"
-                raise InputError(f"{told}. If the description is right, add `unchecked`")
+        found = iter([look.levels_of(look.codes).lit()]) if self._covered else proofs(look)
+        if proof := next(filter(None, found), None):
+            told = f"the frame is not as described: {proof.seen}; likely {proof.likely}"
+            raise InputError(f"{told}. If the description is right, add `unchecked`")
         return [] if self._covered else self._left_open(look)
 
     def _left_open(self, look: Look) -> list[str]:
         if not look.shown:
             return [_UNPROVEN]
         self._confirmed += 1
-        self._colours |= look.shows_colours
+        self._colours |= look.coloured is not None
         unsettled = look.levels.unsettled()
         self._bits |= not unsettled
         left = [] if self._colours else [_COLOURS if look.pattern.is_scattered else _GREENS]

@@ -58,7 +58,7 @@ def best_reading(
         reading = _reading(data, layout, pattern, name, stride, skipped)
         if reading is None:
             continue
-        is_there = reading.found.period == pattern.period and pattern.block_origin in reading.found.places
+        is_there = reading.found.fits(pattern)
         # Stripes may repeat in a wrong format too, but hardly at the declared place, nor as plainly.
         if name != layout.format and not is_there and reading.found.explained < PLAIN:
             continue

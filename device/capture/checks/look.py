@@ -1,16 +1,17 @@
 """What one frame shows: everything that checks compare with the description of its sensor."""
 
+from dataclasses import replace
 from functools import cached_property
 from math import gcd
 
 import numpy as np
 
 from shared.arrays import CodeArray
+from shared.pattern import CfaPattern
 
 from ..frames import RawFrame
 from ..sensor import Sensor
-from .block_order import greens_are_on_their_diagonal
-from .colour_places import likely_place
+from .colour_search import alike
 from .layout_search import PLAIN, Reading, best_reading
 from .level_check import Levels, Proof, columns_of_light
 from .pattern_search import Found, find_pattern
@@ -56,16 +57,12 @@ class Look:
     def found(self) -> Found | None:
         """The pattern, at the declared place or, if that is certain, at another one."""
         found = find_pattern(self.codes, self.pattern)
-        return found if found and (found.sure or self.is_declared(found)) else None
+        return found if found and (found.sure or found.fits(self.pattern)) else None
 
     @property
     def shown(self) -> Found | None:
         """The pattern, if the frame shows it where it is said to be."""
-        return self.found if self.is_declared(self.found) else None
-
-    def is_declared(self, found: Found | None) -> bool:
-        """Whether a pattern is where it is said to be."""
-        return found is not None and found.period == self.pattern.period and self.pattern.block_origin in found.places
+        return self.found if self.found and self.found.fits(self.pattern) else None
 
     @cached_property
     def searched(self) -> bool:
@@ -83,10 +80,11 @@ class Look:
         return bool(self.strides) and self.strides[0] % self.layout.stride == 0
 
     @property
-    def other_strides(self) -> list[int]:
-        """Other strides that are worth trying: a part of the rows has the period of all if the two have no divisor in common."""
+    def restrided(self) -> Reading | None:
+        """A reading at another stride: a part of the rows has the period of all if the two have no divisor in common."""
         ours, period = self.layout.stride, self.pattern.period
-        return [each for each in self.strides if each != ours and (each % ours or gcd(each // ours, period) > 1)][:_TRIED]
+        others = [each for each in self.strides if each != ours and (each % ours or gcd(each // ours, period) > 1)][:_TRIED]
+        return best_reading(self.data, self.layout, self.pattern, others)
 
     @cached_property
     def reading(self) -> Reading | None:
@@ -96,17 +94,16 @@ class Look:
         return best_reading(self.data, self.layout, self.pattern, [self.layout.stride])
 
     @cached_property
-    def likely_place(self) -> tuple[int, int] | None:
-        """Where a tile of scattered sites begins, by its colours; None where the frame does not show it."""
-        return likely_place(self.codes, self.pattern, self.found.places) if self.found else None
-
-    @cached_property
-    def greens(self) -> bool | None:
-        """Whether the two greens of a block are on their diagonal; None where the frame does not show it."""
+    def coloured(self) -> CfaPattern | None:
+        """The pattern with its colours as the frame shows them, the declared one where no frame can; None if it shows none."""
+        if self.found is None:
+            return None
+        pattern, candidates = self.pattern, [self.pattern]
+        if pattern.is_scattered:
+            places = sorted(self.found.places, key=lambda place: (place != pattern.origin, place))
+            candidates = [replace(pattern, origin=place) for place in places]
+        elif len(pattern.sites) == 4 and pattern.block_shape == (2, 2):
+            rows = [row[:2][::-1] for row in pattern.letters_from(pattern.block_origin)[:2]]
+            candidates.append(CfaPattern.with_block((rows[0], rows[1]), pattern.period, pattern.block_origin, pattern.channels))
         black = float(np.mean(self.calibration.black_level))
-        return greens_are_on_their_diagonal(self.codes, self.pattern, black, self.calibration.white_level)
-
-    @property
-    def shows_colours(self) -> bool:
-        """Whether the frame shows that the colours are where they are said to be, as far as samples can show it."""
-        return self.likely_place is not None if self.pattern.is_scattered else self.greens is True
+        return alike(self.codes, candidates, black, self.calibration.white_level)

@@ -42,6 +42,10 @@ class Found:
     explained: float
     sure: bool
 
+    def fits(self, pattern: CfaPattern) -> bool:
+        """Whether they are where `pattern` has them."""
+        return self.period == pattern.period and pattern.block_origin in self.places
+
 
 @dataclass(frozen=True)
 class Tiles:

@@ -10,16 +10,20 @@ import pytest
 from PIL import Image
 
 from shared import CaptureMetadata
-from shared.dng import decode_dng, encode_dng, encode_picture_dng, exif_block, read_metadata
+from shared.dng import decode_dng, encode_dng, metadata_directory, read_metadata
 from shared.dng.exif import TEXTS
 from shared.dng.exif_reading import place, shown_fields, text
 from shared.dng.exif_table import KEPT
 from shared.dng.tags import Tag
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
 from shared.tiff_reading import read_directories
-from tests.shared.dng.examples import METADATA, mosaic, preview
+from tests.shared.dng.examples import METADATA, mosaic, picture_dng, preview
 
 ASCII, SHORT, RATIONAL = FieldType.ASCII, FieldType.SHORT, FieldType.RATIONAL
+
+
+def exif_block(metadata: CaptureMetadata) -> bytes:
+    return encode_tiff(metadata_directory(metadata))
 
 
 def survivor(metadata: CaptureMetadata) -> CaptureMetadata:
@@ -209,6 +213,6 @@ def test_the_source_of_a_dng_of_ours_is_known_and_its_camera_ours() -> None:
     ]
     odd = replace(METADATA, make="<&\"'>", model="a]]>b</tiff:Model>")
     assert survivor(odd) == odd
-    rendered = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
+    rendered = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
     assert read_metadata(BytesIO(rendered)) == METADATA
     assert text(read_directories(BytesIO(rendered), {Tag.MODEL}).main[Tag.MODEL]) == "Panchroma render"

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from shared import CfaPattern, Mosaic
-from shared.dng import codec, decode_dng, decode_preview, encode_dng, encode_picture_dng
+from shared.dng import codec, decode_dng, decode_preview, encode_dng
 from shared.dng.container import main_directory, raw_digest, raw_directory
 from shared.dng.record import decode_record, encode_record, record_id
 from shared.dng.tags import Photometric, Tag
 from shared.errors import InputError
 from shared.tiff import Directory, Fields, FieldType, encode_tiff
-from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
+from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng, preview, same
 
 LIMIT_SECONDS, LIMIT_BYTES = 1.0, 300e6
 
@@ -211,7 +211,7 @@ def test_a_changed_shape_is_told(shape: tuple[int, int]) -> None:
 
 def test_a_changed_shape_of_a_rendered_picture_is_told() -> None:
     rgb = np.random.default_rng(4).random((8, 12, 3), np.float32)
-    data = encode_picture_dng(rgb, METADATA, None, None, preview())
+    data = picture_dng(rgb)
     assert codec.verify(data) == (8, 12)
     turned = data.replace(_entry(Tag.IMAGE_WIDTH, 12), _entry(Tag.IMAGE_WIDTH, 8))
     turned = turned.replace(_entry(Tag.IMAGE_LENGTH, 8), _entry(Tag.IMAGE_LENGTH, 12))
@@ -244,7 +244,7 @@ def test_samples_of_another_kind_are_told() -> None:
 
 
 def test_a_rendered_picture_is_no_mosaic() -> None:
-    rendering = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
+    rendering = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
     with pytest.raises(InputError, match="not a mosaic of Panchroma; `panchroma simulate` makes one from a camera's RAW"):
         decode_dng(rendering)
     assert decode_preview(rendering).startswith(b"\xff\xd8")

@@ -12,9 +12,9 @@ from PIL import Image
 from tifffile import TiffFile
 
 from shared import CfaPattern, Mosaic, SensorCalibration
-from shared.dng import Layout, encode_dng, encode_picture_dng, read_dng, read_preview, write_dng
+from shared.dng import Layout, encode_dng, read_dng, read_preview, write_dng
 from tests.exiftool import exiftool
-from tests.shared.dng.examples import METADATA, calibration, mosaic, preview, same
+from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng, preview, same
 
 CASES: list[tuple[Mosaic, Layout]] = [
     (mosaic(CfaPattern.bayer(3, "BGGR", (1, 2))), "cfa"),
@@ -59,7 +59,7 @@ def test_every_viewer_shows_the_preview(tmp_path: Path) -> None:
 def test_exiftool_finds_nothing_to_complain_of(tmp_path: Path) -> None:
     for number, (original, layout) in enumerate(CASES):
         write_dng(tmp_path / f"{number}.dng", original, preview(), layout=layout)
-    rendering = encode_picture_dng(np.full((9, 9, 3), 0.5, np.float32), METADATA, None, None, preview())
+    rendering = picture_dng(np.full((9, 9, 3), 0.5, np.float32))
     (tmp_path / "picture.dng").write_bytes(rendering)
     verdicts = exiftool("-validate", "-warning", "-error", "-a", "-q", "-s3", tmp_path).decode()
     assert verdicts.split() == ["OK"] * (len(CASES) + 1)

@@ -11,8 +11,8 @@ import pytest
 
 from shared import CaptureMetadata, CfaPattern, Mosaic, NoiseModel, SensorCalibration, write_dng
 from shared.arrays import CodeArray
-from shared.dng import encode_picture_dng, read_preview
-from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
+from shared.dng import read_preview
+from tests.shared.dng.examples import METADATA, calibration, mosaic, picture_dng, preview
 from tests.tools.command import assert_refused, run
 
 PLAIN = SensorCalibration.of_bits(12)
@@ -142,7 +142,7 @@ def archive(folder: Path) -> list[Path]:
     (folder / "a" / "b").mkdir(parents=True)
     paths = [save(folder / "a" / name, mosaic(shape=(20, 30))) for name in ("1.dng", "2.DNG", "b/3.dng")]
     picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
-    (folder / "4.dng").write_bytes(encode_picture_dng(picture, METADATA, None, None, preview()))
+    (folder / "4.dng").write_bytes(picture_dng(picture))
     (folder / "note.txt").write_text("no shot")
     (folder / ".5.dng.12345678.panchroma.part").write_text("no shot")
     return [*paths, folder / "4.dng"]
@@ -172,7 +172,7 @@ def test_an_archive_is_verified_and_the_damaged_are_named(tmp_path: Path, jobs: 
 
 def test_every_flipped_bit_of_a_rendered_dng_s_samples_is_found(tmp_path: Path) -> None:
     picture = np.random.default_rng(1).random((20, 30, 3)).astype(np.float32)
-    data = encode_picture_dng(picture, METADATA, None, None, preview(8, 8))
+    data = picture_dng(picture)
     path = tmp_path / "4.dng"
     start = data.index(b"\xff\xc3") + 40
     for bit in np.random.default_rng(2).integers(8 * start, 8 * (start + 1500), 60).tolist():
