@@ -17,7 +17,7 @@ _OPTIONS = (
     "--hide-scrollbars --no-first-run --remote-debugging-pipe"
 )
 _PATIENCE = 60.0  # seconds
-_KEYS = {"ArrowLeft": 37, "ArrowRight": 39}
+_KEYS = {"ArrowRight": 39}
 
 
 class Browser:
@@ -90,16 +90,10 @@ class Browser:
             time.sleep(0.1)
         return value
 
-    def key(self, name: str, seconds: float = 0.0) -> None:
-        """Hold down the key that KeyboardEvent.key calls `name`."""
+    def key(self, name: str) -> None:
+        """Press the key that KeyboardEvent.key calls `name`."""
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=_KEYS[name])
-            time.sleep(seconds)
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Drag the mouse from one point of the window to another."""
-        for kind, (x, y) in (("mousePressed", start), ("mouseMoved", end), ("mouseReleased", end)):
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
 
     def screenshot(self, clip: dict[str, float]) -> bytes:
         """A part of the page, as PNG; clip: x, y, width, height and scale."""

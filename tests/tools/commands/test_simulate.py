@@ -128,15 +128,6 @@ def test_the_truth_is_as_bright_as_a_render_under_any_light(out: Path, more: tup
         assert shot.truth.white == light
 
 
-def test_what_is_known_of_many_scenes_is_said_once(out: Path, tmp_path: Path) -> None:
-    for name in "abc":
-        Image.fromarray(np.full((12, 12), 30000, np.uint16)).save(tmp_path / f"{name}.png")
-    outcome = run("simulate", tmp_path, "-o", out)
-    assert outcome.err.count("taken as linear light") == 1
-    assert "and 2 more: " in outcome.err
-    assert f"{out / 'a.dng'}: 12 x 12, period 6, 12 bits\n" in outcome.out
-
-
 def test_a_camera_file_gives_gamma_noise_levels_and_colours(out: Path, tmp_path: Path) -> None:
     noise = NoiseModel((0.001,) * 4, (0.02,) * 4)
     calibration = SensorCalibration(

@@ -30,6 +30,13 @@ def small_scene(rows: int, columns: int, seed: int) -> FloatArray:
     return scene
 
 
+def pair(rows: int = 60, columns: int = 70, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    """A noisy rendering of a random scene, and that scene."""
+    rng = np.random.default_rng(seed)
+    truth = rng.random((rows, columns, 3))
+    return (truth + rng.normal(0, 0.05, truth.shape)).astype(np.float32), truth.astype(np.float32)
+
+
 def study_of(folder: Path, methods: tuple[str, ...] = ("paper", "bilinear", "dlmmse"), count: int = 2, **changes: object) -> Study:
     """A study of `count` small scenes, which are written to `folder`."""
     scenes = []

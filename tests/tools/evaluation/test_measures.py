@@ -1,19 +1,13 @@
 import numpy as np
 import pytest
 
-from shared.arrays import FloatArray
 from shared.errors import InputError
+from tests.tools.evaluation.examples import pair
 from tools.evaluation.measures import PLANES, WINDOW, Histogram, Measures, window_origins
 from tools.evaluation.metrics import BORDER, CAP, QUANTILES, patch_psnr, quality
 from tools.evaluation.ssim import ssim
 
 BIN = 0.0021  # dB: a bin, and rounding
-
-
-def pair(rows: int = 60, columns: int = 70, seed: int = 0) -> tuple[FloatArray, FloatArray]:
-    rng = np.random.default_rng(seed)
-    truth = rng.random((rows, columns, 3))
-    return (truth + rng.normal(0, 0.05, truth.shape)).astype(np.float32), truth.astype(np.float32)
 
 
 def test_pooled_quantiles_are_those_of_all_patches() -> None:

@@ -3,13 +3,8 @@ import pytest
 
 from shared.arrays import DoubleArray, FloatArray
 from shared.errors import InputError
+from tests.tools.evaluation.examples import pair
 from tools.evaluation.metrics import CAP, QUANTILES, patch_psnr, psnr, quality
-
-
-def pair(rows: int, columns: int, seed: int = 0) -> tuple[FloatArray, FloatArray]:
-    rng = np.random.default_rng(seed)
-    truth = rng.random((rows, columns, 3))
-    return (truth + rng.normal(0, 0.05, truth.shape)).astype(np.float32), truth.astype(np.float32)
 
 
 def literal(rendered: FloatArray, truth: FloatArray, patch: int, border: int) -> DoubleArray:

@@ -10,7 +10,7 @@ from shared import SensorCalibration
 from shared.pattern import CfaPattern
 from shared.sensor import simulate_additive
 from tests.bayer import bayer_mosaic
-from tests.tools.evaluation.examples import KODAK, measured, small_scene, study_of
+from tests.tools.evaluation.examples import measured, small_scene, study_of
 from tests.walking import CHANGED, one_field_changed
 from tools.camera.protocols import PaperProtocol, SensorProtocol
 from tools.evaluation import cache
@@ -20,7 +20,6 @@ from tools.evaluation.cache import FOLDER
 from tools.evaluation.metrics import QUANTILES, patch_psnr, quality, whole_psnr
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 from tools.evaluation.study import collect, tasks, work
-from tools.evaluation.tiles import chosen_tiles
 
 NOISY = PaperProtocol(0.03)
 
@@ -61,33 +60,14 @@ def test_finished_results_are_not_made_again(tmp_path: Path) -> None:
     assert tasks(study, tmp_path) == ([], 12)
 
 
-def test_a_new_method_a_new_level_a_new_period_add_only_themselves(tmp_path: Path) -> None:
-    study = study_of(tmp_path)
-    measured(study, tmp_path)
-
-    def added(**changes: object) -> list[tuple[str, float, str]]:
-        todo, _ = tasks(replace(study, **changes), tmp_path)  # type: ignore[arg-type]
-        return sorted({(cell.method, cell.level.level, cell.pattern) for task in todo for cell in task.cells})
-
-    assert added(methods=(*study.methods, "ea")) == [("ea", 0.0, ""), ("ea", 0.03, "")]
-    assert added(levels=PaperProtocol.levels((0.0, 0.01, 0.03))) == [
-        ("bilinear", 0.01, ""),
-        ("dlmmse", 0.01, ""),
-        ("paper", 0.01, "K=6"),
-    ]
-    assert added(tiles=chosen_tiles([4, 6], ())) == [("paper", 0.0, "K=4"), ("paper", 0.03, "K=4")]
-    assert added(tiles=(study.tile, KODAK)) == [("paper", 0.0, "Kodak"), ("paper", 0.03, "Kodak")]
-    assert added(tiles=(replace(study.tile, name="mine"),)) == []  # the same pattern under another name
-    assert added(seed=1) == [("bilinear", 0.03, ""), ("dlmmse", 0.03, ""), ("paper", 0.03, "K=6")]
-    assert len(added(levels=SensorProtocol.levels((1.0,)))) == 3
-    assert added(scenes=study.scenes[::-1]) == []
-
-
 def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     study = study_of(tmp_path, methods=("paper",), count=1)
     scene, method, tile = study.scenes[0], registry.methods()["menon-wb"], study.tile
     whole = study.cell(scene, NOISY, method, tile).name
     other: dict[str, str] = {"seed": replace(study, seed=1).cell(scene, NOISY, method, tile).name}
+    # Without noise any seed is the same, and so is a pattern under another name.
+    quiet, same = PaperProtocol(0.0), replace(tile, name="mine")
+    assert replace(study, seed=1).cell(scene, quiet, method, same).name == study.cell(scene, quiet, method, tile).name
     for level in (PaperProtocol(0.02), SensorProtocol(0.03)):
         other[str(level)] = study.cell(scene, level, method, tile).name
     for name, pattern in one_field_changed(tile.pattern):
@@ -105,13 +85,6 @@ def test_everything_that_changes_a_result_changes_its_name(tmp_path: Path, monke
     of_ours = {str(registry.methods()[name].version) for name in ("paper", "best", "unlearned", "preview")}
     assert len(of_ours) == 4
     assert sum(each.startswith(f"[{ALGORITHM}, ") for each in of_ours) == 3
-
-
-def test_another_picture_under_the_same_name_is_measured_again(tmp_path: Path) -> None:
-    measured(study_of(tmp_path), tmp_path)
-    np.save(tmp_path / "scene1.npy", small_scene(78, 102, 9))
-    todo, there = tasks(study_of(tmp_path), tmp_path)
-    assert (len(todo), there) == (6, 6)
 
 
 def test_a_damaged_result_is_made_again(tmp_path: Path) -> None:

@@ -4,16 +4,13 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import imagecodecs
 import numpy as np
 import pytest
 import tifffile
 from tifffile import TiffWriter
 
-from shared import read_dng
 from shared.colorimetry import D50
 from shared.errors import InputError
-from tests.tools.command import run
 from tools.scenes.load import load_scene
 
 SHAPE = (40, 52, 3)
@@ -104,23 +101,6 @@ def test_without_a_neutral_it_is_estimated_and_marked(tmp_path: Path) -> None:
     assert "is estimated from the scene" in scene.notes[0]
 
 
-def test_a_render_comes_back_as_a_scene(tmp_path: Path) -> None:
-    """simulate -> render -f dng -> simulate: the scene is the float render."""
-    save(tmp_path / "scene.dng", (codes() * 0.8).astype(np.uint16))
-    shot, linear = tmp_path / "scene.shot", tmp_path / "linear"
-    assert run("simulate", tmp_path / "scene.dng", "-o", shot).code == 0
-    for kind in (("-f", "dng"), ("--bits", "32", "--space", "camera")):
-        assert run("render", shot / "scene.dng", "-o", linear, *kind, "--preset", "paper").code == 0
-    scene, rendered = load_scene(str(linear / "scene.dng")), tifffile.imread(linear / "scene.tif")
-    np.testing.assert_allclose(scene.rgb, rendered.clip(0, 1), atol=0.51 / 65535)
-    before = read_dng(shot / "scene.dng")
-    assert run("simulate", linear / "scene.dng", "-o", tmp_path / "again").code == 0
-    after = read_dng(tmp_path / "again" / "scene.dng")
-    assert after.metadata.orientation == before.metadata.orientation == 6
-    assert after.calibration.neutral == pytest.approx(before.calibration.neutral, abs=1e-4)
-    np.testing.assert_allclose(np.array(after.calibration.camera_to_xyz), np.array(before.calibration.camera_to_xyz), atol=2e-3)
-
-
 def deflated(path: Path, size: int) -> Path:
     """A small linear DNG whose only strip inflates to `size` zeros."""
     save(path, codes(), compression="deflate", rowsperstrip=SHAPE[0])
@@ -166,13 +146,3 @@ def test_impossible_levels_are_refused(tmp_path: Path, fields: Any, words: str) 
 def test_lossy_and_odd_samples_are_refused(tmp_path: Path, samples: Any, options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         load_scene(str(save(tmp_path / "x.dng", samples, **options)))
-
-
-def test_a_jpeg_of_another_size_is_refused(tmp_path: Path) -> None:
-    path = save(tmp_path / "x.dng", codes(), compression="jpeg", compressionargs={"lossless": True, "predictor": 1})
-    data = path.read_bytes()
-    jpeg = imagecodecs.jpeg8_encode(np.zeros((9000, 9000), np.uint16), lossless=True, predictor=1, bitspersample=16)
-    start = data.index(b"\xff\xd8\xff")
-    path.write_bytes(data[:start] + jpeg + data[start + len(jpeg) :])
-    with pytest.raises(InputError):
-        load_scene(str(path))

@@ -20,7 +20,7 @@ pytest.importorskip("onnxscript", reason="onnxscript is not installed: pip insta
 
 from tools.training import run  # noqa: E402
 from tools.training.graph import TILE, Corrector, save_graph  # noqa: E402
-from tools.training.network import BASIS, HALO, Network, cells_of, features, inner, losses  # noqa: E402
+from tools.training.network import BASIS, HALO, Network, cells_of  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -121,15 +121,6 @@ def test_the_file_corrects_nothing_where_nothing_is(tmp_path: Path) -> None:
         assert np.abs(found).max() < 1e-5
 
 
-def test_features_and_network_agree_on_the_halo() -> None:
-    network, side = Network(4), 2 * HALO + 3
-    picture = torch.rand(2, 3, side * 4, side * 4)
-    light, colour = cells_of(picture, 4)
-    inputs, bound = features(light, colour, torch.rand(2, 4, side, side), torch.zeros(2, 1, side, side))
-    assert network(inputs).shape[-2:] == (3, 3)
-    assert inner(bound, HALO - 2).shape[-2:] == inner(colour, HALO).shape[-2:] == (3, 3)
-
-
 def test_cells_have_the_mean_and_the_colour_of_each_pixel() -> None:
     picture = torch.rand(2, 3, 12, 20)
     light, colour = cells_of(picture, 4)
@@ -137,13 +128,6 @@ def test_cells_have_the_mean_and_the_colour_of_each_pixel() -> None:
     for number, basis in enumerate(torch.as_tensor(BASIS)):
         plane = torch.einsum("nchw,c->nhw", picture, basis)[:, None]
         assert torch.allclose(colour[:, 16 * number : 16 * (number + 1)], torch.nn.functional.pixel_unshuffle(plane, 4), atol=1e-6)
-
-
-def test_nothing_is_left_of_the_error_where_the_picture_is_right() -> None:
-    side = 2 * HALO + 3
-    picture = torch.rand(1, 3, side * 4, side * 4)
-    left, before = losses(Network(4), [picture, picture, torch.zeros(1, 4, side, side), torch.zeros(1, 1, side, side)])
-    assert float(before[1]) == float(left[1]) == 0
 
 
 def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...], tmp_path: Path) -> None:

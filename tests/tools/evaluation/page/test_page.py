@@ -1,6 +1,5 @@
 """The page, as a browser shows it."""
 
-import time
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -95,27 +94,12 @@ def test_all_pictures_decode(browser: Browser) -> None:
     assert narrowest >= 48
 
 
-def value(browser: Browser) -> float:
-    return float(browser.evaluate("document.querySelector('#gallery img-comparison-slider').value"))
-
-
 def place(browser: Browser) -> tuple[float, float, float]:
     left, top, width, height = browser.evaluate(
         "(() => { const s = document.querySelector('#gallery img-comparison-slider'); s.scrollIntoView({block: 'center'});"
         " const r = s.getBoundingClientRect(); return [r.left, r.top, r.width, r.height]; })()"
     )
     return left, top + height / 2, width
-
-
-def test_the_slider_moves_by_mouse_and_by_keys(browser: Browser) -> None:
-    left, middle, width = place(browser)
-    browser.drag((left + width / 2, middle), (left + 0.8 * width, middle))
-    time.sleep(0.3)
-    assert value(browser) == pytest.approx(80, abs=3)
-    browser.evaluate("document.querySelector('#gallery img-comparison-slider').focus()")
-    before = value(browser)
-    browser.key("ArrowLeft", seconds=0.4)
-    assert value(browser) < before - 3
 
 
 def test_pictures_under_the_slider_are_chosen_and_enlarged(browser: Browser) -> None:
@@ -156,15 +140,13 @@ def test_tables_and_lines_are_switched(browser: Browser) -> None:
     assert browser.evaluate(lines) == [False] * 3
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_it_fits_a_phone_in_light_and_dark(tmp_path: Path, written: Path, dark: bool) -> None:
-    with Browser(tmp_path, 360, 740, dark=dark) as phone:
+def test_it_fits_a_phone_in_the_dark(tmp_path: Path, written: Path) -> None:
+    with Browser(tmp_path, 360, 740, dark=True) as phone:
         phone.open(written.as_uri())
         phone.until("document.readyState === 'complete'")
         assert phone.evaluate("document.documentElement.scrollWidth") == 360
         ink, paper = phone.evaluate("[getComputedStyle(document.body).color, getComputedStyle(document.body).backgroundColor]")
         light = [sum(map(int, each.removeprefix("rgb(").rstrip(")").split(","))) for each in (ink, paper)]
-        assert (light[0] > light[1]) == dark
-        assert abs(light[0] - light[1]) > 450
+        assert light[0] - light[1] > 450
         assert phone.evaluate("document.querySelector('#gallery img-comparison-slider').getBoundingClientRect().width") <= 340
         assert phone.errors == []

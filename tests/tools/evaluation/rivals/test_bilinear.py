@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from shared.arrays import DoubleArray, FloatArray
-from shared.errors import InputError
 from tools.camera.bayer import ORDER, sample_bayer
 from tools.evaluation.rivals.bilinear import demosaic_bilinear
 
@@ -39,8 +38,3 @@ def test_the_mosaic_takes_each_sample_from_its_channel() -> None:
     mosaic = sample_bayer(rgb)
     for row, column in np.ndindex(5, 6):
         assert mosaic[row, column] == rgb[row, column, "RGB".index(ORDER[row % 2 * 2 + column % 2])]
-
-
-def test_wrong_mosaics_are_refused() -> None:
-    with pytest.raises(InputError, match="2 rows"):
-        demosaic_bilinear(np.zeros((1, 4), np.float32))

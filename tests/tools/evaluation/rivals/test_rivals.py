@@ -46,6 +46,12 @@ def test_colours_land_in_their_channels(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", RIVALS)
+def test_a_line_is_no_mosaic(name: str) -> None:
+    with pytest.raises(InputError, match="2 rows"):
+        demosaic(name, np.zeros((1, 8), np.float32))
+
+
+@pytest.mark.parametrize("name", RIVALS)
 def test_an_even_colour_comes_back(name: str) -> None:
     rgb = np.broadcast_to(np.array([0.25, 0.5, 0.75], np.float32), (40, 44, 3))
     inner = demosaic(name, sample_bayer(rgb))[EDGE:-EDGE, EDGE:-EDGE]
