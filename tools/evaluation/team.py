@@ -65,26 +65,26 @@ class Team:
 
     def measure(self, todo: Sequence[Task]) -> list[str]:
         """Do the tasks, which keep their results. Returns a line for each result that failed; it is shown to the user too."""
-        failures = []
         pixels = max((cell.scene.rows * cell.scene.columns for task in todo for cell in task.cells), default=0)
-        for task, outcome in self._follow("measuring", work, todo, pixels, lambda task: task.seconds):
-            if isinstance(outcome, BaseException):
-                raise InputError(f"{task.title}: {outcome}") from outcome
-            for line in outcome:
-                self.console.error(line)
-            failures += outcome
+        found = self.together("measuring", work, todo, pixels, lambda task: task.seconds)
+        failures = [line for lines in found for line in lines]
+        for line in failures:
+            self.console.error(line)
         return failures
 
-    def together(self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int) -> list[R]:
+    def together(
+        self, title: str, each: Callable[[T], R], pieces: Sequence[T], pixels: int, length: Callable[[T], float] = lambda _: 1.0
+    ) -> list[R]:
         """Results of `each`, in the order of `pieces`. Raises InputError for the first that fails.
 
         title: names the work for the user.
         each: a function of a module, or a `partial` of one.
         pieces: hashable.
         pixels: of the largest scene that a piece needs.
+        length: share of a piece in the work.
         """
         results = []
-        for _, result in self._follow(title, each, pieces, pixels):
+        for _, result in self._follow(title, each, pieces, pixels, length):
             if isinstance(result, BaseException):
                 raise InputError(f"{title}: {result}") from result
             results.append(result)

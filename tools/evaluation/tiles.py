@@ -1,6 +1,6 @@
 """The filter patterns that are compared, each under a name for people, and the filters that it has before a scene."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, count
@@ -100,8 +100,3 @@ def chosen_tiles(periods: Iterable[int], others: Iterable[Tile]) -> tuple[Tile, 
         names = chain([tile.name], (f"{tile.name} ({number})" for number in count(2)))
         found.append(replace(tile, name=next(name for name in names if all(name != other.name for other in found))))
     return tuple(found)
-
-
-def best_known(tiles: Sequence[Tile]) -> Tile:
-    """The pattern at which methods are compared with the Bayer sensor's: the paper's K = 6, if it is among them."""
-    return next((tile for tile in tiles if tile.period == 6), tiles[0])

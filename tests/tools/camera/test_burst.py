@@ -1,7 +1,6 @@
 """The frames of a burst: what each sees, and that the truth about them is true."""
 
 import doctest
-import json
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from shared.metadata import CaptureField
 from shared.tiff import FieldType
 from tools.camera import burst as module
 from tools.camera import filters, motion, moving_thing
-from tools.camera.burst import SimulatedBurst, burst_frames, motion_text, reduced, tremor
+from tools.camera.burst import SimulatedBurst, burst_frames, reduced, tremor
 from tools.scenes.drawn.builtin import builtin_scene
 
 HAND = SimulatedBurst(5, pixels=3, degrees=0.3)
@@ -137,17 +136,6 @@ def test_a_bracket_states_its_exposures(leaves: FloatArray) -> None:
     unknown = [frame.metadata(CaptureMetadata()).exposure_time for frame in frames]
     assert unknown == [1 / 60, 1 / 240, 1 / 30]
     assert next(burst_frames(leaves, SimulatedBurst(1), random())).metadata(scene) is scene
-
-
-def test_the_text_of_the_motion(leaves: FloatArray) -> None:
-    frames = list(burst_frames(leaves, SimulatedBurst(2, pixels=2, degrees=1, moving=True, stops=(0, 1)), random()))
-    text = json.loads(motion_text({"a-1.dng": frames[0], "a-2.dng": frames[1]}, (100, 121)))
-    assert text["centre"] == [49.5, 60]
-    assert text["reference"] == "a-1.dng"
-    second = text["frames"]["a-2.dng"]
-    assert (second["down"], second["across"], second["degrees"]) == frames[1].moved
-    assert second["stops"] == 1
-    assert tuple(second["thing"].values()) == frames[1].thing
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,13 @@
 """The command, as a person or a script uses it."""
 
 import json
-import os
-import signal
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.tools.command import run, spawn, start
+from tests.tools.command import run
 from tests.tools.evaluation.examples import small_scene
 
 
@@ -109,25 +106,3 @@ def test_wrong_options_are_named(tmp_path: Path, options: tuple[str, ...], said:
     assert outcome.code == 2
     assert said in outcome.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
-    """Ctrl-C while two processes are at work: at once, exit code 130, what is finished is kept."""
-    np.save(tmp_path / "scene.npy", small_scene(240, 240, 0))
-    levels = [str(0.001 * n) for n in range(30)]
-    options = ["--workers", "2", "--no-page", "--methods", "bilinear", "paper", "--sigma", *levels]
-    command = ["evaluate", str(tmp_path / "scene.npy"), "-o", str(tmp_path), *options]
-    running = start(*command, start_new_session=True)
-    results = tmp_path / "results"
-    while running.poll() is None and len(list(results.glob("*.npz")) if results.exists() else []) < 2:
-        time.sleep(0.05)
-    os.killpg(running.pid, signal.SIGINT)
-    _, said = running.communicate(timeout=30)
-    assert running.returncode == 130, said
-    assert "Traceback" not in said
-    assert "interrupted" in said
-    kept = len(list(results.glob("*.npz")))
-    assert 2 <= kept < 60
-    assert not list(results.glob(".*"))
-    again = spawn(*command, "--dry-run")
-    assert f"{60 - kept} results to make, {kept} kept" in again.out

@@ -188,7 +188,8 @@ def test_a_burst_is_a_series_of_shots_with_its_truth(out: Path) -> None:
         shot = read_dng(out / name)
         known = simulate_additive(frame.rgb, CfaPattern.bayer(), camera(), 0.02, noise_of(3, name))
         assert np.array_equal(shot.codes, known.codes)
-        assert told["frames"][name]["down"] == frame.moved[0]
+        assert tuple(told["frames"][name][each] for each in ("down", "across", "degrees")) == frame.moved
+        assert tuple(told["frames"][name]["thing"].values()) == frame.thing
         assert told["centre"] == [(count - 1) / 2 for count in shot.shape]
     assert told["reference"] == FRAMES[0]
     assert np.array_equal(tifffile.imread(out / "builtin-150x120.truth.tif"), frames[0].rgb)

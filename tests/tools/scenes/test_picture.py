@@ -113,14 +113,6 @@ def test_other_png_kinds(tmp_path: Path, mode: str) -> None:
     np.testing.assert_allclose(load_scene(str(tmp_path / "a.png")).rgb, srgb(expected), atol=1e-7)
 
 
-def test_planes_and_tiles_of_a_tiff(tmp_path: Path) -> None:
-    picture = ramp(np.uint16, 40, 50)
-    tifffile.imwrite(tmp_path / "a.tif", np.moveaxis(picture, -1, 0), photometric="rgb", planarconfig="separate")
-    tifffile.imwrite(tmp_path / "b.tif", picture, photometric="rgb", tile=(16, 16), compression="zlib")
-    for name in ("a.tif", "b.tif"):
-        np.testing.assert_allclose(load_scene(str(tmp_path / name)).rgb, picture / 65535, atol=1e-7)
-
-
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize(("icc", "gamma"), [(GAMMA_18, 1.8), (LINEAR_PROFILE, 1.0)], ids=["gamma", "linear"])

@@ -20,7 +20,7 @@ pytest.importorskip("onnxscript", reason="onnxscript is not installed: pip insta
 
 from tools.training import run  # noqa: E402
 from tools.training.graph import TILE, Corrector, save_graph  # noqa: E402
-from tools.training.network import BASIS, HALO, Network, cells_of  # noqa: E402
+from tools.training.network import HALO, Network  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 
@@ -119,15 +119,6 @@ def test_the_file_corrects_nothing_where_nothing_is(tmp_path: Path) -> None:
         }
         (found,) = session.run(None, inputs)
         assert np.abs(found).max() < 1e-5
-
-
-def test_cells_have_the_mean_and_the_colour_of_each_pixel() -> None:
-    picture = torch.rand(2, 3, 12, 20)
-    light, colour = cells_of(picture, 4)
-    assert torch.allclose(light, torch.nn.functional.pixel_unshuffle(picture.mean(1, keepdim=True), 4), atol=1e-6)
-    for number, basis in enumerate(torch.as_tensor(BASIS)):
-        plane = torch.einsum("nchw,c->nhw", picture, basis)[:, None]
-        assert torch.allclose(colour[:, 16 * number : 16 * (number + 1)], torch.nn.functional.pixel_unshuffle(plane, 4), atol=1e-6)
 
 
 def test_too_small_and_too_few_pictures_are_refused(photographs: tuple[str, ...], tmp_path: Path) -> None:

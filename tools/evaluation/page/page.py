@@ -57,14 +57,20 @@ def build_page(figures: Figures, exhibits: Sequence[Exhibit], program: str, fail
         "Patterns": _pattern_section(figures, of_patterns) if len(study.tiles) > 1 and study.ours else "",
         "Gallery": _gallery_section(others) if others else "",
         "Scenes": _scenes_section(figures, failures),
-        "Method": _method_section(study),
     }
     shown = {name: text for name, text in sections.items() if text}
     slider = "vendor/img-comparison-slider"
+    names = (f"<dt>{escape(name)}</dt><dd>{escape(methods()[name].title)}</dd>" for name in study.methods)
     parts = {
-        "lede": escape(f"{sensors(figures)} Quality is the PSNR of every {PSNR_PATCH} × {PSNR_PATCH} patch."),
+        "lede": escape(sensors(figures)),
         "navigation": " ".join(f'<a href="#{name.lower()}">{name}</a>' for name in shown),
         "sections": "\n".join(f'<section id="{name.lower()}">{text}</section>' for name, text in shown.items()),
+        "patch": PSNR_PATCH,
+        "border": BORDER,
+        "crop": CROP,
+        "seed": study.seed,
+        "conditions": escape(study.protocol.conditions),
+        "names": "".join(names),
         "program": escape(program),
         "slider_licence": _read(f"{slider}/LICENSE"),
         "slider": _read(f"{slider}/index.js"),
@@ -193,15 +199,13 @@ def _exhibit(exhibit: Exhibit) -> str:
         f'alt="{escape(each.name)}" width="{crop.width}" height="{crop.height}">{escape(each.caption)}</button></li>'
         for each in exhibit.pictures
     )
-    return (
-        f'<article class="exhibit"><h4>{escape(crop.scene.name)}<span class="soft">{escape(where)}</span></h4>'
-        f'<div class="viewer" data-script hidden data-pixels="{crop.width}" style="--pixels:{crop.width};--zoom:4">'
-        '<img-comparison-slider><img slot="first" alt=""><img slot="second" alt=""></img-comparison-slider></div>'
-        f'<div class="controls" data-script hidden><label>Left <select>{_options(exhibit.pictures, left)}</select></label>'
-        f"<label>Right <select>{_options(exhibit.pictures, right)}</select></label>"
-        '<span class="zoom" role="group" aria-label="Zoom"><button type="button" value="-1" aria-label="smaller">−</button>'
-        '<output>4×</output><button type="button" value="1" aria-label="larger">+</button></span></div>'
-        f'<ul class="strip">{strip}</ul></article>'
+    return Template(_read("exhibit.html")).substitute(
+        scene=escape(crop.scene.name),
+        where=escape(where),
+        width=crop.width,
+        left=_options(exhibit.pictures, left),
+        right=_options(exhibit.pictures, right),
+        strip=strip,
     )
 
 
@@ -230,23 +234,3 @@ def _scenes_section(figures: Figures, failures: Sequence[str]) -> str:
     if failures:
         parts.append(f"<h3>Left out</h3>{bullets(failures)}")
     return "\n".join(parts)
-
-
-def _method_section(study: Study) -> str:
-    entries = {
-        "Patches": f"all overlapping {PSNR_PATCH} × {PSNR_PATCH} squares at least {BORDER} pixels inside the frame; "
-        "10 log10(1 / MSE), intensities in scene units (1 = the white level of the scene's source); "
-        "luminance is the mean of the channels, chrominance the rest; pooled over all patches of a set, as in Fig. 3 of the paper",
-        "Frames": f"cut to whole multiples of {CROP} pixels before sampling",
-        "Noise": f"seed {study.seed}, the same scene light for every camera; {study.protocol.conditions}",
-        "Sets": "what sensors measured is pooled; developed 8-bit pictures (Kodak, McMaster, others) are linearised and reported "
-        "separately, because they were interpolated and sharpened before",
-        "Rivals": "LibRaw and OpenCV, which take integers, get samples with a pedestal, so that no noise is clipped; LibRaw's "
-        "methods and those called balanced get white-balanced samples, as raw developers do; BM3D (package bm3d, for "
-        "non-commercial use only) denoises each of the four planes and knows the true noise",
-        "Whole image": f"PSNR and SSIM (Wang 2004, mean of the channels) leave out the same {BORDER} pixels; of a set, the mean of "
-        "its scenes",
-    }
-    listed = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}.</dd>" for name, text in entries.items())
-    names = "".join(f"<dt>{escape(name)}</dt><dd>{escape(methods()[name].title)}</dd>" for name in study.methods)
-    return f"<h2>How it was measured</h2><dl>{listed}</dl><h3>Names in the tables</h3><dl>{names}</dl>"
