@@ -5,21 +5,18 @@ Each returns what it found wrong, a line each.
 
 import os
 import random
-import re
 import signal
 import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from tests.faults.scenario import Process, Scenario
+from tests.faults.scenario import Scenario
 from tests.faults.trials import ENDS, state
 from tools.rendering.journal import NAME as JOURNAL
 from tools.rendering.lock import lock_path
 
-_CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 _ODD = "é\x1b[31m\n\u202e\udcff<b>"  # in front of a name
-_PATIENCE = 1800.0  # seconds: without a place for kernels every process compiles them all
 _NOWHERE = "/dev/null/nowhere"  # nothing can be written here, not even by root
 
 
@@ -36,7 +33,7 @@ def planted(scenario: Scenario, folder: Path, kind: str) -> list[str]:
                 path.hardlink_to(original)
             case "pipe":
                 os.mkfifo(path)
-    found = _ended(scenario.start(folder), 0, 1)
+    found = ended(scenario.start(folder), "", 0, 1)
     (folder / "out" / JOURNAL).unlink(missing_ok=True)
     return found + state(scenario, folder, finished=False)
 
@@ -51,7 +48,7 @@ def odd_names(scenario: Scenario, folder: Path, environment: Mapping[str, str]) 
         before={_ODD + name: data for name, data in scenario.before.items()},
     )
     odd.lay_out(folder)
-    return _ended(odd.start(folder, environment=environment), 0) + state(odd, folder, finished=True)
+    return ended(odd.start(folder, environment=environment), "", 0) + state(odd, folder, finished=True)
 
 
 def no_place(scenario: Scenario, folder: Path) -> list[str]:
@@ -59,14 +56,14 @@ def no_place(scenario: Scenario, folder: Path) -> list[str]:
     scenario.lay_out(folder)
     nowhere = dict.fromkeys(("HOME", "TMPDIR", "NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "XDG_CONFIG_HOME"), _NOWHERE)
     nowhere["NUMBA_CACHE_LOCATOR_CLASSES"] = "UserProvidedCacheLocator"
-    return _ended(scenario.start(folder, environment=nowhere), 0) + state(scenario, folder, finished=True)
+    return ended(scenario.start(folder, environment=nowhere), "", 0) + state(scenario, folder, finished=True)
 
 
 def empty_home(scenario: Scenario, folder: Path) -> list[str]:
     """Nothing is left in the user's home."""
     scenario.lay_out(folder)
     (home := folder / "home").mkdir()
-    found = _ended(scenario.start(folder, environment={"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}), 0)
+    found = ended(scenario.start(folder, environment={"HOME": str(home), "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": ""}), "", 0)
     return found + [f"{path.relative_to(home)} was left in the home" for path in home.rglob("*")]
 
 
@@ -77,15 +74,4 @@ def ctrl_c(scenario: Scenario, folder: Path, chance: random.Random, seconds: flo
     time.sleep(chance.uniform(0.1, seconds))
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)
-    return _ended(process, *ENDS[signal.SIGINT]) + state(scenario, folder, finished=False)
-
-
-def _ended(process: Process, *codes: int) -> list[str]:
-    """Wait for the process, which must leave with one of `codes`, and show no traceback, no fault, and nothing a terminal obeys."""
-    shown, said = (stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=_PATIENCE))
-    found = [] if process.returncode in codes else [f"left with {process.returncode} instead of {codes}: {said[-300:]!r}"]
-    if "Traceback" in said or "a fault of Panchroma" in said:
-        found.append(f"a traceback or a fault: {said[-300:]!r}")
-    if _CONTROLS.search(shown + said):
-        found.append(f"control characters: {shown[-300:]!r} {said[-300:]!r}")
-    return found
+    return ended(process, "", *ENDS[signal.SIGINT]) + state(scenario, folder, finished=False)

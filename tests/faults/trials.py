@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import resource
 import signal
 import subprocess
@@ -18,7 +19,8 @@ from tests.faults.scenario import Process, Scenario
 
 # How a command may end after a signal. A negative number: the signal came before Python took it over, or after it let go of it.
 ENDS = {signal.SIGKILL: (-9, 0), signal.SIGINT: (130, 0, -2), signal.SIGTERM: (143, 0, -15)}
-PATIENCE = 300.0
+PATIENCE = 1800.0  # seconds: without a place for kernels every process compiles them all
+_CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 _STEPS = 60  # operations on files of the longest command; a point beyond the last kills nothing
 
 
@@ -30,7 +32,7 @@ def interrupted(scenario: Scenario, folder: Path, number: int, chance: random.Ra
     if not point:
         time.sleep(chance.uniform(0.1, seconds))
         process.send_signal(number)
-    found = _ended(process, "", *ENDS[signal.Signals(number)]) + state(scenario, folder, finished=False)
+    found = ended(process, "", *ENDS[signal.Signals(number)]) + state(scenario, folder, finished=False)
     if number != signal.SIGKILL and any((folder / "out").glob(".*.part")):
         found.append("left a temporary file")
     if not found:
@@ -84,16 +86,20 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
             subprocess.run(["umount", str(out)], check=True)
 
 
-def _ended(process: Process, words: str, *codes: int) -> list[str]:
-    """Wait for the process, which must say `words` and leave with one of `codes`."""
-    _, said = process.communicate(timeout=PATIENCE)
-    if process.returncode in codes and words in said.decode():
-        return []
-    return [f"left with {process.returncode} instead of {codes}, {words!r} expected: {said.decode()[-300:]}"]
+def ended(process: Process, words: str, *codes: int) -> list[str]:
+    """Wait for the process, which must say `words`, leave with one of `codes`, and show no fault, and nothing a terminal obeys."""
+    shown, said = (stream.decode(errors="surrogateescape") for stream in process.communicate(timeout=PATIENCE))
+    wrong = {
+        f"left with {process.returncode} instead of {codes}, {words!r} expected": process.returncode not in codes
+        or words not in said,
+        "a traceback or a fault": "Traceback" in said or "a fault of Panchroma" in said,
+        "control characters": _CONTROLS.search(shown + said) is not None,
+    }
+    return [f"{what}: {shown[-300:]!r} {said[-300:]!r}" for what, is_so in wrong.items() if is_so]
 
 
 def _refused(scenario: Scenario, folder: Path, process: Process, words: str) -> list[str]:
-    found = _ended(process, words, 1, 2) + state(scenario, folder, finished=False)
+    found = ended(process, words, 1, 2) + state(scenario, folder, finished=False)
     return found + ["left a temporary file"] * any((folder / "out").glob(".*.part"))
 
 
@@ -151,7 +157,7 @@ def own_input(scenario: Scenario, folder: Path, link: str) -> list[str]:
         else:
             target.hardlink_to(folder / name)
     process = scenario.start(folder, extra=() if "--overwrite" in scenario.arguments else ("--overwrite",))
-    found = _ended(process, "is an input; use another output folder", 1)
+    found = ended(process, "is an input; use another output folder", 1)
     return found + [f"{name} was changed" for name, data in scenario.inputs.items() if (folder / name).read_bytes() != data]
 
 
@@ -163,4 +169,4 @@ def case_alone(scenario: Scenario, folder: Path) -> list[str]:
     (folder / other).write_bytes(data)
     where = scenario.arguments.index(name) + 1
     process = replace(scenario, arguments=(*scenario.arguments[:where], other, *scenario.arguments[where:])).start(folder)
-    return _ended(process, "the result would have the same name as that of", 1) + scenario.faults(folder, finished=True)
+    return ended(process, "the result would have the same name as that of", 1) + scenario.faults(folder, finished=True)

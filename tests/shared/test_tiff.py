@@ -33,7 +33,6 @@ def value(kind: FieldType, values: Any) -> Any:
         (FieldType.BYTE, bytes(range(4))),  # lies in the entry itself
         (FieldType.BYTE, bytes(range(5))),  # lies elsewhere
         (FieldType.UNDEFINED, b"0230"),
-        (FieldType.SHORT, (1, 65535)),
         (FieldType.SHORT, (1, 2, 3)),
         (FieldType.LONG, (2**32 - 1, 0)),
         (FieldType.DOUBLE, (0.1, -1e300)),
@@ -62,9 +61,7 @@ def test_a_nul_in_a_text_does_not_end_it() -> None:
     ("number", "fraction"),
     [
         (1 / 250, (1, 250)),  # as a photographer writes it, not 0.004's neighbours
-        (0.3, (3, 10)),
         (34.56, (864, 25)),
-        (0, (0, 1)),
         (5, (5, 1)),
         (2**31 - 1, (2**31 - 1, 1)),
     ],

@@ -51,8 +51,6 @@ def test_each_field_is_there_alone_or_not_at_all(field: str) -> None:
         *(CaptureMetadata(exposure_time=seconds) for seconds in (1 / 8000, 1 / 3, 0.3, 30.0, 1234.5, 1 / 123456789)),
         *(CaptureMetadata(iso=iso) for iso in (1, 65534, 65535, 65536, 409600)),
         CaptureMetadata(f_number=0.95),
-        CaptureMetadata(focal_length=8.8000001),
-        CaptureMetadata(make="X"),
         CaptureMetadata(artist="山" * 500),
         CaptureMetadata(taken=datetime(987, 1, 2, 3, 4, 5)),  # noqa: DTZ001
         CaptureMetadata(taken=datetime(2024, 12, 31, 23, 59, 59, 999999)),  # noqa: DTZ001
@@ -128,12 +126,9 @@ def test_the_odd_field_costs_no_other() -> None:
         ("Jürgen Müller".encode("cp1252"), "Jürgen Müller"),
         ("山田\u3000太郎".encode(), "山田\u3000太郎"),
         (b"Photographer\0Editor\0", "Photographer; Editor"),
-        (b"  padded \0\0\0", "padded"),
         (b"one\r\ntwo\tthree\x1b[31m\x07", "one  two three [31m"),
         ("\u202eevil\u2066\ufeff".encode(), "evil"),
         (b"\xed\xa0\x80half a pair", "\u00ed\xa0\u20achalf a pair"),
-        (b"\x81\x8d", ""),
-        ("ä".encode() * 10**6, "ä" * 2048),
         (b"x" + "ä".encode() * 10**6, "x" + "ä" * 2047),
         (b"\0" * 10**6, ""),
     ],
