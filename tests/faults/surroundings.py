@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.faults.scenario import Scenario
-from tests.faults.trials import ENDS, state
+from tests.faults.trials import ENDS, ended, state
 from tools.rendering.journal import NAME as JOURNAL
 from tools.rendering.lock import lock_path
 
