@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
+from io import RawIOBase
 from time import monotonic
-from typing import Protocol
 
 import numpy as np
 
@@ -43,11 +43,11 @@ FORMATS = {
     # V4L2_PIX_FMT_SRGGB16 ('RG16'), and SRGGB10 ('RG10'), SRGGB12 ('RG12'), which use the lower bits only: a little-endian word.
     "u16": _Packing(bits=16, pixels=1, length=2),
 }
-# Names of these formats in libcamera, V4L2 and their tools, with the bits if the name states them.
-_OTHER_NAMES = {
-    r"S(RGGB|BGGR|GRBG|GBRG)(?P<bits>10)(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA": "raw10",
-    r"S(RGGB|BGGR|GRBG|GBRG)(?P<bits>12)(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC": "raw12",
-    r"(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y)(?P<bits>10|12|14|16)|BYR2|raw16|uint16": "u16",
+# Our names of these formats and those in libcamera, V4L2 and their tools, with the bits if the name states them.
+_NAMES = {
+    "raw10": r"raw10|S(RGGB|BGGR|GRBG|GBRG)(?P<bits>10)(P|_CSI2P)|R10_CSI2P|Y10P|p[RgGB]AA",
+    "raw12": r"raw12|S(RGGB|BGGR|GRBG|GBRG)(?P<bits>12)(P|_CSI2P)|R12_CSI2P|Y12P|p[RgGB]CC",
+    "u16": r"u16|(SRGGB|SBGGR|SGRBG|SGBRG|RG|BA|GB|BG|GR|R|Y)(?P<bits>10|12|14|16)|BYR2|raw16|uint16",
 }
 
 
@@ -56,9 +56,7 @@ def format_named(name: str) -> tuple[str, int]:
 
     name: a key of FORMATS, or the name of the format in V4L2 or libcamera.
     """
-    if name in FORMATS:
-        return name, FORMATS[name].bits
-    for pattern, ours in _OTHER_NAMES.items():
+    for ours, pattern in _NAMES.items():
         if found := re.fullmatch(pattern, name):
             return ours, int(found["bits"] or FORMATS[ours].bits)
     if "PISP_COMP" in name:
@@ -149,10 +147,7 @@ class FrameLayout:
 
     def misfit(self, length: int) -> str:
         """Message that `length` bytes are not a frame, with a likely reason."""
-        message = (
-            f"{length} bytes are not a frame: {self.width} x {self.height} pixels in {self.format} "
-            f"with a stride of {self.stride} have {self.frame_bytes}"
-        )
+        message = f"{length} bytes are not a frame: {self.size}"
         stride, rest = divmod(length, self.height)
         if length > self.frame_bytes and length % self.frame_bytes == 0:
             return f"{message}; {length // self.frame_bytes} frames in one are a stream: give it on standard input"
@@ -160,19 +155,16 @@ class FrameLayout:
 
     def check_recording(self, length: int) -> None:
         """Raise InputError if a recording of `length` bytes has whole frames of another stride, and not of this one."""
-        if length % self.frame_bytes and (likely := self._likely(length)):
-            raise InputError(
-                f"{length} bytes are no whole number of frames: {self.width} x {self.height} pixels in {self.format} "
-                f"with a stride of {self.stride} have {self.frame_bytes}; likely {likely}. If they are right, add `unchecked`"
-            )
+        if length % self.frame_bytes and (likely := self.likely(length)):
+            seen = f"{length} bytes are no whole number of frames: {self.size}"
+            raise InputError(f"{seen}; likely {likely}. If they are right, add `unchecked`")
 
-    def advice(self, count: int, rest: int) -> str:
-        """A sentence for a stream that ended `rest` bytes after `count` whole frames."""
-        if likely := self._likely(count * self.frame_bytes + rest):
-            return f"All its bytes are whole frames with {likely}: discard the shots of this stream"
-        return "If the camera was not stopped, its frames have another size, and the shots of this stream are wrong"
+    @property
+    def size(self) -> str:
+        """Size and format in words, for messages."""
+        return f"{self.width} x {self.height} pixels in {self.format} with a stride of {self.stride} have {self.frame_bytes}"
 
-    def _likely(self, length: int) -> str:
+    def likely(self, length: int) -> str:
         """The options with which `length` bytes are whole frames; "" if there are none, or if they would say little."""
         for unit in _ALIGNMENTS:
             stride = -(-self.line_bytes // unit) * unit
@@ -211,16 +203,10 @@ class RawFrame:
         return cls(data, datetime.now(UTC), monotonic())
 
 
-class ByteStream(Protocol):
-    """An unbuffered binary file; a buffered one would wait for more bytes than have arrived."""
-
-    def readinto(self, buffer: memoryview, /) -> int | None:
-        """Read into `buffer` and return the number of bytes, 0 at the end, as `io.RawIOBase` does."""
-
-
-def read_frames(stream: ByteStream, layout: FrameLayout) -> Iterator[RawFrame]:
+def read_frames(stream: RawIOBase, layout: FrameLayout) -> Iterator[RawFrame]:
     """Yield the frames of a stream without anything between them, each as soon as it has arrived.
 
+    stream: unbuffered; a buffered one would wait for more bytes than have arrived.
     Raises InputError, after the last whole frame, when the stream ends within a frame, holds none, or cannot be read.
     """
     count = 0
@@ -240,9 +226,10 @@ def read_frames(stream: ByteStream, layout: FrameLayout) -> Iterator[RawFrame]:
         count += 1
         yield RawFrame.now(data)
     if filled:
-        raise InputError(
-            f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones; a frame has {len(data)}: "
-            f"{layout.width} x {layout.height} in {layout.format} with a stride of {layout.stride}. {layout.advice(count, filled)}"
-        )
+        advice = "If the camera was not stopped, its frames have another size, and the shots of this stream are wrong"
+        if likely := layout.likely(count * len(data) + filled):
+            advice = f"All its bytes are whole frames with {likely}: discard the shots of this stream"
+        ended = f"the stream ended in the middle of a frame, {filled} bytes after {count} whole ones"
+        raise InputError(f"{ended}; {layout.size}. {advice}")
     if not count:
         raise InputError("the stream ended before the first frame: did the camera start?")

@@ -68,15 +68,16 @@ class Levels:
         shift = (used & -used).bit_length() - 1 if used else 0
         self._shift = shift if self._highest - int(codes.min()) >= 16 << shift else 0
 
+        self._bits = max(self._highest.bit_length(), _LEAST)
+        self._bits += self._bits % 2
+
     def wrong(self, *, in_right_format: bool) -> Proof | None:
         """What they prove wrong, and the remedy; None if nothing.
 
         in_right_format: the frame shows a pattern, so that its format is right; otherwise that may be what is wrong.
         """
-        declared = self._calibration.bits
-        bits = max(self._highest.bit_length(), _LEAST)
-        bits += bits % 2
-        seen = self._impossible(declared, bits)
+        bits = self._bits
+        seen = self._impossible(self._calibration.bits, bits)
         if not seen:
             return None
         if in_right_format or self._seem_covered(bits):
@@ -85,10 +86,9 @@ class Levels:
 
     def lit(self) -> Proof | None:
         """What proves that a frame is not dark, or is read in a wrong way, and the remedy; None if nothing does."""
-        bits = max(self._highest.bit_length(), _LEAST)
-        if bits > self._calibration.bits:
+        if self._bits > self._calibration.bits:
             seen = f"a sample is {self._highest}, more than {self._calibration.bits} bits hold"
-            return Proof(seen, self._likely(bits + bits % 2))
+            return Proof(seen, self._likely(self._bits))
         if not self._are_narrow(self._calibration.bits):
             seen = f"its samples are {self._low:.0f} to {self._high:.0f}, and those of a dark frame are nearly equal"
             return Proof(seen, "light on the sensor (cover the lens, or leave `covered` out), or another `pixel_format`")

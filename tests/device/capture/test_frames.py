@@ -135,7 +135,7 @@ def test_a_stream_that_ends_in_a_frame_says_so_after_the_whole_ones(rest: int) -
     sent = frames(3)
     read, message = collect(Pieces(b"".join(sent)[: 2 * 36 + rest], 10))
     assert [bytes(frame.data) for frame in read] == sent[:2]
-    assert f"{rest} bytes after 2 whole ones; a frame has 36: 5 x 3 in raw10 with a stride of 12" in message
+    assert f"{rest} bytes after 2 whole ones; 5 x 3 pixels in raw10 with a stride of 12 have 36" in message
 
 
 def test_a_stream_that_ends_in_a_frame_is_told_the_stride_that_fits() -> None:
