@@ -1,27 +1,20 @@
 """The files of one calibration, sorted by kind, and the file to be written."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from shared.errors import InputError, OutputError
 from tools.host.folders import DNGS, Search, search
 from tools.host.jobs import identity
 
-
-@dataclass(frozen=True)
-class CalibrationFiles:
-    """The files to calibrate from: paths of shots, dark frames, flat frames, and shots with edges."""
-
-    shots: tuple[str, ...] = ()
-    dark: tuple[str, ...] = ()
-    flat: tuple[str, ...] = ()
-    edges: tuple[str, ...] = ()
+Files = dict[str, list[str]]
+"""The files to calibrate from: paths of the "shots", the "dark" and "flat" frames, and the shots with "edges"."""
 
 
 def sort_files(
     sources: Sequence[str], dark: Sequence[str], flat: Sequence[str], edges: Sequence[str]
-) -> tuple[CalibrationFiles, list[Search]]:
+) -> tuple[Files, list[Search]]:
     """Sort the given files by kind; returns also what was found and left out in folders.
 
     sources: shots, and folders with DNGs in them or below. Of these, what is named dark*, flat* or edges*, or lies in a subfolder
@@ -30,27 +23,27 @@ def sort_files(
 
     Raises InputError for a folder that cannot be read or has no DNG.
     """
-    files: dict[str, list[str]] = {"": [], "dark": [], "flat": [], "edges": []}
+    files: Files = {"shots": [], "dark": [], "flat": [], "edges": []}
     searches = []
-    for given, known in ((sources, ""), (dark, "dark"), (flat, "flat"), (edges, "edges")):
+    for given, known in zip((sources, dark, flat, edges), files, strict=True):
         found = search(given, DNGS)
         for folder, what in found.failures:
             raise InputError(f"{folder}: {what}")
         searches.append(found)
         for source in found.sources:
-            names = [part.lower() for part in reversed(source.below.parts)] if source.below and not known else []
-            kinds = (kind for name in names for kind in files if kind and name.startswith(kind))
+            names = [part.lower() for part in reversed(source.below.parts)] if source.below and known == "shots" else []
+            kinds = (kind for name in names for kind in ("dark", "flat", "edges") if name.startswith(kind))
             files[next(kinds, known)].append(source.name)
-    return CalibrationFiles(*map(tuple, files.values())), searches
+    return files, searches
 
 
-def check_output(output: Path, files: CalibrationFiles, *, replace_existing: bool) -> None:
+def check_output(output: Path, files: Files, *, replace_existing: bool) -> None:
     """Raise OutputError if the camera file cannot be written to `output`. Call it before the measurements."""
     if output.is_dir():
         raise OutputError(f"{output}: is a folder; `output` names the camera file, for example {output / 'camera.json'}")
     if not output.parent.is_dir():
         raise OutputError(f"{output}: the folder {output.parent} does not exist; create it first")
-    if output.exists() and identity(output) in map(identity, (*files.shots, *files.dark, *files.flat, *files.edges)):
+    if output.exists() and identity(output) in map(identity, chain(*files.values())):
         raise OutputError(f"{output}: is an input; choose another name")
     if output.exists() and not replace_existing:
         raise OutputError(f"{output}: exists already; `update` puts the new parts into it, `overwrite` replaces it")

@@ -20,7 +20,7 @@ from .assumed import Assumed
 from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .dark_frames import measure_dark
 from .edges import Filled, find_edges
-from .files import CalibrationFiles
+from .files import Files
 from .gamma import combined
 from .noise import measure_flats, noise_of_flats
 from .observations import Observations
@@ -56,14 +56,12 @@ class Session:
                 self._known["black_level"] = old.calibration.black_level
         self.seen = Observations()
 
-    def measure(
-        self, files: CalibrationFiles, chart_colours: DoubleArray | None, corners: Matrix | None, filled: Filled
-    ) -> Observations:
+    def measure(self, files: Files, chart_colours: DoubleArray | None, corners: Matrix | None, filled: Filled) -> Observations:
         """Measure all frames; chart_colours, corners: see `shots`; filled: see `find_edges`."""
-        self.dark(files.dark)
-        self.flat(files.flat)
-        self.shots(files.shots, chart_colours, corners)
-        self.edges(files.edges, filled)
+        self.dark(files["dark"])
+        self.flat(files["flat"])
+        self.shots(files["shots"], chart_colours, corners)
+        self.edges(files["edges"], filled)
         return self.seen
 
     def dark(self, paths: Sequence[str]) -> None:

@@ -84,9 +84,9 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     files, searches = sort_files(arguments.shots, arguments.dark or (), arguments.flat or (), arguments.edges or ())
     for search in searches:
         search.report(console)
-    if not (files.shots or files.dark or files.flat or files.edges):
+    if not any(files.values()):
         raise InputError("nothing to calibrate from: name shots, or --dark, --flat and --edges frames")
-    corners = _corners(arguments, len(files.shots))
+    corners = _corners(arguments, len(files["shots"]))
     check_output(output, files, replace_existing=replace_existing)
     folder = None if arguments.report is None else output_folder(arguments.report)
     if folder is not None and not replace_existing:
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
             console.note(remark)
         console.error("no frame could be used, and no camera file was written")
         return FAILED
-    if files.shots and not seen.shots and not (old and "gamma" in old.measured):
+    if files["shots"] and not seen.shots and not (old and "gamma" in old.measured):
         kind = "scene" if arguments.no_chart else "chart"
         return _refused(
             output,

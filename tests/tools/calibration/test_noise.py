@@ -43,11 +43,6 @@ def test_planted_hot_pixels_are_found_and_nothing_else() -> None:
     assert len(found) <= 51
 
 
-def test_a_lit_frame_is_no_dark_frame() -> None:
-    with pytest.raises(InputError, match="is not dark"):
-        measure_dark([frame(np.full((*SHAPE, 3), 0.5))])
-
-
 def test_dark_frames_that_clearly_differ_are_refused_and_drift_is_no_noise() -> None:
     first, second, third = darks(3)
     drifted = edited(second, lambda codes: codes + 1)
@@ -148,6 +143,8 @@ def test_light_that_leaks_into_dark_frames_is_told_by_its_colours_and_its_noise(
 
 
 def test_light_that_leaks_into_a_corner_is_told_by_its_place() -> None:
+    with pytest.raises(InputError, match="is not dark"):
+        measure_dark(leaking(0.5, 1))
     corner = np.zeros((*SHAPE, 1))
     corner[:60, :90] = 0.02
     with pytest.raises(InputError, match=r"light fell in around row \d+, column \d+: W is .* codes further above"):
