@@ -12,7 +12,7 @@ from shared import Camera, CaptureMetadata, CfaPattern, Mosaic, SensorCalibratio
 from shared.arrays import ByteArray
 from shared.dng import read_preview
 from tests.python import run_python
-from tests.tools.command import assert_refused, names, run
+from tests.tools.command import assert_refused, run
 
 JPEG_LOSS = 2.0
 """Codes of mean difference that JPEG at quality 95 may make on these pictures."""
@@ -102,15 +102,6 @@ def test_quality_is_that_of_the_jpeg(tmp_path: Path) -> None:
     assert sizes[0] < sizes[1]
     outcome = run("preview", shot(tmp_path), "-o", tmp_path, "--quality", "0")
     assert (outcome.code, "the quality is 0, expected 1 to 100" in outcome.err) == (2, True)
-
-
-def test_results_are_not_replaced_unasked(tmp_path: Path) -> None:
-    source = shot(tmp_path)
-    (tmp_path / "shot.jpg").write_text("mine")
-    assert_refused(run("preview", source, "-o", tmp_path), "--overwrite", name=str(tmp_path / "shot.jpg"))
-    assert (tmp_path / "shot.jpg").read_text() == "mine"
-    assert run("preview", source, "-o", tmp_path, "--overwrite").code == 0
-    assert names(tmp_path) == {"shot.dng", "shot.jpg"}
 
 
 def test_a_scale_that_the_pattern_has_not(tmp_path: Path) -> None:

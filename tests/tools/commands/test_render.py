@@ -11,8 +11,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from offline import PAPER, PRESETS, measure, render
-from offline.settings import RenderSettings
+from offline import PAPER, PRESETS, render
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
 from shared.arrays import CodeArray
 from shared.sensor import simulate_additive
@@ -55,7 +54,7 @@ def save(path: Path, codes: Callable[[CodeArray], None] | None = None, **fields:
 # --- what is made ---------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("sigma", "period"), [(0.0, 6), (0.03, 6), (0.02, 4)])
+@pytest.mark.parametrize(("sigma", "period"), [(0.0, 6), (0.02, 4)])
 def test_the_command_gives_what_the_library_gives(out: Path, sigma: float, period: int) -> None:
     """Scene -> DNG -> picture on disk, beside scene -> picture in memory."""
     options = ["--period", str(period), "--origin", "2", "1", "--sigma", str(sigma), "--seed", "5"]
@@ -145,21 +144,6 @@ def test_a_white_balance_that_a_shot_does_not_allow(out: Path, tmp_path: Path) -
     assert_refused(run("render", dim, "-o", out, "--wb", "2,1"), "--wb has 2 multipliers", "R, G, B", name=str(dim))
 
 
-@pytest.mark.parametrize("preset", [None, *PRESETS])
-def test_the_preset_is_the_librarys(out: Path, shot: Path, monkeypatch: pytest.MonkeyPatch, preset: str | None) -> None:
-    seen = []
-
-    def recorded(mosaic: Mosaic, settings: RenderSettings, *rest: Any, **named: Any) -> Any:
-        seen.append(settings)
-        return measure(mosaic, settings)
-
-    monkeypatch.setattr("offline.measure", recorded)
-    meant = RenderSettings()  # so that only the one that is meant will do, whatever it is like
-    monkeypatch.setitem(PRESETS, preset or "best", meant)
-    assert run("render", shot, "-o", out, *(["--preset", preset] if preset else [])).code == 0
-    assert seen[0] is meant
-
-
 def test_a_dry_run_checks_and_does_nothing(out: Path, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise AssertionError("rendered")
@@ -218,16 +202,11 @@ def test_unknown_noise_is_said(out: Path, tmp_path: Path, shot: Path) -> None:
     ("options", "words"),
     [
         (("--bits", "16", "--space", "camera"), "tif does not hold camera with 16 bits; it holds"),
-        (("--exposure", "17"), "exposure is 17.0 stops, expected -16 to 16"),
         (("--quality", "90"), "the quality is 90, but tif is not compressed with loss; use jpg, jxl, uhdr"),
         (("-f", "jpg", "--quality", "0"), "the quality is 0, expected 1 to 100"),
         (("--wb", "auto", "--space", "camera"), "--wb does not go with --space camera"),
-        (("--wb", "2,1,1", "-f", "npy"), "--wb does not go with --space camera"),
         (("--wb", "daylight"), "--wb is 'daylight', expected camera, auto or multipliers R,G,B"),
-        (("--wb", ""), "--wb is '', expected"),
         (("--wb", "2,0,1"), "expected multipliers between 0.001 and 1000"),
-        (("--wb", "2,nan,1"), "expected multipliers between 0.001 and 1000"),
-        (("--wb", "1e300,1,1e-300"), "expected multipliers between 0.001 and 1000"),
         (("--exposure", "1", "--space", "camera"), "--exposure is 1 stops, but --space camera is the scene as measured"),
     ],
 )

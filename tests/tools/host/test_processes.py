@@ -173,21 +173,3 @@ def test_several_commands_share_a_folder_and_each_file_is_made_once(tmp_path: Pa
     assert sorted(made) == sorted(str(out / f"{seed}.tif") for seed in range(count))
     assert results(out) == {f"{seed}.tif" for seed in range(count)}
     assert len((out / NAME).read_text().splitlines()) == count
-
-
-def test_a_killed_worker_costs_nothing_but_time(tmp_path: Path, out: Path) -> None:
-    for seed in range(8):
-        save_shot(tmp_path / "shots" / f"{seed}.dng", seed, (150, 150))
-    process = start("render", tmp_path / "shots", "-o", out, "--workers", "2", "--json")
-    killed = 0
-    while process.poll() is None and not killed:
-        if (out / NAME).exists():  # they are at work
-            children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-            workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
-            os.kill(workers[-1], signal.SIGKILL)
-            killed += 1
-        time.sleep(0.002)
-    said, errors = process.communicate(timeout=100)
-    assert (process.returncode, killed) == (0, 1), errors
-    assert [json.loads(line)["ok"] for line in said.splitlines()] == [True] * 8
-    assert {f"{seed}.tif" for seed in range(8)} <= results(out)

@@ -68,14 +68,6 @@ def test_the_overview_shows_holes_where_the_colour_is(shot: Shown) -> None:
     assert (colours[3, 3] == colours[4, 4]).all()  # nothing there
 
 
-@pytest.mark.parametrize("period", [3, 8, 16])
-def test_the_overview_takes_any_period(period: int) -> None:
-    rgb: FloatArray = np.random.default_rng(0).random((70, 70, 3), np.float32)
-    mosaic = simulate_additive(rgb, CfaPattern.bayer(period), SensorCalibration(), 0.0, np.random.default_rng(0))
-    size = overview(mosaic, rgb.sum(axis=2), rgb, (5, 5)).size
-    assert size == (3 * (PANEL + GAP) + GAP, 2 * (PANEL + CAPTION + GAP) + GAP)
-
-
 def test_the_comparison_has_a_row_per_crop_and_a_column_per_picture() -> None:
     ramp: FloatArray = np.linspace(0, 1, 100 * 120 * 3, dtype=np.float32).reshape(100, 120, 3)
     pictures = {"one": ramp, "other": 1 - ramp, "third": ramp * 0.5}
@@ -86,12 +78,3 @@ def test_the_comparison_has_a_row_per_crop_and_a_column_per_picture() -> None:
         for column, picture in enumerate(pictures.values()):
             shown = panel(sheet, row, column)[5::10, 5::10] / 255
             np.testing.assert_allclose(shown, picture[top : top + 33, left : left + 33], atol=0.5 / 255 + 1e-6)
-
-
-def test_crops_of_another_size_keep_square_pixels() -> None:
-    picture: FloatArray = np.zeros((40, 100, 3), np.float32)
-    picture[:, 50:] = 1
-    sheet = panel(comparison({"one": picture}, {"wide": (0, 0)}, size=100), 0, 0)
-    assert (sheet[0, 150] == 255).all()  # 3 x 3 pixels each
-    assert (sheet[0, 149] == 0).all()
-    assert (sheet[40 * 3 :, :] == 255).all()  # nothing below

@@ -1,6 +1,5 @@
 """Ultra HDR: its JPEG is ours, and another program finds the highlights of the render in it."""
 
-import base64
 import io
 import json
 from dataclasses import replace
@@ -15,7 +14,6 @@ from PIL import Image
 from shared import SensorCalibration
 from shared.arrays import FloatArray
 from shared.display import SPACES, ColourTransform
-from tests.browser import Browser
 from tests.exiftool import exiftool
 from tests.tools.pictures.examples import CALIBRATION, SIZES, encoded, scene
 from tools.pictures.gain_map import GainMap
@@ -139,18 +137,3 @@ def test_other_programs_find_both_pictures(tmp_path: Path) -> None:
     assert described["XMP-hdrgm:GainMapMax"] == pytest.approx(gains.highest, abs=1e-6)
     assert described["XMP-hdrgm:HDRCapacityMax"] == pytest.approx(2, abs=0.02)  # the brightest patch is four times white
     assert described["XMP-hdrgm:BaseRenditionIsHDR"] in (False, "False")
-
-
-def test_a_browser_shows_the_picture(tmp_path: Path) -> None:
-    data = encoded(highlights(), PictureKind.of("uhdr")).getvalue()
-    script = (
-        "(async () => {const image = new Image(); image.src = 'data:image/jpeg;base64,%s'; await image.decode();"
-        "const canvas = document.createElement('canvas'); canvas.width = image.naturalWidth; canvas.height = image.naturalHeight;"
-        "const context = canvas.getContext('2d'); context.drawImage(image, 0, 0);"
-        "return [canvas.height, canvas.width, [...context.getImageData(0, 0, canvas.width, canvas.height).data]]})()"
-    )
-    with Browser(tmp_path) as browser:
-        rows, columns, values = browser.evaluate(script % base64.b64encode(data).decode())
-    expected = np.asarray(Image.open(io.BytesIO(data))).astype(int)
-    shown = np.array(values).reshape(rows, columns, 4)[..., :3]
-    assert np.abs(shown - expected).max() <= 3  # through the profile, which is that of the screen

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import ConvergenceError, OutputError
 from tests.tools.pictures.examples import KINDS, development, encoded, scene
@@ -48,12 +47,6 @@ def test_the_same_bytes_of_what_is_burnt_out(tmp_path: Path, name: str, restored
     for rows, threads in ((9, 1), (33, 3)):
         write_picture(tmp_path / f"{rows}", cut(rgb, rows), how, threads=threads)
         assert (tmp_path / f"{rows}").read_bytes() == (tmp_path / "whole").read_bytes()
-
-
-def test_the_same_bytes_of_other_channels(tmp_path: Path) -> None:
-    cyan, rgb, kind = SensorCalibration(channels="CYMG"), scene((70, 30), 4), PictureKind("tif", 32, "camera")
-    write_picture(tmp_path / "bands.tif", cut(rgb, 9), development(kind, rgb.shape, calibration=cyan))
-    assert (tmp_path / "bands.tif").read_bytes() == encoded(rgb, kind, calibration=cyan).getvalue()
 
 
 def fails() -> Iterator[FloatArray]:

@@ -66,8 +66,6 @@ def test_an_evaluation_is_the_same_by_a_worker(tmp_path: Path, monkeypatch: pyte
     ("options", "words"),
     [
         (("--scheduler", "tcp://127.0.0.1:1"), "tcp://127.0.0.1:1: no scheduler answers"),
-        (("--scheduler", "nonsense://x"), "nonsense://x: no scheduler answers"),
-        (("--scheduler", "tls://127.0.0.1:1"), "tls://127.0.0.1:1: no scheduler answers"),
         (("--scheduler-file", "missing.json"), "missing.json: there is no such file"),
         (("--scheduler", "tcp://127.0.0.1:1", "--workers", "2"), "--workers cannot be used with a scheduler"),
         (("--scheduler", "tcp://127.0.0.1:1", "--scheduler-file", "x"), "one of them"),

@@ -1,6 +1,5 @@
 """`render --resume`: what is current stays as it is, what is ours and is not is made anew, and what is a user's is never lost."""
 
-import json
 import os
 from collections import Counter
 from pathlib import Path
@@ -8,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shared import Camera, SensorCalibration, read_dng
-from shared.calibration import NoiseModel
+from shared import read_dng
 from tests.tools.command import Outcome, assert_refused, contents, results, run
 from tests.tools.rendering.examples import save_shot
 from tools.rendering.journal import NAME
@@ -53,52 +51,6 @@ def test_a_moved_folder_is_still_current(shots: Path, out: Path, tmp_path: Path)
     render(shots, out)
     out.rename(tmp_path / "moved")
     assert current(render(shots, tmp_path / "moved", "--resume")) == {"a.tif", "b.tif", "c.tif"}
-
-
-_OTHER = [
-    (
-        "--preset",
-        "unlearned",
-    ),
-    ("--exposure", "1"),
-    ("--bits", "8"),
-    ("--space", "display-p3"),
-    ("--camera", "camera.json"),
-    ("--defects", "hot.txt"),
-]
-
-
-@pytest.mark.parametrize("option", _OTHER)
-def test_another_setting_makes_all_of_them_anew(
-    shots: Path, out: Path, tmp_path: Path, option: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    known = SensorCalibration.of_bits(12, gamma=(0.5, 1, 1.5), noise=NoiseModel.gaussian(0.02, 4))
-    (tmp_path / "camera.json").write_text(json.dumps(Camera(known).to_json()))
-    (tmp_path / "hot.txt").write_text("5, 8\n")
-    render(shots, out)
-    plain = contents(out)
-    outcome = render(shots, out, "--resume", *option)
-    assert (outcome.code, current(outcome)) == (0, set())
-    if option != (
-        "--preset",
-        "unlearned",
-    ):  # these shots are too small and flat to show it
-        assert all(data != plain[name] for name, data in contents(out).items())
-    assert current(render(shots, out, "--resume", *option)) == {"a.tif", "b.tif", "c.tif"}
-
-
-def test_another_algorithm_or_preset_makes_all_of_them_anew(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dataclasses import replace
-
-    import offline
-
-    render(shots, out)
-    monkeypatch.setattr("offline.version.ALGORITHM", -1)
-    assert current(render(shots, out, "--resume")) == set()
-    monkeypatch.setitem(offline.PRESETS, "paper", replace(offline.PAPER, luminance=replace(offline.PAPER.luminance, iterations=20)))
-    assert current(render(shots, out, "--resume", "--preset", "paper")) == set()
-    assert current(render(shots, out, "--resume", "--preset", "paper")) == {"a.tif", "b.tif", "c.tif"}
 
 
 def test_a_limit_changes_no_picture_and_holds_in_every_process(shots: Path, out: Path) -> None:
@@ -224,14 +176,6 @@ def test_a_picture_of_another_shot_of_the_same_name_is_not_replaced(shots: Path,
     shots.rename(tmp_path / "moved")  # but a folder of shots may move
     outcome = render(tmp_path / "moved", out, "--resume", "--exposure", "1")
     assert (outcome.code, current(outcome)) == (0, set())
-
-
-def test_two_folders_with_the_same_names_are_refused_before_anything_is_lost(shots: Path, out: Path, tmp_path: Path) -> None:
-    save_shot(tmp_path / "more" / "b.dng", 7)
-    outcome = run("render", shots, tmp_path / "more", "-o", out)
-    (line,) = outcome.errors
-    assert line.startswith(f"panchroma: {tmp_path}/more/b.dng: the result would have the same name as that of {shots}/b.dng")
-    assert results(out) == {"a.tif", "b.tif", "sub"}
 
 
 def test_a_shot_that_changes_while_it_is_read_is_refused(shots: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,17 +40,11 @@ def test_what_is_not_one_burst_is_named(tmp_path: Path, names: list[str], words:
     assert words.format(tmp_path) in str(refused.value)
 
 
-def test_a_file_that_is_given_twice() -> None:
-    with pytest.raises(InputError, match=r"a\.dng: is given twice"):
-        series([Source("a.dng"), Source("b.dng"), Source("a.dng")])
-
-
-@pytest.mark.parametrize("spelling", ["{0}/./a.dng", "{0}/more/../a.dng", "{0}/symbolic.dng", "{0}/hard.dng", "{0}/b-2.dng"])
+@pytest.mark.parametrize("spelling", ["{0}/./a.dng", "{0}/more/../a.dng", "{0}/hard.dng", "{0}/b-2.dng"])
 def test_a_file_that_is_given_twice_under_other_names(tmp_path: Path, spelling: str) -> None:
     (tmp_path / "more").mkdir()
     (tmp_path / "a.dng").write_text("a")
-    for name in ("symbolic.dng", "b-2.dng"):
-        (tmp_path / name).symlink_to("a.dng")
+    (tmp_path / "b-2.dng").symlink_to("a.dng")
     (tmp_path / "hard.dng").hardlink_to(tmp_path / "a.dng")
     first, second = f"{tmp_path}/a.dng", spelling.format(tmp_path)
     with pytest.raises(InputError, match=f"^{second}: is given twice: it is the same file as {first}$"):

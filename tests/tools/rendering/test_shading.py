@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from offline import BEST, PAPER, RenderSettings, render, render_bands
+from offline import BEST, PAPER, RenderSettings, render
 from shared import CfaPattern, Mosaic, SensorCalibration, Shading
 from shared.arrays import FloatArray
 from shared.sensor import simulate_additive, simulate_sensor
@@ -38,11 +38,6 @@ def test_corners_are_those_of_a_render_without_shading(settings: RenderSettings)
 def test_noise_in_the_corners_is_that_of_the_gain() -> None:
     amplified, undone = seen(noisy(scene(), 0.01, LENS)), seen(photographed(scene(), 0.01, shading=LENS))
     assert min(np.subtract(undone[:3], amplified[:3])) > -0.5
-
-
-def test_bands_are_the_picture() -> None:
-    shot = photographed(scene(), 0.01, shading=LENS)
-    assert np.array_equal(np.concatenate(list(render_bands(shot))), render(shot).rgb)
 
 
 def white(light: float, shading: Shading | None) -> FloatArray:
