@@ -2,7 +2,6 @@
 
 parts    1,000 small shots in one command with one process, compared with the sum of their parts: reading, rendering and writing
          each of these shots in this process, kernels compiled, without journal, locks and digests.
-sharing  8 commands on one folder of 100 shots: how often each picture was made, and whether every original is unchanged.
 workers  throughput of 1 and 2 processes of one thread each, shots of 1 MP.
 cluster  throughput of 1 and 2 dask workers of one thread each, the same shots.
 plan     processor time, bytes in and bytes out of one shot of 24 MP, extrapolated to a million shots.
@@ -15,7 +14,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,12 +23,11 @@ from offline import use_threads
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, write_dng
 from shared.sensor import simulate_additive
 from tests.dask_cluster import cluster
-from tests.tools.command import contents, start
+from tests.tools.command import start
 from tools.host.jobs import Job
 from tools.host.progress import StageProgress
 from tools.pictures.kind import PictureKind
 from tools.pictures.writing import write_picture
-from tools.rendering.journal import NAME
 from tools.rendering.order import Order
 from tools.scenes.drawn.builtin import builtin_scene
 
@@ -98,21 +95,6 @@ def parts(top: Path) -> None:
     print(f"the same with --resume, all current: {again:.1f} s")
 
 
-def sharing(top: Path) -> None:
-    """Run eight commands on one folder."""
-    save_shots(top / "shared", 100, SMALL)
-    before, out = contents(top / "shared"), fresh(top, "together")
-    running = [command(top / "shared", "-o", out, "--resume", "--workers", "1", "-j", "1") for _ in range(8)]
-    records = [json.loads(line) for process in running for line in process.communicate()[0].splitlines()]
-    made = Counter(record["output"] for record in records if not record.get("current"))
-    lines = (out / NAME).read_text().splitlines()
-    print(
-        f"8 commands x 100 shots: exit codes {[process.returncode for process in running]}; {len(made)} files, each made "
-        f"{sorted(set(made.values()))} times, {len(lines)} lines in the journal; {len(list(out.iterdir())) - 101} files left over; "
-        f"originals {'untouched' if contents(top / 'shared') == before else 'CHANGED'}"
-    )
-
-
 def workers(top: Path) -> None:
     """Measure processes of this machine."""
     _throughput(top, "processes", lambda count, out: seconds(top / "large", "-o", out, "--workers", str(count), "-j", "1"))
@@ -164,7 +146,7 @@ def plan(top: Path) -> None:
     )
 
 
-MEASURED = {"parts": parts, "sharing": sharing, "workers": workers, "cluster": on_cluster, "plan": plan}
+MEASURED = {"parts": parts, "workers": workers, "cluster": on_cluster, "plan": plan}
 
 
 def main() -> None:

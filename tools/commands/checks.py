@@ -56,16 +56,9 @@ def _program() -> Iterator[Finding]:
 _EXTRAS = {
     "": ("pip install -e .", "nothing works without it"),
     "offline": (ALL, "render, demo, evaluate, calibrate"),
-    "tools": (ALL, "scenes, pictures, progress bars"),
+    "tools": (ALL, "scenes (camera RAW, JPEG, PNG, EXR), pictures, progress bars"),
     "evaluation": (ALL, "evaluate: the rivals malvar and menon"),
     "rivals": ("pip install -e '.[rivals]'", "evaluate: the rivals with bm3d (non-commercial use only)"),
-}
-_NEEDED_BY = {
-    "rawpy": "camera RAWs as scenes",
-    "Pillow": "JPEG, WebP and PNG scenes",
-    "OpenEXR": "EXR scenes and renders",
-    "rich": "progress bars on a terminal",
-    "matplotlib": "evaluate: colour-demosaicing warns without it",
 }
 _MODULES = {"onnxruntime": "shared.runtime", "Pillow": "PIL", "colour-demosaicing": "colour_demosaicing"}
 _REQUIREMENT = re.compile(r'([\w.-]+) *>= *([\d.]+)(?:.*extra *== *["\']([\w-]+)["\'])?')
@@ -88,7 +81,7 @@ def _package(name: str, least: str, extra: str) -> Finding:
     remedy, needed_by = _EXTRAS[extra]
     if (found := package_version(name)) is None:
         state = MISSING if extra else BAD
-        return Finding(name, state, f"not installed: {_NEEDED_BY.get(name, needed_by)}", remedy)
+        return Finding(name, state, f"not installed: {needed_by}", remedy)
     if _numbers(found) < _numbers(least):
         return Finding(name, BAD, f"{found}, older than {least}", f"pip install '{name}>={least}'")
     try:

@@ -18,11 +18,11 @@ from tools.evaluation.figures import Figures
 from tools.evaluation.report import plain_text
 from tools.host.cluster import SchedulerGoneError, absolute_path, connected
 from tools.host.console import Console
-from tools.host.countdown import duration
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
 from tools.host.processors import processors
 from tools.host.versions import program_version
+from tools.host.work import duration
 
 from .options import add, add_protocol, count, protocol_of, uses_scheduler
 

@@ -4,13 +4,13 @@ There are four ways to work, each called as `workers(work, pieces)`: `Here` and 
 `processes.Processes` and `cluster.Cluster`.
 """
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from .ahead import ahead
 from .console import StandardOutputError, WorkerFault, fault
-from .countdown import Countdown
 from .progress import Note, StageProgress
 from .signals import raise_lost_signal
 
@@ -92,10 +92,19 @@ def follow(
     """
     if not pieces:
         return
-    countdown = Countdown(sum(map(length, pieces)), len(pieces))
-    progress.stage(name, round(_PARTS * sum(map(length, pieces))))
-    for piece, result in workers(work, pieces):
-        countdown.finished(length(piece))
+    whole, done, start = sum(map(length, pieces)), 0.0, time.monotonic()
+    progress.stage(name, round(_PARTS * whole))
+    for number, (piece, result) in enumerate(workers(work, pieces), 1):
+        done += length(piece)
         progress.advance(round(_PARTS * length(piece)))
-        progress.remark(str(countdown))
+        left = (time.monotonic() - start) * max(whole - done, 0) / done if done else 0
+        progress.remark(f"{number} of {len(pieces)} done" + f", about {duration(left)} left" * (left > 0 and number < len(pieces)))
         yield piece, result
+
+
+def duration(seconds: float) -> str:
+    """A time for people: "40 s", "12 min", "3 h 20 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02} min"

@@ -51,7 +51,10 @@ def test_what_is_missing_is_told_with_what_misses_it(monkeypatch: pytest.MonkeyP
         return {"rawpy": None, "numpy": None, "onnxruntime": "1.21.0"}.get(name, package_version(name))
 
     monkeypatch.setattr(checks, "package_version", version)
-    assert (only("rawpy").state, only("rawpy").found) == (MISSING, "not installed: camera RAWs as scenes")
+    assert (only("rawpy").state, only("rawpy").found) == (
+        MISSING,
+        f"not installed: {checks._EXTRAS['tools'][1]}",
+    )
     assert (only("numpy").state, only("onnxruntime").state) == (BAD, BAD)
     assert "older than 1.22.1" in only("onnxruntime").found
     assert only("onnxruntime").remedy == "pip install 'onnxruntime>=1.22.1'"
