@@ -9,7 +9,7 @@ from collections.abc import Container, Sequence
 from typing import IO, Any
 
 from .errors import InputError
-from .tiff_structure import BYTES, MOST_FIELDS, Structure
+from .tiff_reading import BYTES, MOST_FIELDS, Structure
 
 _SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY = 330, 34665, 34853, 40965
 _TREE = (_SUB_IFDS, _EXIF, _GPS, _INTEROPERABILITY)
