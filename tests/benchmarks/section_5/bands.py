@@ -1,23 +1,24 @@
 """Eight narrow bands: sparse blocks of them, against three channels and a guess, and against a mosaic of bands without sparse W."""
 
-from collections.abc import Iterator
+import string
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
 
 from offline import PRESETS
-from shared import CfaPattern
+from shared import CfaPattern, Mosaic
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 from tools.camera.filters import filters_for
 from tools.camera.protocols import Protocol
+from tools.camera.simulated_camera import SimulatedCamera
 from tools.evaluation.metrics import BORDER, quality
 from tools.evaluation.ours import render_preset
 from tools.evaluation.rivals.plane_denoising import denoised_planes
 from tools.evaluation.rivals.planes import planes
 from tools.scenes.scene import Scene
-
-from .cameras import rendered
 
 MEASURES = "luminance", "median RGB", "chrominance", "RMS of bands", "mean angle", "angle where RGB errs"
 BLOCKS = "HIJ/KWL/NOP", "HIJK/LNOP"
@@ -40,6 +41,19 @@ def bands(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     yield f"mosaic `{MOSAIC}`, planes interpolated", truth.measured(rendered(MOSAIC, 3, scene, level, planes))
     if not level.clear:
         yield f"mosaic `{MOSAIC}`, BM3D, planes interpolated", truth.measured(rendered(MOSAIC, 3, scene, level, denoised_planes))
+
+
+def rendered(block: str, period: int, scene: Scene, level: Protocol, method: Callable[[Mosaic], FloatArray]) -> FloatArray:
+    """A shot as rendered by a method, in the scene's bands by the pseudo-inverse of the filters, as bright as the scene.
+
+    block: rows separated by "/"; there is one in every `period` pixels.
+    """
+    letters = "".join(sorted(set(block) - set("/W"), key=("RGB" + string.ascii_uppercase).index))
+    pattern = CfaPattern.with_block(tuple(block.split("/")), period, channels=letters)
+    filters = filters_for(pattern, scene)
+    camera = SimulatedCamera.of(pattern, protocol=level.scaled(filters.unit), bits=level.bits)
+    shot = camera.shoot(replace(scene, camera_to_xyz=None, neutral=None), np.random.default_rng(0)).mosaic
+    return method(shot) / np.float32(level.light) @ np.linalg.pinv(np.array(filters.matrix)).T.astype(np.float32)
 
 
 class Truth:

@@ -9,14 +9,13 @@ import numpy as np
 
 from device import Preview
 from offline import BEST, PAPER, PRESETS, render, use_threads
-from shared import Mosaic
+from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tools.camera.protocols import Protocol
+from tools.evaluation.cameras import CameraPair
 from tools.evaluation.metrics import quality
 from tools.evaluation.ours import render_preset
 from tools.scenes.scene import Scene
-
-from .cameras import photographed
 
 MEASURES = "median RGB", "luminance", "chrominance", "10 % RGB", "10 % chrominance", "CPU s per MP"
 _FAST = replace(PAPER.luminance, iterations=13, decay=0.5)  # ends at the same threshold, in a quarter of the steps
@@ -40,7 +39,7 @@ STEPS = {
 def steps(scene: Scene, level: Protocol) -> Iterator[tuple[str, list[float]]]:
     """Name and MEASURES of each variant, the paper's camera, K = 6."""
     use_threads(1)  # so that the processor's time is that of the work
-    mosaic, _ = photographed("RG/GB", 6, scene, level)
+    mosaic = CameraPair(level, 0, scene.rgb, CfaPattern.bayer(6), None).sparse
     small = Mosaic(mosaic.samples[:60, :60], mosaic.pattern, mosaic.calibration)
     for name, make in _variants(mosaic, scene.rgb).items():
         make(small)  # loads what is compiled

@@ -19,7 +19,7 @@ from tools.evaluation.criteria import CRITERIA, HUE, RGB, TENTH_CHROMINANCE, WHO
 from tools.evaluation.figures import Comparison, Figures, SetFigures
 from tools.evaluation.measures import Measures
 from tools.evaluation.page.page import build_page
-from tools.evaluation.report import pattern_table, plain_text, standing_table
+from tools.evaluation.report import method_table, pattern_table, plain_text, scene_table, standing_table
 from tools.evaluation.scene_sets import SPECTRAL
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
@@ -77,6 +77,13 @@ def test_winner_margin_and_losses(study: Study) -> None:
     )
     assert said in plain_text(figures)
     assert said.partition(": ")[2] == standing_table(group).rows[0].texts[0]
+    table = method_table(group, RGB)
+    assert [row.kind for row in table.rows] == ["ours", "", "", "margin"]
+    assert [row.best for row in table.rows[:3]] == [[False, True], [True, False], [False, False]]
+    assert table.rows[-1].texts == ["-6.0 dB (bilinear)", "+6.0 dB (dlmmse)"]
+    medians = [f"{RGB.of(group.figure(level, 'dlmmse', 'scene1')):.1f} / " for level in (CLEAN, NOISY)]
+    shown = scene_table(group, study.scenes[1]).rows[2].texts
+    assert [text.startswith(median) for text, median in zip(shown, medians, strict=True)] == [True, True]
 
 
 def test_every_figure_rival_level_and_scene_counts_as_a_loss(study: Study) -> None:

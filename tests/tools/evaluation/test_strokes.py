@@ -13,7 +13,7 @@ from tools.evaluation import strokes
 from tools.evaluation.figures import Figures
 from tools.evaluation.methods import methods
 from tools.evaluation.page.page import build_page
-from tools.evaluation.report import plain_text
+from tools.evaluation.report import plain_text, stroke_table
 from tools.evaluation.strokes import COLOURS, WIDTHS, drawing, kept, measure_strokes
 from tools.evaluation.study import collect
 from tools.evaluation.tables import encode_csv, encode_json
@@ -58,6 +58,10 @@ def test_every_method_level_and_pattern_once(tmp_path: Path, monkeypatch: pytest
     assert document["widths"] == list(WIDTHS)
     assert document["kept"][-1]["scene"] == "dark red"
     assert "Colour kept in strokes" in plain_text(figures)
+    shown = [each for each in found if each.level == study.levels[1]]
+    table = stroke_table(figures, study.levels[1])
+    assert [[float(text) for text in row.texts] for row in table.rows] == [pytest.approx(each.least, abs=0.006) for each in shown]
+    assert [row.best[0] for row in table.rows] == [each.least[0] == max(every.least[0] for every in shown) for each in shown]
     assert 'id="strokes"' in build_page(figures, [], "", []).decode()
     assert 'id="strokes"' not in build_page(Figures(study, figures.results), [], "", []).decode()
 

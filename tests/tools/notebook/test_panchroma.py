@@ -105,6 +105,13 @@ def test_any_pattern_and_channels_become_a_picture_that_shows_itself(pattern: An
     assert shown(picture).shape == shown(shot).shape == (48, 54, 3)
 
 
+def test_channels_may_be_named_and_in_another_order_than_the_patterns() -> None:
+    scene = RNG.random((24, 24, 4), np.float32)
+    given = panchroma.simulate(scene, pattern=FOUR)
+    named = panchroma.simulate(scene[..., ::-1], pattern=FOUR, channels="DCBA")
+    assert np.array_equal(given.mosaic.codes, named.mosaic.codes)
+
+
 def test_the_white_balance_changes_what_is_shown_alone(shot: panchroma.Shot) -> None:
     plain, warm = (panchroma.render(shot, wb=wb) for wb in ("camera", (2, 1, 1)))
     assert np.array_equal(plain.rgb, warm.rgb)

@@ -5,7 +5,7 @@ import pytest
 
 from tests.tools.evaluation.examples import alone, measured, small_scene, study_of
 from tools.camera.protocols import PaperProtocol, Protocol, SensorProtocol
-from tools.evaluation.measures import WINDOW
+from tools.evaluation.measures import WINDOW, window_origins
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import (
     WHY_AHEAD,
@@ -61,6 +61,12 @@ def test_squares_are_where_methods_differ_most_and_where_we_are_worst(tmp_path: 
         study.cell(study.scenes[0], study.levels[1], methods()["preview"], study.tile), study.seed, study.reading
     )
     assert np.mean((rendered[worst.part] - truth[worst.part]) ** 2) <= own.max() * 1.001
+    for crop in crops:
+        place = tuple(window_origins(size).index(at) for size, at in ((318, crop.row), (342, crop.column)))
+        errors = {cell.method: each.errors[place] for cell, each in figures.results.items() if cell.level == crop.level}
+        rival = min(errors["bilinear"], errors["dlmmse"])
+        assert crop.why != WHY_AHEAD or errors["preview"] < rival
+        assert crop.why != WHY_BEHIND or errors["preview"] > rival
     for crop in taken:  # no two squares of a level show the same
         assert max(abs(crop.row - worst.row), abs(crop.column - worst.column)) >= WINDOW
 
