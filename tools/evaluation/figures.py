@@ -132,10 +132,9 @@ class SetFigures:
         self, level: Protocol, rival: str, criterion: Criterion = RGB, scene: str | None = None, own: str | None = None
     ) -> float | None:
         """How much better our method, or another one, is than a rival by a criterion; None where one has no result."""
-        ours, theirs = self.figure(level, own or self.study.ours or rival, scene), self.figure(level, rival, scene)
-        if ours is None or theirs is None or not (own or self.study.ours):
-            return None
-        return criterion.sign * (criterion.of(ours) - criterion.of(theirs))
+        name, theirs = own or self.study.ours, self.figure(level, rival, scene)
+        ours = self.figure(level, name, scene) if name else None
+        return criterion.sign * (criterion.of(ours) - criterion.of(theirs)) if ours and theirs else None
 
     def margin(self, level: Protocol, criterion: Criterion = RGB, scene: str | None = None) -> Comparison | None:
         """Ours beside the best rival by a criterion; None if one of them has no such figure."""

@@ -87,7 +87,8 @@ def pattern_table(group: SetFigures, level: Protocol) -> Table:
         facts = [f"{100 * tile.panchromatic_share:.0f} %", f"{light:.2f}×" if light else "–"]
         texts = [each.text(values[head].get(tile, nan)) for head, each in _OF_PATTERNS.items()]
         leads = [f"{medians[tile] - each[tile]:+.1f}" if tile in medians and tile in each else "–" for each in gains.values()]
-        rows.append(Row(tile.name, [*facts, *texts, *leads], [False, False, *(each == tile for each in best)]))
+        marks = [*[False] * len(facts), *(each == tile for each in best), *[False] * len(leads)]
+        rows.append(Row(tile.name, [*facts, *texts, *leads], marks))
     return Table([capital(level.text), "W", "light", *_OF_PATTERNS, *gains], rows)
 
 

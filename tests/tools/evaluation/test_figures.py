@@ -254,6 +254,7 @@ def test_patterns_are_compared_with_each_other_and_with_their_planes(tmp_path: P
     *_, six, kodak = pattern_table(group, CLEAN).rows
     assert (kodak.title, *kodak.texts[:2], kodak.texts[-1], six.texts[-1]) == ("Kodak", "50 %", "2.00×", "+12.0", "+12.0")
     assert (kodak.best[2], six.best[2]) == (True, False)
+    assert "★ 40." in build_page(figures, [], "p", []).decode()
     assert re.search(r"Kodak +50 %  2\.00× +40\.\d", plain_text(figures))
     document = json.loads(encode_json(figures, "p", []))
     verdict = document["verdict"][SET]["levels"][0]
