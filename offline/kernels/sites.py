@@ -5,7 +5,7 @@ import numpy as np
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 
 from .compile import kernel, parallel_kernel, prange
-from .lanes import WIDTH, greater, lesser, load, quotient, square_root, store
+from .lanes import WIDTH, greater, lesser, load, quotient, store, where_less
 
 _LANES = WIDTH // 2  # of float64
 _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose sites are all explained by one error
@@ -42,7 +42,7 @@ def solve_jointly(
     grey = 1 / gamma.sum()
     for row in prange(rows):
         covariance, colour = np.empty((sites, sites, _LANES)), np.empty((sites, _LANES))
-        whitened = np.empty((sites, count + 1, _LANES))  # one column per channel, and the samples
+        explained = np.empty((sites, count + 1, _LANES))  # one column per channel, and the samples
         normal, right = np.empty((count, count, _LANES)), np.empty((count, 2, _LANES))
         seen, noise = np.empty((2, sites, _LANES)), np.empty((sites, _LANES))
         power, solved = np.empty((1, _LANES)), np.empty((count, _LANES))
@@ -58,16 +58,21 @@ def solve_jointly(
                     value = greater(load(solved, (channels[site], 0)), _FAINTEST * grey)
                     store(colour, (site, 0), lesser(value, _STRONGEST * grey))
                 _covariance(colour, power, near, mismatch, noise, covariance)
-                _decompose(covariance)
-                whitened[:] = 0.0
+                explained[:] = 0.0
                 for site in range(sites):
-                    store(whitened, (site, channels[site], 0), load(seen, (0, site, 0)))
-                    store(whitened, (site, count, 0), load(seen, (1, site, 0)))
-                _forward(covariance, whitened)
-                _normal(whitened, grey, gamma, normal, right)
-                _decompose(normal)
-                _forward(normal, right)
-                _backward(normal, right)
+                    store(explained, (site, channels[site], 0), load(seen, (0, site, 0)))
+                    store(explained, (site, count, 0), load(seen, (1, site, 0)))
+                _solve(covariance, explained)
+                # Eqs. 8-9 pull towards grey with the weight of one sample of variance sigma^2, which is 1 here.
+                right[:], normal[:] = grey, 0.0
+                for i in range(count):
+                    normal[i, i], right[i, 1] = 1.0, gamma[i]
+                for site in range(sites):
+                    channel, here = channels[site], load(seen, (0, site, 0))
+                    for i in range(count):
+                        store(normal, (channel, i, 0), load(normal, (channel, i, 0)) + here * load(explained, (site, i, 0)))
+                    store(right, (channel, 0, 0), load(right, (channel, 0, 0)) + here * load(explained, (site, count, 0)))
+                _solve(normal, right)
                 free, pull = load(power, (0, 0)) * 0.0, load(power, (0, 0)) * 0.0
                 for i in range(count):
                     free += gamma[i] * load(right, (i, 0, 0))
@@ -79,22 +84,6 @@ def solve_jointly(
                 if power[0, lane] > 0:
                     for i in range(count):
                         out[row, group + lane, i] = solved[i, lane]
-
-
-@kernel
-def _normal(whitened: DoubleArray, grey: float, gamma: DoubleArray, normal: DoubleArray, right: DoubleArray) -> None:
-    """The normal equations: Eqs. 8-9 pull towards grey with the weight of one sample of variance sigma^2, which is 1 here."""
-    count, nothing = len(gamma), load(whitened, (0, 0, 0)) * 0.0
-    for i in range(count):
-        for j in range(count + 1):
-            total = nothing + (grey if j == count else 1.0 if i == j else 0.0)
-            for site in range(len(whitened)):
-                total += load(whitened, (site, i, 0)) * load(whitened, (site, j, 0))
-            if j < count:
-                store(normal, (i, j, 0), total)
-            else:
-                store(right, (i, 0, 0), total)
-        right[i, 1] = gamma[i]
 
 
 @parallel_kernel(
@@ -144,9 +133,7 @@ def share_out(
                     store(covariance, (i, j, 0), near[i, j] * (power * load(weight, (i, 0)) * load(weight, (j, 0)) + odd * same))
                 own = load(noise, (i, 0)) + _LEAST * (power + odd)
                 store(covariance, (i, i, 0), load(covariance, (i, i, 0)) + own)
-            _decompose(covariance)
-            _forward(covariance, right)
-            _backward(covariance, right)
+            _solve(covariance, right)
             lights[:], odds[:] = 0.0, 0.0
             for site in range(sites):
                 for other in range(sites):
@@ -156,11 +143,11 @@ def share_out(
                         same = (1.0 if channels[other] == channel else 0.0) - 1 / count
                         store(odds, (site, channel, 0), load(odds, (site, channel, 0)) + odd * same * part)
             for lane in range(min(_LANES, columns - group)):
-                told = powers[0, lane] + powers[1, lane] > 0
+                uncertain = powers[0, lane] + powers[1, lane] > 0
                 for site in range(sites):
-                    light[row, group + lane, site] = lights[site, lane] if told else 0.0
+                    light[row, group + lane, site] = lights[site, lane] if uncertain else 0.0
                     for channel in range(count):
-                        tints[row, group + lane, site, channel] = odds[site, channel, lane] if told else 0.0
+                        tints[row, group + lane, site, channel] = odds[site, channel, lane] if uncertain else 0.0
 
 
 @kernel
@@ -179,36 +166,22 @@ def _covariance(
 
 
 @kernel
-def _decompose(matrix: DoubleArray) -> None:
-    """Cholesky's lower triangle of a positive definite matrix, in place."""
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            total = load(matrix, (i, j, 0))
-            for k in range(j):
-                total -= load(matrix, (i, k, 0)) * load(matrix, (j, k, 0))
-            if i == j:
-                store(matrix, (i, j, 0), square_root(total))
-            else:
-                store(matrix, (i, j, 0), quotient(total, load(matrix, (j, j, 0))))
-
-
-@kernel
-def _forward(lower: DoubleArray, right: DoubleArray) -> None:
-    """Solve lower x = right for each column of `right`, in place."""
-    for column in range(right.shape[1]):
-        for i in range(len(lower)):
+def _solve(matrix: DoubleArray, right: DoubleArray) -> None:
+    """Solve matrix x = right for each column of `right`, in place; NaN if the symmetric matrix is not positive definite."""
+    size, columns = len(matrix), right.shape[1]
+    for i in range(size):
+        pivot = load(matrix, (i, i, 0))
+        inverse = where_less(0.0, pivot, quotient(1.0, pivot), np.nan)
+        for k in range(i + 1, size):
+            factor = load(matrix, (i, k, 0)) * inverse
+            for j in range(k, size):
+                store(matrix, (k, j, 0), load(matrix, (k, j, 0)) - factor * load(matrix, (i, j, 0)))
+            for column in range(columns):
+                store(right, (k, column, 0), load(right, (k, column, 0)) - factor * load(right, (i, column, 0)))
+        store(matrix, (i, i, 0), inverse)
+    for i in range(size - 1, -1, -1):
+        for column in range(columns):
             total = load(right, (i, column, 0))
-            for k in range(i):
-                total -= load(lower, (i, k, 0)) * load(right, (k, column, 0))
-            store(right, (i, column, 0), quotient(total, load(lower, (i, i, 0))))
-
-
-@kernel
-def _backward(lower: DoubleArray, right: DoubleArray) -> None:
-    """Solve lower^T x = right for each column of `right`, in place."""
-    for column in range(right.shape[1]):
-        for i in range(len(lower) - 1, -1, -1):
-            total = load(right, (i, column, 0))
-            for k in range(i + 1, len(lower)):
-                total -= load(lower, (k, i, 0)) * load(right, (k, column, 0))
-            store(right, (i, column, 0), quotient(total, load(lower, (i, i, 0))))
+            for j in range(i + 1, size):
+                total -= load(matrix, (i, j, 0)) * load(right, (j, column, 0))
+            store(right, (i, column, 0), total * load(matrix, (i, i, 0)))

@@ -83,7 +83,7 @@ def correct_sites(part: Part, measured: BlockSamples, gamma: FloatArray) -> Part
     for site, place in enumerate(places):
         before = luminance[place]
         after = before + light[..., site]
-        lit = ((after > DARK) & (before > DARK))[..., None]
+        lit = ~((after <= DARK) | (before <= DARK))[..., None]  # what is not a number is to be seen, and refused
         # Colour that luminance gains has the chromaticity that was there; tints leave luminance as it is.
         tinted = chromaticity[place] + tints[:, :, site] / (gamma * np.where(lit, after[..., None], 1))
         luminance[place] = np.where(lit[..., 0], after, before)

@@ -215,3 +215,10 @@ def test_at_an_edge_without_luminance_none_is_invented() -> None:
     found = corrected(part, mosaic)
     assert np.array_equal(found.luminance, light)
     assert np.abs(found.chromaticity - blurred).max() > 0.1
+
+
+def test_errors_that_cannot_be_are_not_shared_out_in_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Correlations beyond one have no most probable errors: the picture is refused, not wrong."""
+    monkeypatch.setattr("offline.sites.nearness", lambda *_: np.full((4, 4), 3.0) - 2 * np.eye(4))
+    mosaic = shot(CfaPattern.bayer(6), (48, 48), None)
+    assert np.isnan(corrected(render_of(mosaic), mosaic).chromaticity).any()
