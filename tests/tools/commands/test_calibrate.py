@@ -69,7 +69,7 @@ def test_a_folder_becomes_a_camera(folder: Path, tmp_path: Path) -> None:
     assert outcome.records[-1]["id"] == camera.calibration.id
     page = (tmp_path / "report.html").read_text("utf-8")
     assert "Use it" in page
-    assert page.count("<svg") == 2
+    assert (page.count("<svg"), page.count("<img")) == (2, 1)
     assert page.count('class="patch"') == 24
     assert not re.search(r'(?:src|href)="(?!data:)', page), "the page loads something"
     np.testing.assert_allclose(read_reference(tmp_path / "chart.ti3"), color_checker_xyz(), atol=1e-6)

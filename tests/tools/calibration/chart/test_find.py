@@ -62,12 +62,13 @@ def test_a_chart_that_is_cut_off_is_refused() -> None:
 
 
 def test_a_chart_too_small_for_the_period_is_refused_with_the_size_it_needs() -> None:
-    small = chart().rgb.reshape(HEIGHT // 5, 5, WIDTH // 5, 5, 3).mean(axis=(1, 3))
+    small = chart().rgb.reshape(HEIGHT // 4, 4, WIDTH // 4, 4, 3).mean(axis=(1, 3))
     wide = np.full((300, 400, 3), 0.35)
-    wide[100:180, 120:240] = small
-    place = ChartPlace(tuple((x / 5 + 120, y / 5 + 100) for x, y in true_place().corners))
-    with pytest.raises(InputError, match=f"too small.*period 8 needs {least_pitch(8)}"):
-        chart_at(frame(wide, 8), place.corners, REFERENCE)
+    wide[100:200, 120:270] = small
+    place = ChartPlace(tuple((x / 4 + 120, y / 4 + 100) for x, y in true_place().corners))
+    for search in (lambda shot: chart_at(shot, place.corners, REFERENCE), lambda shot: find_chart(shot, REFERENCE)):
+        with pytest.raises(InputError, match=f"too small.*period 8 needs {least_pitch(8)}"):
+            search(frame(wide, 8))
 
 
 def test_corners_by_hand_pass_the_same_tests() -> None:
