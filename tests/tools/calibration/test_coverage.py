@@ -83,6 +83,9 @@ def test_shots_of_two_cameras_are_contradicted() -> None:
 
 def test_blue_light_is_called_blue() -> None:
     outcome = concluded(frames_of(SIMPLE, (0.05, 0.25, 1.0)), "chart+dark")
+    assert outcome.camera is not None
+    (shot,) = outcome.evidence.seen.shots
+    assert shot.calibration.black_level == outcome.camera.calibration.black_level  # that of the dark frames
     said = " ".join(outcome.warnings)
     assert re.search("the light is strongly coloured: on grey R reads 5 % of what B does.*take white light", said)
     assert not re.search("uneven|black level", said)

@@ -9,7 +9,7 @@ from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from shared.sensor import simulate_additive, simulate_sensor
-from tests.tools.calibration.known_camera import BLIND, MEASURED, TRUTH, chart, frame, measured, true_place
+from tests.tools.calibration.known_camera import BLIND, MEASURED, NOISE, TRUTH, WIDTH, chart, frame, measured, true_place
 from tools.calibration.assumed import unknowns
 from tools.calibration.chart_gamma import fit_chart_gamma, reconciled
 from tools.calibration.gamma import GammaFit, NormalEquations, check_determined, combined
@@ -83,6 +83,13 @@ def test_any_number_of_channels() -> None:
         fit = of_chart(places(rng.uniform(0.02, 0.2, (40, len(gamma))), gamma, 0.005, count, 1))
         assert_within(fit, 1.7, gamma)
         assert fit.worst < 0.03
+
+
+def test_light_that_falls_off_across_patches_is_no_noise() -> None:
+    samples = on_chart(frame(chart().rgb * np.linspace(1, 0.2, WIDTH)[:, None]))
+    signal = samples.mean[:, 3] * GAMMA.sum()
+    expected = (NOISE.shot[3] * signal + NOISE.read[3] ** 2) / GAMMA.sum() ** 2
+    assert np.median(samples.variance[:, 3] / expected) == pytest.approx(1, abs=0.05)
 
 
 def test_a_reflection_on_one_patch_is_left_out() -> None:
