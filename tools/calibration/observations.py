@@ -6,6 +6,7 @@ from shared import Mosaic
 
 from .aberration import AberrationResult
 from .dark_frames import DarkResult
+from .gamma import GammaFit, combined
 from .noise import FlatResult
 from .shading import ShadingResult
 from .shot import ShotMeasurement
@@ -33,6 +34,16 @@ class Observations:
     aberration: AberrationResult | None = None
     skipped: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    @property
+    def fits(self) -> list[tuple[ShotMeasurement, GammaFit, bool]]:
+        """All estimates of gamma: shot, estimate, and whether it comes from the patches of a chart."""
+        return [(shot, fit, shot.chart is not None and fit is shot.fits[0]) for shot in self.shots for fit in shot.fits]
+
+    @property
+    def gamma(self) -> GammaFit | None:
+        """Gamma as all shots show it together; None = there are none."""
+        return combined([fit for _, fit, _ in self.fits]) if self.shots else None
 
     @property
     def empty(self) -> bool:

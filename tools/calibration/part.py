@@ -9,7 +9,7 @@ from shared import Camera, SensorCalibration
 from shared.arrays import DoubleArray
 
 from .assumed import Assumed
-from .gamma import GammaFit, combined
+from .gamma import GammaFit
 from .observations import Observations
 
 
@@ -48,7 +48,7 @@ class Evidence:
     @cached_property
     def gamma(self) -> GammaFit | None:
         """Gamma as all shots show it; None = there are none."""
-        return combined([fit for shot in self.seen.shots for fit in shot.fits]) if self.seen.shots else None
+        return self.seen.gamma
 
 
 @dataclass(frozen=True, eq=False)

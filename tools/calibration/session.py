@@ -21,7 +21,6 @@ from .copies import DARK_ALIKE, FLAT_ALIKE, refuse_copies
 from .dark_frames import measure_dark
 from .edges import Filled, find_edges
 from .files import Files
-from .gamma import combined
 from .noise import measure_flats, noise_of_flats
 from .observations import Observations
 from .shading import measure_shading
@@ -134,7 +133,11 @@ class Session:
         if not paths:
             return
         known: dict[bytes, str] = {}
-        shots, gamma = [], self._gamma()
+        shots, gamma = [], None
+        if fit := self.seen.gamma:
+            gamma = fit.gamma
+        elif self._old and "gamma" in self._old.measured:
+            gamma = np.array(self._old.calibration.gamma)
         for path in dict.fromkeys(paths):
             with self._skipping([path], "edges"):
                 mosaic = self._read(path)
@@ -149,12 +152,6 @@ class Session:
                 self._console.say(self.seen.aberration.words)
         if self.seen.aberration is None and self._old and self._old.calibration.aberration:
             self.seen.remarks.append("no chromatic aberration was measured, and the one before is kept")
-
-    def _gamma(self) -> DoubleArray | None:
-        """Return gamma as the shots show it, or else as the camera file has it; None if it is not known."""
-        if self.seen.shots:
-            return combined([fit for shot in self.seen.shots for fit in shot.fits]).gamma
-        return np.array(self._old.calibration.gamma) if self._old and "gamma" in self._old.measured else None
 
     def _assumed(self, calibration: SensorCalibration) -> Assumed:
         measured = self._old.measured if self._old else {}

@@ -13,6 +13,7 @@ from tools.pictures.html import figure, picture, reduced
 from ..chart.place import NAMES, PATCHES
 from ..colour_matrix import GREYS
 from ..gamma import GammaFit, check_determined
+from ..observations import Observations
 from ..page import axes, css_colours, patch_style, table
 from ..part import Evidence, Part, rounded
 from ..samples import figures
@@ -37,7 +38,7 @@ def gamma(evidence: Evidence) -> Part | None:
         line = f"gamma was not measured, and stays as the shots state it ({stated})"
         remedy = "shoot a ColorChecker, and add it with `update`"
         return None if "gamma" in evidence.known else Part("gamma", warnings=[f"{line}; {remedy}"])
-    refusal, contradictions = "", _contradictions(fit, shots)
+    refusal, contradictions = "", _contradictions(fit, evidence.seen)
     try:
         check_determined(fit)
     except InputError as error:
@@ -63,7 +64,7 @@ def gamma(evidence: Evidence) -> Part | None:
         sections=lambda: {
             "Chart": "".join(map(_chart, shots)),
             "Gamma (Eq. 7)": _estimates(fit, evidence),
-            "Luminance, predicted by Eq. 7": _residuals(shots, css_colours(xyz_to_lab(evidence.chart_colours))),
+            "Luminance, predicted by Eq. 7": _residuals(evidence.seen.fits, css_colours(xyz_to_lab(evidence.chart_colours))),
         },
     )
 
@@ -96,17 +97,16 @@ def coloured_light(shot: ShotMeasurement) -> str:
     )
 
 
-def _contradictions(fit: GammaFit, shots: Sequence[ShotMeasurement]) -> list[str]:
+def _contradictions(fit: GammaFit, seen: Observations) -> list[str]:
     """Return what does not fit together by more than four standard errors, and what to shoot instead; a sentence each."""
     lines = []
     if abs(fit.black_deviation) > CONTRADICTION:
         lines.append(_wrong_black(fit))
     if fit.contradiction > CONTRADICTION:
         each = ", ".join(
-            f"{shot.name}{' (around the chart)' if shot.chart and number else ''} "
+            f"{shot.name}{' (around the chart)' if shot.chart and not chart else ''} "
             + " ".join(f"{value:.3f} ± {half:.2g}" for value, half in zip(one.gamma, one.half_width, strict=True))
-            for shot in shots
-            for number, one in enumerate(shot.fits)
+            for shot, one, chart in seen.fits
         )
         lines.append(
             f"the shots contradict each other in gamma by {fit.contradiction:.0f} standard deviations: {each}; give only shots of "
@@ -167,13 +167,12 @@ def _estimates(fit: GammaFit, evidence: Evidence) -> str:
     shots = [
         (
             shot.name,
-            "chart" if shot.chart and number == 0 else "scene",
-            figures(each.gamma),
-            figures(each.half_width),
-            f"{int(each.used.sum())} of {each.used.size}",
+            ("scene", "chart")[chart],
+            figures(one.gamma),
+            figures(one.half_width),
+            f"{int(one.used.sum())} of {one.used.size}",
         )
-        for shot in evidence.seen.shots
-        for number, each in enumerate(shot.fits)
+        for shot, one, chart in evidence.seen.fits
     ]
     facts = (
         f"Condition number of the colours: {fit.condition:.1f}, 1 is ideal. Residuals: {fit.spread:.2f} times what noise explains. "
@@ -194,9 +193,12 @@ def _chart(shot: ShotMeasurement) -> str:
     )
 
 
-def _residuals(shots: Sequence[ShotMeasurement], colours: Sequence[str]) -> str:
-    """Return a plot of how far predicted luminance is off at every place, in per cent; colours: CSS colours of the patches."""
-    fits = [(shot, fit, shot.chart is not None and fit is shot.fits[0]) for shot in shots for fit in shot.fits]
+def _residuals(fits: Sequence[tuple[ShotMeasurement, GammaFit, bool]], colours: Sequence[str]) -> str:
+    """Return a plot of how far predicted luminance is off at every place, in per cent.
+
+    fits: see `Observations.fits`.
+    colours: CSS colours of the patches.
+    """
     off = [100 * (fit.predicted / np.maximum(fit.level, 1e-9) - 1) for _, fit, _ in fits]
     high = max(1.1 * float(np.quantile(np.abs(np.concatenate(off)), _SHOWN)), 0.1)
     highest = 1.05 * max(float(fit.level.max()) for _, fit, _ in fits)
