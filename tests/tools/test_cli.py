@@ -399,26 +399,6 @@ def test_what_is_misspelt_gets_the_likely_word_and_one_line_of_usage(
     assert re.fullmatch(prefix + said.replace("?", r"\?").replace("...", re.escape("...")), error), error
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("render", "*.dng", "-o", "out"), "*.dng: no file matches this name with wildcards; check the name"),
-        (("render", "", "-o", "out"), "a name: is empty; check the command"),
-        (("simulate", "bultin:60x60", "-o", "out"), "did you mean builtin:60x60?"),
-        (("simulate", "60x60", "-o", "out"), "did you mean builtin:60x60?"),
-        (("capture", "nothing", "-o", "out"), "nothing: is not a folder"),
-    ],
-)
-def test_what_a_clumsy_user_gives_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    outcome = run(*arguments)
-    assert outcome.code in (1, 2)
-    assert said in outcome.errors[0]
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_list_that_begins_with_a_negative_number_is_no_option(tmp_path: Path) -> None:
     for option in (("--burst", "3", "--bracket", "-2,0,2"), ("--aberration", "-1,1"), ("--aberration", "-.5,1")):
         assert run("simulate", "builtin:60x60", "-o", tmp_path / option[-1], *option).code == 0

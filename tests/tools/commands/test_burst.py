@@ -200,6 +200,7 @@ def test_a_file_that_fails_costs_a_line_and_the_others_go_on(frames: Path, out: 
     assert "2 of 3 frames" in outcome.out
     assert results(out) == {f"{STEM}.tif"}
     assert_refused(run("burst", frames, "-o", out, "--dry-run", "--overwrite"), name=str(frame(frames, 3)))
+    assert_refused(run("burst", frames, "-o", out, "--resume", "--preset", "unlearned"), name=str(frame(frames, 3)))
     outcome = run("burst", frames, "-o", out, "--reference", frame(frames, 3), "--overwrite")
     assert_refused(outcome, "name another --reference", name=str(frame(frames, 3)))
 
@@ -221,22 +222,14 @@ def test_copies_are_left_out_by_name(frames: Path, out: Path) -> None:
     assert f"{frame(frames, 2)}: is the only frame that is left; the picture is that of one shot" in outcome.err
 
 
-def test_a_dng_of_another_program_in_the_folder_is_left_out(frames: Path, out: Path) -> None:
-    tifffile.imwrite(frames / f"{STEM}-9.dng", np.zeros((20, 20), np.uint16))
-    outcome = merged(frames, out)
-    assert f"{STEM}-9.dng: is left out: " in outcome.err
-    assert "3 of 4 frames" in outcome.out
-    assert (
-        run("burst", *sorted(frames.glob("*.dng")), "-o", out, "--overwrite", "--preset", "unlearned").code == 1
-    )  # the user named it
-
-
 def test_if_one_frame_is_left_it_is_rendered(frames: Path, out: Path, tmp_path: Path) -> None:
     for number in (2, 3):
         frame(frames, number).unlink()
         save_shot(frame(frames, number), shape=(50 + number, 60))
-    outcome = merged(frames, out)
+    outcome = merged(frames, out, "--report", str(out))
     assert f"{frame(frames, 1)}: is the only frame that is left; the picture is that of one shot" in outcome.err
+    page = (out / f"{STEM}.html").read_text()
+    assert ("1 of 3 frames are in the picture" in page, "They are the same." in page) == (True, True)
     assert run("render", frame(frames, 1), "-o", tmp_path / "one", "--preset", "unlearned").code == 0
     assert (out / f"{STEM}.tif").read_bytes() == (tmp_path / "one" / f"{STEM}-1.tif").read_bytes()
 
@@ -289,16 +282,6 @@ def test_a_finished_burst_is_not_made_again(frames: Path, out: Path) -> None:
     assert "3 of 4 frames" in page.read_text()
 
 
-def test_a_finished_burst_still_names_its_damaged_frame(frames: Path, out: Path) -> None:
-    frame(frames, 3).write_bytes(frame(frames, 3).read_bytes()[:5000])
-    first = run("burst", frames, "-o", out, "--preset", "unlearned", "--resume")
-    for more in ((), (), ("--dry-run",)):
-        outcome = run("burst", frames, "-o", out, "--preset", "unlearned", "--resume", *more)
-        assert_refused(outcome, name=str(frame(frames, 3)))
-        assert "is up to date" in outcome.out
-        assert outcome.errors == first.errors
-
-
 def test_a_dry_run_makes_nothing(taken: Path, tmp_path: Path) -> None:
     outcome = run("burst", taken, "-o", tmp_path / "new", "--dry-run", "--report", tmp_path / "page")
     assert outcome.code == 0
@@ -324,13 +307,3 @@ def test_the_report_shows_what_was_left_out_and_why(frames: Path, out: Path) -> 
         assert words in page
     assert page.count("<img ") == 2 + 2 * page.count('class="twins"') + 1
     assert not math.isnan(float(re.search(r"picture: ([\d.]+) times", page)[1]))  # type: ignore[index]
-
-
-def test_the_report_on_one_frame_says_so(frames: Path, out: Path) -> None:
-    frame(frames, 2).unlink()
-    frame(frames, 3).unlink()
-    save_shot(frame(frames, 3), shape=(60, 70))
-    merged(frames, out, "--report", str(out))
-    page = (out / f"{STEM}.html").read_text()
-    assert "1 of 2 frames are in the picture" in page
-    assert "They are the same." in page

@@ -1,6 +1,5 @@
 """`panchroma inspect`: every fact of a shot, for people and for machines. Bad shots: see test_render."""
 
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -94,7 +93,6 @@ def test_people_get_them_with_their_units(tmp_path: Path) -> None:
         (PLAIN, "noise", "unknown"),
         (SensorCalibration(noise=NoiseModel.gaussian(0.01, 4)), "noise", "sigma 0.01 scene units"),
         (PLAIN, "colour", "no matrix"),
-        (PLAIN, "neutral", "unknown"),
         (PLAIN, "levels", "black 256, white 3839"),
         (PLAIN, "gamma", "1  (RGB)"),
         (PLAIN, "sensor", f"unnamed, calibration {PLAIN.id}"),
@@ -113,8 +111,6 @@ def test_what_is_not_known_or_all_alike(tmp_path: Path, calibrated: SensorCalibr
         (CaptureMetadata(exposure_time=1.0), "exposure", "1 s"),
         (CaptureMetadata(exposure_time=0.5), "exposure", "0.5 s"),
         (CaptureMetadata(exposure_time=1 / 3), "exposure", "1/3 s"),
-        (CaptureMetadata(f_number=1.0), "aperture", "f/1"),
-        (CaptureMetadata(iso=1), "ISO", "1"),
         (CaptureMetadata(taken=datetime(2014, 3, 9, 7, 5, 1)), "taken", "2014-03-09T07:05:01"),  # noqa: DTZ001  as Exif has it
         (CaptureMetadata(description="two\nlines \x1b[31m"), "description", "two lines  [31m"),
     ],
@@ -186,10 +182,3 @@ def test_a_damaged_preview_and_a_missing_file_are_no_whole_shots(tmp_path: Path)
     (tmp_path / "empty").mkdir()
     outcome = run("inspect", "--verify", tmp_path / "empty")
     assert_refused(outcome, "no .dng file is in this folder or below it", name=str(tmp_path / "empty"))
-
-
-def test_a_pattern_without_a_network_says_so(tmp_path: Path) -> None:
-    plain = mosaic()
-    path = save(tmp_path / "shot.dng", replace(plain, pattern=CfaPattern.bayer(5)))
-    assert rows(run("inspect", path).out)["network"] == "none for this pattern: rendered without learned colour"
-    assert run("inspect", path, "--json").records[0]["learned"] is None

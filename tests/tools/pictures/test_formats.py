@@ -171,16 +171,6 @@ def test_a_raw_developer_sees_the_white_we_see(tmp_path: Path) -> None:
     np.testing.assert_allclose(light, np.repeat(levels[:, None], 3, axis=1), rtol=0.01)
 
 
-def test_channels_named_in_another_order_are_the_same_colours_in_a_dng() -> None:
-    rgb = scene((6, 6))
-    turned = SensorCalibration(channels="BGR", neutral=(0.7, 1.0, 0.5))
-    plain, other = (
-        np.asarray(Image.open(encoded(pixels, PictureKind.of("dng"), 1, calibration=calibration)).convert("RGB")).astype(int)
-        for pixels, calibration in ((rgb, CALIBRATION), (rgb[..., ::-1], turned))
-    )
-    assert np.abs(other - plain).max() <= 1
-
-
 # --- what goes along ------------------------------------------------------------------------------------------------------------
 
 

@@ -44,17 +44,6 @@ def test_the_overview_draws_both_patterns(shot: Shown) -> None:
     assert drawn(1) == [row * 2 for row in tile] * 2
 
 
-def test_the_overview_shows_the_same_part_in_every_panel(shot: Shown) -> None:
-    """The bright square begins 20 rows and 18 columns into the part shown: in samples, luminance and colour alike."""
-    sheet = overview(*shot, (10, 12))
-    factor = PANEL // illustrations._SHOWN
-    for row, column in ((0, 2), (1, 1), (1, 2)):
-        picture = panel(sheet, row, column)[: factor * illustrations._SHOWN, : factor * illustrations._SHOWN].astype(int)
-        brightness = picture[factor // 2 :: factor, factor // 2 :: factor].max(axis=2)
-        assert brightness[25, 18] > brightness[25, 15] + 20
-        assert brightness[20, 26] > brightness[17, 26] + 20
-
-
 def test_the_overview_shows_holes_where_the_colour_is(shot: Shown) -> None:
     sheet = overview(*shot, (12, 12))  # a block begins here
     factor = PANEL // illustrations._SHOWN
