@@ -17,7 +17,7 @@ from shared.errors import PanchromaError
 from shared.writing import write_durably
 from tools.host.font_folder import temporary_font_folder
 from tools.host.memory import available_memory
-from tools.host.processors import THREAD_VARIABLES, processors
+from tools.host.processors import processors
 from tools.host.versions import package_version, program_version
 from tools.rendering.compilation import CACHE_REMEDY, cache_folder
 
@@ -155,10 +155,6 @@ def _kernels() -> Iterator[Finding]:
 def _threads() -> Iterator[Finding]:
     usable = processors()
     yield Finding("processors", GOOD, f"{usable} of {os.cpu_count() or 1} may be used")
-    for name in THREAD_VARIABLES:
-        if (given := os.environ.get(name)) is not None:
-            count = int(given) if given.isdecimal() and given.isascii() else 0
-            yield _judged(name, 1 <= count <= usable, given, f"unset it, or set 1 to {usable}")
 
 
 def _memory() -> Iterator[Finding]:

@@ -1,4 +1,4 @@
-"""Check the installation (versions, missing packages, kernels, threads, memory, writing) and say how to repair what is wrong.
+"""Check the installation (versions, missing packages, kernels, memory, writing) and say how to repair what is wrong.
 
 With --compile, compile the renderer for this processor first, so that no render has to: for container images and clusters.
 """

@@ -21,10 +21,8 @@ from tools.pictures.writing import write_picture
 
 from .checks import check_memory, needed_memory
 from .compilation import announced_compilation, compile_ahead, load_compiled
-from .journal import Entry, Journal, digest, key
-from .lock import output_lock
-from .order import Order, Share
-from .subject import Subject
+from .journal import Entry, Journal, digest, key, output_lock
+from .order import Order, Share, Subject
 
 if TYPE_CHECKING:
     from offline import SolverLog

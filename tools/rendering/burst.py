@@ -15,9 +15,8 @@ from tools.host.progress import Note
 
 from .burst_files import BurstFile, leave_odd_ones_out
 from .checks import check_memory
-from .order import Order
+from .order import Order, Subject
 from .report import Shown, page
-from .subject import Subject
 
 if TYPE_CHECKING:
     from offline.burst import MergedBurst, Motion
@@ -72,10 +71,8 @@ class BurstOrder(Order):
     def _frame(self, name: str, *, found: bool) -> BurstFile:
         try:
             mosaic = self.decode(name)
-        except ForeignFileError as error:
-            return BurstFile.refused(name, error, failed=not found)
         except PanchromaError as error:
-            return BurstFile.refused(name, error, failed=True)
+            return BurstFile.refused(name, error, failed=not (found and isinstance(error, ForeignFileError)))
         try:
             return BurstFile(name, self.prepared(mosaic))
         except PanchromaError as error:

@@ -1,7 +1,9 @@
-"""The record of what renders have made in a folder: one line per file, on the disk before the file gets its name.
+"""What keeps renders of one folder apart: a record of what they have made, and a lock per output.
+
+The record has one line per file, on the disk before the file gets its name.
 
 So a file that is not in the journal was not made by a render, even if a run was interrupted. A line whose file never got its name
-is recognised by the digest.
+is recognised by the digest. A lock is released when its process dies, so that any number of processes can share a folder.
 """
 
 import errno
@@ -10,14 +12,16 @@ import hashlib
 import json
 import os
 import stat
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from shared.errors import InputError
 from shared.figures import parsed_json
-from shared.writing import own_file, sync_folder
+from shared.writing import own_file, short_name, sync_folder
+from tools.host.jobs import identity
 
 NAME = ".panchroma-journal.jsonl"
 _FORMAT = 1
@@ -128,3 +132,34 @@ def exclusive(descriptor: int, *, wait: bool = True) -> None:
         raise
     except OSError:
         pass
+
+
+@contextmanager
+def output_lock(output: Path, *, wait: bool) -> Iterator[bool]:
+    """Hold the lock on `output` in a `with` block; yields False when another process holds it and `wait` is not set.
+
+    The lock is a file beside the output, removed at the end. One that a killed process left behind is taken over, or swept. On a
+    file system without locks everybody gets it: then two processes may write the same file, each as a whole. Raises OSError when
+    the lock file cannot be created.
+    """
+    path = lock_path(output)
+    while True:
+        with own_file(path, "ab") as file:
+            try:
+                exclusive(file.fileno(), wait=wait)
+            except BlockingIOError:
+                yield False
+                return
+            if identity(path) != identity(file.fileno()):
+                continue  # its last owner has removed it meanwhile: this locks nothing
+            try:
+                yield True
+            finally:
+                path.unlink(missing_ok=True)
+            return
+
+
+def lock_path(output: Path) -> Path:
+    """The name of the lock on an output."""
+    digest = hashlib.sha256(os.fsencode(output.name)).hexdigest()[:8]
+    return output.with_name(f".{short_name(output)}.{digest}.panchroma.lock")

@@ -122,12 +122,6 @@ def test_what_cannot_be_compiled_ahead_is_wrong(monkeypatch: pytest.MonkeyPatch)
     assert run("doctor", "--compile", "--json").records[0]["found"] == "could not keep mix"
 
 
-@pytest.mark.parametrize(("value", "state"), [("1", GOOD), ("0", BAD), ("many", BAD), ("4096", BAD), ("²", BAD)])
-def test_thread_settings_are_judged(value: str, state: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OMP_NUM_THREADS", value)
-    assert only("OMP_NUM_THREADS").state == state
-
-
 def test_little_memory_and_a_folder_that_takes_nothing_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks, "available_memory", lambda: 100 * 2**20)
     assert (only("memory").state, only("memory").found) == (BAD, "0.1 GB free")

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.rendering.journal import NAME, Entry, Journal, digest, key
-from tools.rendering.lock import output_lock
+from tools.rendering.journal import NAME, Entry, Journal, digest, key, output_lock
 
 
 def entry(output: str = "a.tif", digest: str = "d", run: str = "r") -> Entry:

@@ -10,9 +10,9 @@ import numpy as np
 from shared.arrays import ByteArray, FloatArray
 from tools.pictures.html import cell, figure, picture, reduced, row, row_title, table
 from tools.pictures.page import report
+from tools.pictures.plot import Plot, round_step, ticks
 
 from ..burst_files import BurstFile
-from .plots import shift_plot, turn_plot
 from .shown import CELL, Shown, most_different
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ _ALONE = 0.97  # of the variance of one frame: from there on it is one frame
 _ONE, _ALL = np.array((232, 93, 4), np.float32), np.array((10, 77, 104), np.float32)  # colours of the map, as in page.html
 _HEAD = ("", "", "right", "down", "degrees", "parallax", "exposure, EV", "agrees", "sharpness", "error")
 _SEEN = 0.35  # share of the picture in the map
+_SIZE, _MARGINS = (420, 420), (58, 16, 16, 48)
+_TURNS = (420, 240)  # of the plots
 
 
 def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None, alone: Shown, merged: Shown) -> bytes:
@@ -53,10 +55,10 @@ def page(frames: Sequence[BurstFile], reference: int, shares: FloatArray | None,
         sections["Motion"] = (
             '<div class="pair">'
             + figure(
-                shift_plot(frames, reference),
+                _shift_plot(frames, reference),
                 "Where the scene lies in each frame, compared with the reference (blue); red: left out.",
             )
-            + figure(turn_plot(frames), "By how much it is rotated; counter-clockwise is positive.")
+            + figure(_turn_plot(frames), "By how much it is rotated; counter-clockwise is positive.")
             + "</div>"
         )
     sections["Frames"] = _table(frames, reference)
@@ -145,3 +147,42 @@ def _table(frames: Sequence[BurstFile], reference: int) -> str:
 
 def _figure(image: "Image", caption: str) -> str:
     return figure(picture(image, caption), caption)
+
+
+def _shift_plot(frames: Sequence[BurstFile], reference: int) -> str:
+    """A plot of where the scene lies in each frame, compared with the reference, in the order of the frames."""
+    places = _places(frames)
+    reach = 1.15 * max(0.5, *(abs(figure) for _, *place in places for figure in place[:2]))
+    plot = Plot((-reach, reach), (reach, -reach), _SIZE, _MARGINS)
+    steps = ticks((-reach, reach), round_step(2 * reach, 8))
+    plot.columns(steps)
+    plot.rows(steps)
+    plot.name_axes("pixels to the right", "pixels down")
+    plot.line([(right, down) for _, right, down, _ in places], "path")
+    for index, right, down, _ in places:
+        text = f"frame {index + 1}: {right:+.2f} pixels to the right, {down:+.2f} down"
+        style = "fill:var(--mark)" if index == reference else "" if not frames[index].reason else "fill:var(--bad)"
+        plot.dot(right, down, 6 if index == reference else 4.5, text, style)
+        x, y = plot.at(right, down)
+        plot.text(x + 8, y - 7, str(index + 1), "start")
+    return plot.drawn("Shift of each frame")
+
+
+def _turn_plot(frames: Sequence[BurstFile]) -> str:
+    """A plot of the rotation of each frame."""
+    places = _places(frames)
+    reach = 1.2 * max(0.02, *(abs(angle) for *_, angle in places))
+    plot = Plot((0.4, len(frames) + 0.6), (-reach, reach), _TURNS, _MARGINS)
+    plot.columns(ticks((1, len(frames)), max(1, round_step(max(len(frames) - 1, 1), 12))))
+    plot.rows(ticks((-reach, reach), round_step(2 * reach, 4)))
+    plot.name_axes("frame", "degrees")
+    for index, *_, angle in places:
+        style = "fill:var(--bad)" if frames[index].reason else "fill:var(--mark)"
+        plot.bar(index + 1, angle, 0.6, f"frame {index + 1}: {angle:+.3f} degrees", style)
+    return plot.drawn("Rotation of each frame")
+
+
+def _places(frames: Sequence[BurstFile]) -> list[tuple[int, float, float, float]]:
+    """(index, right, down, degrees) of the frames whose motion is known."""
+    motions = [(index, frame.judged.motion) for index, frame in enumerate(frames) if frame.judged is not None]
+    return [(index, motion.shift[1], motion.shift[0], degrees(motion.angle)) for index, motion in motions if motion is not None]
