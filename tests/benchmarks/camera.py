@@ -78,7 +78,6 @@ class Camera:
     pipe: int
     started: dict[int, float] = field(default_factory=dict)
     lost: int = 0
-    used: float = 0.0
     stopping: bool = False
 
     def run(self) -> None:
@@ -97,7 +96,6 @@ class Camera:
                 while due < time.monotonic() - 0.5 / self.rate:
                     due += 1 / self.rate
                     self.lost += 1
-                self.used = time.thread_time()
         os.close(self.pipe)
 
     def _mark(self, frame: ByteArray, number: int) -> None:
@@ -111,7 +109,6 @@ class Client:
 
     port: int
     received: list[tuple[float, bytes]] = field(default_factory=list)
-    used: float = 0.0
 
     def run(self) -> None:
         with socket.create_connection(("127.0.0.1", self.port)) as connection:
@@ -122,7 +119,6 @@ class Client:
                     file.readline()
                     jpeg = file.read(int(line[16:]))
                     self.received.append((time.monotonic(), jpeg))
-                    self.used = time.thread_time()
 
     def number(self, jpeg: bytes, layout: FrameLayout) -> int:
         """The frame's number, modulo 2**MARKS."""
@@ -179,7 +175,7 @@ def measure(name: str, rate: float, seconds: float, shots: float, options: list[
         f"{each['shown']:.1f} shown as JPEG ({np.mean([len(jpeg) for _, jpeg in shown]) / 1e3:.0f} kB), "
         f"{each['dropped']:.1f} dropped by view, {each['lost']:.1f} by the camera, which had to wait\n"
         f"  latency {middle:.0f} ms, 99 % {slowest:.0f} ms\n"
-        f"  cores used: view {each['view']:.2f}, camera {each['camera']:.2f}, client {each['client']:.2f}"
+        f"  cores used by view: {each['view']:.2f}"
     )
     if shots:
         took = np.array([seconds for ok, seconds in saved if ok])
@@ -196,8 +192,6 @@ def _counts(pid: int, port: int, camera: Camera, client: Client) -> dict[str, fl
     dropped = float(connection.getresponse().read().partition(b'"dropped": ')[2].partition(b",")[0])
     return {
         "view": (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"),
-        "camera": camera.used,
-        "client": client.used,
         "taken": len(camera.started),
         "lost": camera.lost,
         "shown": len(client.received),

@@ -10,23 +10,9 @@ Random = np.random.Generator
 
 _SIZES = (0, 1, 2, 7, 255, 256, 32767, 65500, 65535, 65536, 1 << 24, (1 << 31) - 1, 1 << 31, (1 << 32) - 1, (1 << 63) - 1)
 _NUMBERS = (
-    b"0",
-    b"-1",
-    b"1e999",
-    b"NaN",
-    b"9" * 30,
-    b"9" * 401,
-    b"9" * 6000,
-    b"true",
-    b"1e-320",
-    b"1e308",
-    b"1e30",
-    b"-1e308",
-    b"null",
-    b"[]",
-    b'"7"',
-    b"65536",
-    b"\xc2\xb2",
+    *b"0 -1 1e999 NaN".split(),
+    *(b"9" * digits for digits in (30, 401, 6000)),
+    *b'true 1e-320 1e308 1e30 -1e308 null [] "7" 65536 \xc2\xb2'.split(),
 )
 _EDGE = 1500  # bytes at either end, where directories and headers are
 

@@ -86,25 +86,13 @@ def case(seed: int, number: int) -> Case:
     scene = light * _drawn(name, (height, width, channels), np.random.default_rng(random.randrange(1 << 30)))
     noise, lens = random.choice(NOISES), random.choice(LENSES)
     calibration = _calibration(random, pattern, (height, width), noise, lens, light)
-    return Case(
-        way,
-        name,
-        light,
-        random.choice(TAKES),
-        noise,
-        lens,
-        pattern,
-        calibration,
-        scene.astype(np.float32),
-        random.randrange(1 << 30),
-    )
+    take, shot = random.choice(TAKES), scene.astype(np.float32)
+    return Case(way, name, light, take, noise, lens, pattern, calibration, shot, random.randrange(1 << 30))
 
 
 def _pattern(random: Random) -> CfaPattern:
-    kind, origin = (
-        random.choice(("bayer", "bayer", "kodak", "honda", "cmy", "many", "pair")),
-        (random.randrange(16), random.randrange(16)),
-    )
+    kind = random.choice(("bayer", "bayer", "kodak", "honda", "cmy", "many", "pair"))
+    origin = random.randrange(16), random.randrange(16)
     order = random.choice(("RGGB", "BGGR", "GRBG", "GBRG"))
     match kind:
         case "bayer":
@@ -197,14 +185,8 @@ def pictures(case: Case, factor: float = 1.0) -> list[FloatArray]:
             merged = merge_burst([shot, *(photographed(case, factor, frame) for frame in (1, 2))])
             return [np.concatenate(list(render_burst_bands(merged))), merged.shares, merged.measured.luminance]
         case "evaluate":
-            cameras = CameraPair(
-                PaperProtocol(0.0 if case.take == "exact" else 0.02),
-                0,
-                case.scene,
-                case.pattern,
-                None,
-                channels=case.pattern.channels,
-            )
+            protocol, channels = PaperProtocol(0.0 if case.take == "exact" else 0.02), case.pattern.channels
+            cameras = CameraPair(protocol, 0, case.scene, case.pattern, None, channels=channels)
             picture = methods()["best"].render(cameras)
             found = Measures.of(picture, case.scene, case.pattern.channels)
             return [picture, np.array([*found.quality]), np.array([*found.psnr, found.ssim, found.wrong_hue or 0.0]), found.errors]

@@ -1,6 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,6 @@ from shared.arrays import CodeArray
 from shared.colorimetry import encode_srgb
 from shared.errors import InputError
 from shared.sensor import sample, simulate_additive
-from tests.python import run_python
-
-GROWTH = 5e6
-"""Bytes that a process may grow by over any number of frames."""
 
 
 def codes(shape: tuple[int, int], seed: int = 0) -> CodeArray:
@@ -127,32 +122,6 @@ def test_another_pattern_is_refused_with_both_named() -> None:
         Preview(CfaPattern.bayer(), threads=0)
     with pytest.raises(InputError, match="has 1, 5"):
         Preview(CfaPattern.bayer(5), 3)
-
-
-MEMORY = """
-import os, sys
-import numpy as np
-from device import Preview
-from shared import CfaPattern, Mosaic, SensorCalibration
-
-def resident():
-    with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-mosaic = Mosaic(np.full((96, 128), 3000, np.uint16), CfaPattern.bayer(), SensorCalibration())
-preview = Preview.for_mosaic(mosaic, threads=2)
-for _ in range(200):
-    preview.run(mosaic)
-before = resident()
-for _ in range(2000):
-    preview.run(mosaic)
-print(resident() - before)
-"""
-
-
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory of a process as Linux shows it")
-def test_memory_does_not_grow() -> None:
-    assert int(run_python(MEMORY)) < GROWTH
 
 
 def test_other_channels_without_a_colour_matrix_are_shown_as_grey_light() -> None:
