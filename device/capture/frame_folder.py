@@ -1,5 +1,6 @@
 """Watching a folder into which another program writes raw frames, one per file."""
 
+import math
 import stat
 import time
 from collections.abc import Callable, Iterator
@@ -39,26 +40,22 @@ def watch_folder(
     Raises InputError when the folder cannot be listed.
     """
     done = _scan(folder) if only_new else {}
-    before: dict[Path, _State] = {}
-    since: dict[Path, float] = {}
+    since: dict[tuple[Path, _State], float] = {}  # when a state was first seen
     while not stopped():
         now = _scan(folder)
         # Removed files are forgotten, so that this does not grow if the folder is emptied now and then.
         done = {path: state for path, state in done.items() if path in now}
-        for path, state in sorted(now.items(), key=lambda entry: (entry[1][1], entry[0])):
-            if done.get(path) == state:
-                continue
-            if before.get(path) != state:
-                since[path] = time.monotonic()
-            elif state[0] == layout.frame_bytes:
+        new = sorted((entry for entry in now.items() if done.get(entry[0]) != entry[1]), key=lambda entry: (entry[1][1], entry[0]))
+        for path, state in new:
+            lasted = time.monotonic() - since.get((path, state), math.inf)  # -inf: changed since the scan before
+            if lasted >= 0 and state[0] == layout.frame_bytes:
                 done[path] = state
                 if (frame := _read(path, state, refused)) is not None:
                     yield frame
-            elif time.monotonic() - since[path] > _PATIENCE:
+            elif lasted > _PATIENCE:
                 done[path] = state
                 refused(InputError(f"{path}: {layout.misfit(state[0])}"))
-        since = {path: when for path, when in since.items() if path in now and path not in done}
-        before = now
+        since = {entry: since.get(entry, time.monotonic()) for entry in new}
         time.sleep(_POLL)
 
 

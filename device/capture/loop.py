@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
@@ -54,16 +55,12 @@ def capture(frames: Iterable[RawFrame], sensor: Sensor, preview: PreviewMaker, s
     """
     balance = SteadyWhite()
     for frame in frames:
-        started = perf_counter()
         try:
             mosaic = balance(sensor.mosaic(frame))
-            picture = preview(mosaic)
         except InputError as error:
             yield Refused(_reason(frame, error))
             continue
-        made = perf_counter()
-        path = shots.save(mosaic, picture, frame.taken)
-        yield Saved(path, made - started, perf_counter() - made)
+        yield _saved(mosaic, preview, partial(shots.save, taken=frame.taken))
 
 
 def capture_burst(
@@ -91,12 +88,15 @@ def capture_burst(
     white = SteadyWhite()(mosaics[0]).calibration
     save = shots.burst(count, first)
     for mosaic in mosaics:
-        started = perf_counter()
-        balanced = replace(mosaic, calibration=white)
-        picture = preview(balanced)
-        made = perf_counter()
-        path = save(balanced, picture)
-        yield Saved(path, made - started, perf_counter() - made)
+        yield _saved(replace(mosaic, calibration=white), preview, save)
+
+
+def _saved(mosaic: Mosaic, preview: PreviewMaker, save: Callable[[Mosaic, ByteArray], Path]) -> Saved:
+    started = perf_counter()
+    picture = preview(mosaic)
+    made = perf_counter()
+    path = save(mosaic, picture)
+    return Saved(path, made - started, perf_counter() - made)
 
 
 def _reason(frame: RawFrame, error: InputError) -> str:
