@@ -31,14 +31,6 @@ def test_the_papers_protocol_adds_noise_and_nothing_else() -> None:
     assert sparse.calibration.noise.sigma(0.5) == pytest.approx(0.03)
 
 
-@pytest.mark.parametrize("level", [PaperProtocol(0.01), SensorProtocol(0.25)])
-def test_seeds_fix_the_noise(level: Protocol) -> None:
-    first, again, other = (pair(level, seed=seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.bayer.samples, again.bayer.samples)
-    np.testing.assert_array_equal(first.sparse.samples, again.sparse.samples)
-    assert (first.bayer.samples != other.bayer.samples).any()
-
-
 @pytest.mark.parametrize("exposure", [1.0, 0.25, 1 / 16])
 def test_equal_exposure_gives_the_panchromatic_pixel_its_light(exposure: float) -> None:
     cameras = pair(SensorProtocol(exposure))

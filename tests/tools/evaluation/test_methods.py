@@ -5,7 +5,7 @@ from shared import CfaPattern
 from shared.arrays import FloatArray
 from shared.errors import InputError
 from tools.camera.bayer import sample_bayer
-from tools.camera.protocols import PaperProtocol, SensorProtocol
+from tools.camera.protocols import PaperProtocol
 from tools.evaluation import method as module
 from tools.evaluation.cameras import CameraPair
 from tools.evaluation.method import Method
@@ -68,12 +68,3 @@ def test_methods_that_denoise_share_the_denoised_samples() -> None:
         np.testing.assert_allclose(picture, rgb / 2, atol=1e-6)
     assert calls == [(0.0, 0.0)]
     np.testing.assert_allclose(Method("plain", "", demosaic_bilinear).render(cameras), rgb, atol=1e-6)
-
-
-@pytest.mark.parametrize("name", ["paper", "preview"])
-@pytest.mark.parametrize("period", [4, 6])
-def test_ours_give_a_flat_scene_back_in_scene_units(name: str, period: int) -> None:
-    rgb = np.broadcast_to(np.array([0.2, 0.4, 0.3], np.float32), (48, 54, 3))
-    for level, tolerance in ((PaperProtocol(0.0), 2e-3), (SensorProtocol(0.5), 0.02)):
-        picture = methods()[name].render(CameraPair(level, 0, rgb, CfaPattern.bayer(period), None))
-        np.testing.assert_allclose(picture.mean(axis=(0, 1)), rgb[0, 0], atol=tolerance)
