@@ -24,7 +24,7 @@ from tools.evaluation.scene_sets import SPECTRAL
 from tools.evaluation.study import Study
 from tools.evaluation.tables import encode_csv, encode_json
 from tools.evaluation.tiles import Tile, chosen_tiles
-from tools.evaluation.verdict import caveats, headline, losses
+from tools.evaluation.verdict import caveats, headline, losses, standing
 
 SET = "linear photographs"
 LEVELS = (0.0, 0.03)
@@ -111,6 +111,7 @@ def test_a_loss_in_colour_alone_is_no_win_everywhere(study: Study) -> None:
     assert not lost & {"rgb", "luminance", "rgb_q10", "luminance_q10", "psnr", "psnr_luminance"}
     written = json.loads(encode_json(figures, "p", []))["verdict"][SET]
     assert {each["figure"] for each in written["losses"]} == lost
+    assert min(each["margin"] for each in written["losses"]) > 0
     assert {(each["scene"], each["level"], each["rival"]) for each in written["losses"]} == {
         (scene, level, rival) for scene in (None, "scene0", "scene1") for level in LEVELS for rival in ("bilinear", "dlmmse")
     }
@@ -178,7 +179,9 @@ def test_a_claim_is_shown_only_with_the_scenes_it_stands_on(tmp_path: Path) -> N
             size = {("dlmmse", 0.0): 0.04, ("dlmmse", 0.03): 0.08}.get((cell.method, cell.level.level), 0.02)
             size = spoiled if (cell.scene.name, cell.method, cell.level) == ("scene3", "dlmmse", CLEAN) else size
             results[cell] = Measures.of(TRUTH + np.float32(size) * (NOISE if cell.method == "paper" else GREY), TRUTH)
-        claim = claims(linear(Figures(study, results)))[0]
+        group = linear(Figures(study, results))
+        assert ("(scene3, DLMMSE 2005) to" in standing(group, CLEAN, RGB)) == (spoiled == 0.01)  # the worst comes first
+        claim = claims(group)[0]
         assert claim.finding == finding
         assert scenes in claim.scenes
         assert "chance" not in claim.scenes

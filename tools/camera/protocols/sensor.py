@@ -72,7 +72,7 @@ class SensorProtocol(Protocol):
         """Noise of the same electrons; its white level is 1 scene unit times `level`. Arguments: see `Protocol.bayer`."""
         light = samples * self.level
         counted: Any = rng.poisson(np.maximum(light, 0) / TYPICAL_SHOT) * TYPICAL_SHOT
-        noisy = np.minimum(counted + rng.normal(0, 1, light.shape) * TYPICAL_READ, 1.0)
+        noisy = counted + rng.normal(0, 1, light.shape) * TYPICAL_READ
         codes = np.rint(noisy * (_WHITE - _BLACK) + _BLACK).clip(0, _WHITE)
         measured: FloatArray = ((codes - _BLACK) / (_WHITE - _BLACK)).astype(np.float32)
         return BayerShot(measured / np.float32(self.level), TYPICAL_SHOT / self.level, TYPICAL_READ / self.level)

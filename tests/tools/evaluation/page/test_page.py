@@ -9,10 +9,11 @@ import pytest
 from tests.browser import Browser
 from tests.tools.evaluation.examples import KODAK, alone, measured, study_of
 from tools.evaluation.figures import Figures
+from tools.evaluation.measures import PLANES
 from tools.evaluation.methods import methods
 from tools.evaluation.page.gallery import render_gallery
 from tools.evaluation.page.page import build_page
-from tools.evaluation.page.plots import lines_of
+from tools.evaluation.page.plots import lines_of, noise_plots
 from tools.evaluation.tiles import chosen_tiles
 
 FAILURE = "<b>odd</b>.png: cannot be read"
@@ -42,6 +43,11 @@ def test_no_two_methods_look_alike(tmp_path: Path) -> None:
     (group,) = Figures(study, measured(study_of(tmp_path), tmp_path).results).sets
     looks = {(line.colour, line.dashed) for line in lines_of(group)}
     assert len(looks) == len(methods())
+    dots = re.findall(r"Bayer, bilinear, 0.03: (.*?) dB \(25 % (.*?), 75 % (.*?)\)", noise_plots(group))
+    figure = group.figure(study.levels[1], "bilinear")
+    assert figure is not None
+    for plane, found in zip(PLANES, dots, strict=True):
+        assert found == tuple(f"{figure.values[f'{plane}_q{each}']:.1f}" for each in (50, 25, 75))
 
 
 @pytest.fixture(scope="module")
