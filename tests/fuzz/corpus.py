@@ -20,6 +20,7 @@ from shared.dng import encode_dng, read_preview
 from tests.device.packer import pack, random_codes
 from tests.shared.dng.examples import METADATA, calibration, mosaic, preview
 from tests.tools.calibration.known_camera import chart, frame, true_place
+from tests.tools.pictures.examples import encode_picture
 from tools.calibration.camera_file import read_known
 from tools.calibration.dark_frames import measure_dark
 from tools.calibration.measure import conclude
@@ -29,7 +30,6 @@ from tools.calibration.shot import measure_chart
 from tools.commands.calibrate import color_checker_xyz
 from tools.pictures.development import Development
 from tools.pictures.kind import PictureKind
-from tools.pictures.writing import encode_picture
 from tools.scenes.load import load_scene
 
 Read = Callable[[Path], Any]

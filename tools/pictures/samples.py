@@ -74,7 +74,7 @@ def regrouped(bands: Iterable[NDArray[Any]], rows: int) -> Iterator[NDArray[Any]
         yield np.concatenate(kept)
 
 
-def turned(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, folder: Path | None) -> Iterator[NDArray[Any]]:
+def turned(bands: Iterable[NDArray[Any]], shape: tuple[int, int], orientation: int, folder: Path) -> Iterator[NDArray[Any]]:
     """Turn a picture of `shape` (H, W) upright: yield bands of the turned picture. An anonymous file in `folder` holds it."""
     if orientation in (1, 2):  # rows stay rows, in the same order
         yield from (upright(band, orientation) for band in bands)

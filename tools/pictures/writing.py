@@ -1,6 +1,5 @@
 """Write a rendering to a picture file, band by band, so that where the format allows it is never in memory as a whole."""
 
-import io
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -34,18 +33,6 @@ def write_picture(
     leave no file.
     """
     development.check()
-    checked = _checked(bands, development)
+    checked = (checked_picture(band, len(development.calibration.channels)) for band in bands)
     with durable_file(path, overwrite=overwrite, on_complete=on_complete) as file:
         development.kind.kept_as.write(file, checked, development, threads=threads, folder=Path(path).parent)
-
-
-def encode_picture(rgb: FloatArray, development: Development) -> bytes:
-    """Return a rendering as the content of a picture file; see `write_picture`."""
-    development.check()
-    file = io.BytesIO()
-    development.kind.kept_as.write(file, _checked([rgb], development), development, threads=1, folder=None)
-    return file.getvalue()
-
-
-def _checked(bands: Iterable[FloatArray], development: Development) -> Iterable[FloatArray]:
-    return (checked_picture(band, len(development.calibration.channels)) for band in bands)

@@ -16,12 +16,12 @@ from shared.sensor import simulate_additive
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, results, run
+from tests.tools.pictures.examples import encode_picture
 from tools.commands.simulate import noise_of
 from tools.evaluation.metrics import psnr
 from tools.pictures.development import Development
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
-from tools.pictures.writing import encode_picture
 from tools.scenes.drawn.builtin import builtin_scene
 
 SCENE = (48, 36)

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from datetime import datetime
 from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from tools.pictures.development import Development
 from tools.pictures.formats import FORMATS
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import upright
-from tools.pictures.writing import encode_picture
+from tools.pictures.writing import write_picture
 
 CALIBRATION = SensorCalibration(neutral=(0.5, 1.0, 0.7))
 METADATA = CaptureMetadata(
@@ -45,6 +47,13 @@ def development(kind: PictureKind, shape: tuple[int, ...], orientation: int = 6,
     """How a rendering of `shape` becomes a picture; changed: fields of it."""
     whole = Development(kind, (shape[0], shape[1]), CALIBRATION, replace(METADATA, orientation=orientation))
     return replace(whole, **changed)
+
+
+def encode_picture(rgb: FloatArray, development: Development) -> bytes:
+    """The content of the file that `write_picture` writes."""
+    with TemporaryDirectory() as folder:
+        write_picture(path := Path(folder) / "picture", [rgb], development)
+        return path.read_bytes()
 
 
 def encoded(rgb: FloatArray, kind: PictureKind, orientation: int = 6, **changed: Any) -> BytesIO:

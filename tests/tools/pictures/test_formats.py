@@ -26,6 +26,7 @@ from tools.pictures.formats import FORMATS
 from tools.pictures.icc_writing import icc_profile
 from tools.pictures.kind import PictureKind
 from tools.pictures.samples import quantise
+from tools.pictures.writing import write_picture
 
 FOUR = SensorCalibration(
     channels="RGBE",
@@ -301,4 +302,4 @@ def test_too_long_a_description_is_refused_by_jpeg_alone() -> None:
 def test_no_room_for_openexr_is_an_output_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
     with pytest.raises(OutputError, match="no temporary file for OpenEXR"):
-        encoded(scene((4, 4)), PictureKind.of("exr"))
+        write_picture(tmp_path / "a.exr", [scene((4, 4))], development(PictureKind.of("exr"), (4, 4)))

@@ -48,9 +48,7 @@ class LinearDng(Format):
         parts = _MEMORY_OF_PART * min(PART * (threads + WAITING + 1), shape[0]) * shape[1]
         return super().memory(shape, channels, rendering, threads) + parts
 
-    def write(
-        self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path | None
-    ) -> None:
+    def write(self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path) -> None:
         """See `Format`; raw developers turn it."""
         self.encode(file, bands, development, threads)
 

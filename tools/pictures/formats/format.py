@@ -83,15 +83,13 @@ class Format(ABC):
             return development.shown.apply(rgb, development.exposure)
         return display_codes(rgb, development.shown, development.kind.bits, development.exposure)
 
-    def write(
-        self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path | None
-    ) -> None:
+    def write(self, file: BinaryIO, bands: Iterable[FloatArray], development: Development, *, threads: int, folder: Path) -> None:
         """Write a file. The bands are taken in this thread; others convert, compress and write those that have arrived.
 
         file: empty and seekable.
         bands: (rows, W, C), scene units, from top to bottom.
         threads: that convert and compress.
-        folder: for a temporary file without a name, in which a picture in bands is turned; None = the system's.
+        folder: for a temporary file without a name, in which a picture in bands is turned.
         """
         samples = ahead(partial(self.samples, development=development), bands, -(-threads // _RENDERING))
         if self.in_bands:
