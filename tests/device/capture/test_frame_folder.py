@@ -110,6 +110,18 @@ def test_a_file_that_grows_is_taken_when_it_is_whole(tmp_path: Path, monkeypatch
     assert watch.refused == []
 
 
+def test_a_file_of_the_right_size_is_taken_when_it_has_stopped_changing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    contents = [bytes([number]) * len(FRAME) for number in range(4)]
+
+    def change(_: float) -> None:
+        if contents:
+            put(tmp_path, "frame.raw", contents.pop(), seconds=1e9 + len(contents))
+
+    monkeypatch.setattr(time, "sleep", change)
+    (frame,) = Watch(tmp_path).take(1)
+    assert bytes(frame.data) == bytes(len(FRAME))
+
+
 def test_a_file_of_another_size_is_told_once_and_taken_when_it_is_mended(tmp_path: Path) -> None:
     bad = put(tmp_path, "bad.raw", FRAME[:5])
     long = put(tmp_path, "long.raw", FRAME * 3)

@@ -299,5 +299,8 @@ def test_what_is_lit_or_too_large_is_not_dark() -> None:
 
 def test_a_black_level_below_the_assumed_one_is_answered_with_the_options_that_say_it() -> None:
     assert "likely `covered`, if the lens is covered, and `black=N`" in refusal(dark_codes(16).tobytes() * 2, of())
+    part = codes().copy()
+    part[:64, :64] = 0
+    assert "a part of it has a mean of 0, darker than black, which is 256" in refusal(pack(part, "u16"), of())
     low = pack((codes(light=0.1).astype(int) - 240).clip(0).astype(np.uint16), "raw12")
     assert "likely `black=N` with the sensor's own black level" in refusal(low * 2, of("raw12"))
