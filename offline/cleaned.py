@@ -27,6 +27,7 @@ class Cleaned:
         yet, see `unclipped_blocks`.
     lost: where a clipped shot does not tell how bright it was, nor of which colour: a picture to look at is white there. uint8
         (H, W), 255 = nothing is known; None = all is known.
+    estimated: whether the noise model is an estimate from the samples.
     """
 
     mosaic: Mosaic
@@ -34,6 +35,7 @@ class Cleaned:
     trust: DoubleArray | None = None
     unclipped: BoolArray | None = None
     lost: ByteArray | None = None
+    estimated: bool = False
 
     @cached_property
     def sites(self) -> Sites:

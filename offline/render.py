@@ -223,7 +223,8 @@ def cleaned(mosaic: Mosaic, settings: RenderSettings = BEST, progress: Progress 
     True
     """
     samples = with_noise(registered(mosaic, settings, progress).evenly_shaded(), settings.noise)
-    return restored(mend_defects(Cleaned(samples, clipping_level(mosaic)), settings.defects, progress), settings, progress)
+    frame = Cleaned(samples, clipping_level(mosaic), estimated=mosaic.calibration.noise is None)
+    return restored(mend_defects(frame, settings.defects, progress), settings, progress)
 
 
 def restored(mended: Cleaned, settings: RenderSettings, progress: Progress = SILENT) -> Cleaned:

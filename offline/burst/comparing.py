@@ -16,7 +16,7 @@ from ..settings import RenderSettings
 from ..whole.luminance import recover_luminance
 from .agreement import unclipped
 from .block_colours import block_colours
-from .frames import Frame, View, prepared
+from .frames import Frame, View, noise_models, prepared
 from .judging import Judged, Kept, Reference
 
 # Chosen: they decide between frames that would do.
@@ -55,7 +55,8 @@ def compared(
 
     motions: where the reference's points lie in each frame, if that is known.
     """
-    frames = [prepared(shot, settings, progress) for shot in shots]
+    models = noise_models(shots, settings.noise)
+    frames = [prepared(shot, model, settings, progress) for shot, model in zip(shots, models, strict=True)]
     candidates = candidates_of(frames) if reference is None else [reference]
     frames = [frame if number in candidates else replace(frame, cleaned=None) for number, frame in enumerate(frames)]
     found: list[Comparison] = []

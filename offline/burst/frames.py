@@ -132,11 +132,12 @@ def noise_models(mosaics: Sequence[Mosaic], settings: NoiseSettings) -> list[Noi
     return [NoiseModel(tuple(shot), tuple(np.sqrt(read))) for shot, read in figures.tolist()]
 
 
-def prepared(mosaic: Mosaic, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
-    """A frame as it is merged: without aberration, shading and defects. Its calibration holds its noise, see `noise_models`."""
-    samples = registered(mosaic, settings, progress).in_scene_units()
+def prepared(mosaic: Mosaic, noise: NoiseModel | None, settings: RenderSettings, progress: Progress = SILENT) -> Frame:
+    """A frame as it is merged: without aberration, shading and defects. noise: see `noise_models`."""
+    known = replace(mosaic, calibration=replace(mosaic.calibration, noise=noise and noise.possible()))
+    samples = registered(known, settings, progress).in_scene_units()
     bare = replace(samples, calibration=replace(samples.calibration, shading=None))
-    frame = mend_defects(Cleaned(bare, limit_of(mosaic)), settings.defects)
+    frame = mend_defects(Cleaned(bare, limit_of(mosaic), estimated=mosaic.calibration.noise is None), settings.defects)
     light = recover_luminance(frame.mosaic, settings.luminance)
     return Frame(light, frame.noise, frame.clipping, cleaned=frame, colours=frame.sites.of(frame.signal))
 

@@ -19,12 +19,11 @@ from shared.progress import SILENT, Progress
 from ..measured import Measured
 from ..parts import RowStage
 from ..render import Others, colour_bands, coloured, row_stages
-from ..settings import BEST, NoiseSettings, RenderSettings
+from ..settings import BEST, RenderSettings
 from ..units import own_unit
 from ..units import scaled as in_unit
 from .comparing import Comparison, compared
 from .copies import copies
-from .frames import noise_models
 from .judging import Judged
 from .merged import denoised, merged_luminance
 from .samples import ColourSamples, alone_of, relit_sites
@@ -77,7 +76,7 @@ def merge_burst(
     copied = copies(frames, reference)
     distinct = [number for number in range(len(frames)) if number not in copied]
     exponent = own_unit([frames[number] for number in distinct])
-    shots = _with_noise([in_unit(frames[number], exponent) for number in distinct], settings.noise)
+    shots = [in_unit(frames[number], exponent) for number in distinct]
     first = None if reference is None else distinct.index(reference)
     found = compared(shots, settings, progress, first, motions and [motions[number] for number in distinct])
     measured, samples, shares = _measured(found, settings, progress)
@@ -119,9 +118,3 @@ def _measured(found: Comparison, settings: RenderSettings, progress: Progress) -
     # Where the reference is not alone, others measure luminance under its sites.
     measured = coloured(cleaned, luminance, settings, SILENT, Others(sums, alone.astype(np.float32)))
     return measured, samples.relit(measured.luminance - luminance), merged.shares
-
-
-def _with_noise(shots: list[Mosaic], settings: NoiseSettings) -> list[Mosaic]:
-    """The shots, whose calibrations hold their noise."""
-    models = (model and model.possible() for model in noise_models(shots, settings))
-    return [replace(shot, calibration=replace(shot.calibration, noise=model)) for shot, model in zip(shots, models, strict=True)]

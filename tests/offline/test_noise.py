@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from offline import cleaned
 from offline.settings import NoiseSettings
+from offline.whole.chromaticity import sigma_z
 from offline.whole.noise import estimate_noise, with_noise
 from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.arrays import FloatArray
@@ -74,3 +76,13 @@ def test_what_the_calibration_knows_is_not_estimated() -> None:
     model = NoiseModel.gaussian(0.5, 4)
     known = Mosaic(mosaic.signal, mosaic.pattern, replace(mosaic.calibration, noise=model))
     assert with_noise(known, NoiseSettings(estimate=True)) is known
+
+
+def test_an_estimate_is_no_sigma_of_chromaticity() -> None:
+    """Texture raises it: with it Eqs. 8-9 are those of a shot without noise, with a calibrated model they are not."""
+    mosaic = noisy(smooth((400, 600)), CfaPattern.bayer(6), NoiseModel.gaussian(0.02, 4))
+    known = replace(mosaic, calibration=replace(mosaic.calibration, noise=NoiseModel.gaussian(0.02, 4)))
+    unknown = replace(mosaic, calibration=replace(mosaic.calibration, noise=None))
+    assert sigma_z(cleaned(known)) == pytest.approx(0.02)
+    assert cleaned(unknown).noise is not None
+    assert sigma_z(cleaned(unknown)) < 1e-5
