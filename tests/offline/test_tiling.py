@@ -15,7 +15,7 @@ from offline.tiling import bands, domain_places, patches_of
 from shared import CfaPattern, Mosaic
 from shared.arrays import FloatArray
 from tests.offline.kernels.patterns import frames
-from tests.offline.scenes import every_case, shot
+from tests.offline.scenes import shot
 from tests.reference import geometry
 
 SHAPES = [(300, 41), (437, 90), (701, 33), (60, 400)]
@@ -23,13 +23,6 @@ SHAPES = [(300, 41), (437, 90), (701, 33), (60, 400)]
 
 def stitched(mosaic: object, **settings: object) -> FloatArray:
     return np.concatenate(list(render_bands(mosaic, replace(PAPER, **settings))))  # type: ignore[arg-type]
-
-
-@every_case
-def test_small_frames_are_one_band(pattern: CfaPattern, shape: tuple[int, int]) -> None:
-    mosaic = shot(pattern, shape)
-    (band,) = render_bands(mosaic, PAPER)
-    assert np.array_equal(band, render(mosaic, PAPER).rgb)
 
 
 @pytest.mark.parametrize("period", [3, 4, 6, 8])
