@@ -1,7 +1,8 @@
 """The full-quality render: `render(mosaic).rgb` is the scene, float32 (H, W, C), scene units; `render_bands` yields it in bands."""
 
 from .ahead import compile_kernel, kernels_to_compile
-from .kernels.compile import available_threads, compilation, kernel_cache, threads, use_threads
+from .kernels.compile import compilation, kernel_cache
+from .kernels.pieces import available_threads, threads, use_threads
 from .measured import Measured
 from .memory import rendering_memory
 from .parts import Look, Part, RowStage

@@ -140,8 +140,6 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
             if argv is None:
                 atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
-            # Beside other busy programs, spinning threads cost half the speed. OpenMP reads this when it is loaded.
-            os.environ.setdefault("OMP_WAIT_POLICY", "passive")
             code = FAILED
             try:
                 _check_verb(arguments)

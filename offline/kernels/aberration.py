@@ -2,12 +2,13 @@
 
 from shared.arrays import ByteArray, DoubleArray, FloatArray
 
-from .compile import parallel_kernel, prange
+from .compile import Pieces, parallel_kernel
 from .interpolation import interpolated
 
 
-@parallel_kernel("f4[:, :, ::1], i8, i8, f8[:, ::1], f4[::1], u1[:, ::1], i8, f4[:, ::1]")
+@parallel_kernel("f4[:, :, ::1], i8, i8, f8[:, ::1], f4[::1], u1[:, ::1], i8, f4[:, ::1]", pieces=lambda *given: len(given[-1]))
 def undo_aberration(
+    pieces: Pieces,
     picture: FloatArray,
     first: int,
     height: int,
@@ -31,7 +32,7 @@ def undo_aberration(
     channels, width = picture.shape[2], picture.shape[1]
     middle_y, middle_x = 0.5 * (height - 1), 0.5 * (width - 1)
     squared = middle_y * middle_y + middle_x * middle_x  # half the diagonal, squared
-    for row in prange(len(samples)):
+    for row in range(pieces[0], pieces[1]):
         y = start + row
         down = y - middle_y
         filters = planes[y % len(planes)]

@@ -8,9 +8,10 @@ import numpy as np
 
 from shared.arrays import FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import LEAST_EXPONENT, exponential, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
+from .pieces import tiles
 
 _ROWS, _COLUMNS = 64, 240  # of a tile
 _TOGETHER = 4  # planes summed at a time: the light and three channels
@@ -18,8 +19,12 @@ _NONE, _ONE = np.float32(0), np.float32(1)
 _LEAST = np.finfo(np.float32).tiny
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1], i8[::1]), i8, f4[::1], f8, i8, i8, f4[:, :, ::1]")
+@parallel_kernel(
+    "f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1], i8[::1]), i8, f4[::1], f8, i8, f4[:, :, ::1]",
+    pieces=lambda *given: tiles(given[-1].shape[:2], (_ROWS, _COLUMNS)),
+)
 def average(
+    pieces: Pieces,
     initial: FloatArray,
     luminance: FloatArray,
     places: tuple[IndexArray, IndexArray, IndexArray],
@@ -27,7 +32,6 @@ def average(
     blur: FloatArray,
     falloff: Scalar,
     repetitions: int,
-    workers: int,
     out: FloatArray,
 ) -> None:
     """Average the chromaticities of Eq. 10 over some rows of the frame.
@@ -40,36 +44,33 @@ def average(
     blur: taps of the Gaussian, an odd number.
     falloff: -1 / (2 h^2).
     repetitions: 1 or more.
-    workers: how many tiles are computed at a time.
     out: (rows of the result, W, C), written.
     """
     (height, width, channels), reach = out.shape, len(blur) // 2
     margin, begin = (repetitions + 1) * radius + reach, (radius + reach + WIDTH - 1) // WIDTH * WIDTH
     lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
     along = (width + _COLUMNS - 1) // _COLUMNS
-    tiles = (height + _ROWS - 1) // _ROWS * along
-    for worker in prange(workers):
-        tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
-        planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
-        weights = zeros(radius * (2 * radius + 2) + 1, tall, wide)
-        colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
-        light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
-        for tile in range(worker, tiles, workers):
-            top, left = tile // along * _ROWS, tile % along * _COLUMNS
-            below, after = min(_ROWS, height - top) + margin, min(_COLUMNS, width - left) + margin
-            for row in range(below + margin):
-                tints, across = initial[places[1][top + row]], places[2][left : left + after + margin]
-                _gather(luminance[places[0][top + row]], tints, across, light[row, lead:], colour[:, row, lead:])
-            rows, columns = (2 * radius, below + margin - 2 * radius), (begin, lead + after + margin - radius - reach)
-            _weigh(light, rows, columns, radius, blur, np.float32(falloff), (squares, lines), weights)
-            for following in range(repetitions - 1, -1, -1):
-                rows = margin - following * radius, below + following * radius
-                _average(weights, colour, rows, columns, radius, mean)
-                if following:
-                    _lit(mean, rows, columns, colour)
-            for row in range(margin, below):
-                found = out[top + row - margin, left : left + after - margin]
-                _finish(mean[:, row, lead + margin :], initial[places[1][top + row], left:], found)
+    tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
+    planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
+    weights = zeros(radius * (2 * radius + 2) + 1, tall, wide)
+    colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
+    light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
+    for tile in range(pieces[0], pieces[1]):
+        top, left = tile // along * _ROWS, tile % along * _COLUMNS
+        below, after = min(_ROWS, height - top) + margin, min(_COLUMNS, width - left) + margin
+        for row in range(below + margin):
+            tints, across = initial[places[1][top + row]], places[2][left : left + after + margin]
+            _gather(luminance[places[0][top + row]], tints, across, light[row, lead:], colour[:, row, lead:])
+        rows, columns = (2 * radius, below + margin - 2 * radius), (begin, lead + after + margin - radius - reach)
+        _weigh(light, rows, columns, radius, blur, np.float32(falloff), (squares, lines), weights)
+        for following in range(repetitions - 1, -1, -1):
+            rows = margin - following * radius, below + following * radius
+            _average(weights, colour, rows, columns, radius, mean)
+            if following:
+                _lit(mean, rows, columns, colour)
+        for row in range(margin, below):
+            found = out[top + row - margin, left : left + after - margin]
+            _finish(mean[:, row, lead + margin :], initial[places[1][top + row], left:], found)
 
 
 @kernel

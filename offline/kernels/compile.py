@@ -1,25 +1,25 @@
-"""Numba's decorators with the options that all kernels share, typed; the kernels' cache on disk; the number of threads."""
+"""Numba's decorators with the options that all kernels share, typed, and the kernels' cache on disk."""
 
 import hashlib
-import os
 import re
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, Concatenate, Generic, NoReturn, ParamSpec, TypeVar
 
 import numba
 import numpy as np
 from llvmlite import binding
-from numba.core import event, types
+from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic as _intrinsic
+from numpy.typing import NDArray
 
-from shared.errors import PanchromaError
+from .pieces import in_pieces, threads
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -27,13 +27,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 _IMPORT = re.compile(r"^from (\.+|shared\.)([\w.]+) import ", re.MULTILINE)
 _SHARED = Path(__file__).parents[2] / "shared"
+_compiling = threading.Lock()
+_listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
 
-prange: type[range] = numba.prange
+P = ParamSpec("P")
+Pieces = tuple[int, int]
+"""First piece and end, which every kernel takes before all other arguments: what it computes in one call."""
 
 LITTLE = 1 << 15
-"""A kernel none of whose arrays has more elements runs in the thread that calls it. To wake others and wait for them takes up to
-milliseconds where other programs are at work, as long as a burst of tiny frames takes in all."""
+"""A kernel none of whose arrays has more elements runs in the thread that calls it: to wake others costs more than it saves."""
+_TOGETHER = 1 << 18  # elements of the largest array per call: some milliseconds, and tenths of a second for the slowest kernels
 
 
 @cache
@@ -63,12 +67,15 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return (*super()._index_key(*args), self._digest)
 
     def load_overload(self, *args: Any) -> Any:
+        found = None
         try:
-            return super().load_overload(*args)
+            found = super().load_overload(*args)
         except Exception:  # what a damaged file raises when it is unpickled has no common base
             with suppress(OSError):
                 self.flush()
-            return None
+        if found is None:
+            _announce()
+        return found
 
     def save_overload(self, *args: Any) -> None:
         with suppress(OSError):
@@ -83,45 +90,42 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return name is not None and Path(self._cache_path, name).exists()
 
 
-class ParallelKernel:
+def _announce() -> None:
+    """Tell who listens that a kernel is about to be compiled."""
+    for begins in _listeners.get():
+        begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
+
+
+class ParallelKernel(Generic[P]):
     """A function that stages call. It is compiled, or read from the disk, when it is first called, for one signature alone.
 
     Arguments of other types are converted if that is possible: an array that may be written can stand for one that may not, but
     float64 never for float32. Otherwise a call raises TypeError.
     """
 
-    _threads_lost = False
-
-    def __init__(self, function: Callable[..., Any], signature: str) -> None:
-        self._signature = signature
-        self._dispatcher = numba.njit(parallel=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    def __init__(self, function: Callable[Concatenate[Pieces, P], None], signature: str, pieces: Callable[..., int]) -> None:
+        self._signature, self._pieces = f"(i8, i8), {signature}", pieces
+        self._dispatcher = numba.njit(nogil=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
         with suppress(RuntimeError):  # no folder to keep it in: every program compiles it for itself
             self._dispatcher._cache = _Cache(function)
-        self._lock = threading.Lock()
         self.ready = False
 
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the function. Raises PanchromaError in a forked child of a process that has called one."""
-        if self._threads_lost:
-            raise PanchromaError(
-                "this process was made by fork from one that has rendered, and the threads that render are not copied: start "
-                'processes with multiprocessing.get_context("spawn") (or "forkserver"), or render nothing before they are made'
-            )
+    def __call__(self, *arguments: P.args, **_: P.kwargs) -> None:
+        """Compute all pieces, in `pieces.threads()` threads."""
         if not self.ready:
             self.compile()
-        usual = threads()
-        if usual == 1 or any(isinstance(each, np.ndarray) and each.size > LITTLE for each in arguments):
-            return self._dispatcher(*arguments)
-        use_threads(1)
-        try:
-            return self._dispatcher(*arguments)
-        finally:
-            use_threads(usual)
+        pieces = self._pieces(*arguments)
+        largest = max(each.size for each in _arrays(arguments))
+        together = max(1, min(pieces * _TOGETHER // max(largest, 1), -(-pieces // (2 * threads()))))
+        compiled = self._dispatcher
+        in_pieces(lambda *part: compiled(part, *arguments), pieces, pieces if largest <= LITTLE else together)
 
     def compile(self) -> None:
         """Read it from the disk, or compile it and keep it there."""
-        with self._lock:
+        with _compiling:
             if not self.ready:
+                if not isinstance(self._dispatcher._cache, _Cache):
+                    _announce()
                 self._dispatcher.compile(self._types())
                 self._dispatcher.disable_compile()
                 self.ready = True
@@ -136,14 +140,13 @@ class ParallelKernel:
         return tuple(map(_as_type, eval(f"{self._signature},", names)))
 
 
-def _after_fork() -> None:
-    """In a child: note that its parent's threads are lost. GNU's OpenMP ends such a process, or returns with nothing computed."""
-    with suppress(ValueError):  # the parent had no threads yet
-        ParallelKernel._threads_lost |= numba.threading_layer() == "omp" and sys.platform == "linux"
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
+def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
+    """The arrays among arguments, also in tuples of them."""
+    for each in arguments:
+        if isinstance(each, np.ndarray):
+            yield each
+        elif isinstance(each, tuple):
+            yield from _arrays(each)
 
 
 def _general(kind: Any) -> Any:
@@ -158,7 +161,7 @@ def _as_type(given: Any) -> Any:
     return types.BaseTuple.from_types(tuple(map(_as_type, given))) if isinstance(given, tuple) else given
 
 
-kernels: dict[str, ParallelKernel] = {}
+kernels: dict[str, ParallelKernel[...]] = {}
 """All kernels that stages call, by name; the others are parts of these."""
 
 
@@ -183,16 +186,19 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
         return super().get_call_template(tuple(map(_general, args)), {name: _general(each) for name, each in kws.items()})
 
 
-def parallel_kernel(signature: str) -> Callable[[F], F]:
-    """Compile a function when it is first called, once per machine, and share its `prange` loops among the threads.
+def parallel_kernel(
+    signature: str, pieces: Callable[..., int]
+) -> Callable[[Callable[Concatenate[Pieces, P], None]], Callable[P, None]]:
+    """Compile a function when it is first called, once per machine, and let threads call it for different pieces.
 
-    signature: types of the arguments, in Numba's notation: f4 and f8 are floats, i8 is an integer, b1 is bool, f4[:, ::1] is an
-        array, and (i8, i8) is a tuple; const(f4[:, ::1]) may be an array that must not be written.
+    signature: types of the arguments but the first, in Numba's notation: f4 and f8 are floats, i8 is an integer, b1 is bool,
+        f4[:, ::1] is an array, and (i8, i8) is a tuple; const(f4[:, ::1]) may be an array that must not be written.
+    pieces: the number of pieces, from those arguments. A call computes those from the first of its `Pieces` to the end.
     """
 
-    def decorate(function: F) -> F:
-        kernels[function.__name__] = made = ParallelKernel(function, signature)
-        return made  # type: ignore[return-value]
+    def decorate(function: Callable[Concatenate[Pieces, P], None]) -> Callable[P, None]:
+        kernels[function.__name__] = made = ParallelKernel(function, signature, pieces)
+        return made
 
     return decorate
 
@@ -200,41 +206,6 @@ def parallel_kernel(signature: str) -> Callable[[F], F]:
 def intrinsic(function: Callable[..., Any], *, literal: bool = False) -> Any:
     """Turn a code generator into a function that kernels can call. literal: it needs the values of constant arguments."""
     return _intrinsic(prefer_literal=literal)(function)
-
-
-def available_threads() -> int:
-    """The largest number of threads that `use_threads` accepts.
-
-    >>> from offline import available_threads
-    >>> available_threads() >= 1
-    True
-    """
-    return int(numba.config.NUMBA_NUM_THREADS)
-
-
-def threads() -> int:
-    """The number of threads that kernels called from this thread use.
-
-    >>> from offline import available_threads, threads
-    >>> 1 <= threads() <= available_threads()
-    True
-    """
-    return int(numba.get_num_threads())
-
-
-def use_threads(count: int) -> None:
-    """Set the number of threads for kernels called from this thread, 1 to `available_threads()`. The result is the same for any.
-
-    For programs: libraries should leave this choice to them. Raises ValueError for any other number.
-
-    >>> from offline import threads, use_threads
-    >>> before = threads()
-    >>> use_threads(1)
-    >>> threads()
-    1
-    >>> use_threads(before)
-    """
-    numba.set_num_threads(count)
 
 
 def kernel_cache() -> Path:
@@ -261,20 +232,8 @@ def compilation(begins: Callable[[int, int], None]) -> Iterator[None]:
     >>> with compilation(lambda number, most: print("compiling", number, "of", most)):  # nothing if all are in the cache
     ...     rendering = render(mosaic, PAPER)
     """
-    with event.install_listener("numba:compile", _Listener(begins)):
+    token = _listeners.set((*_listeners.get(), begins))
+    try:
         yield
-
-
-class _Listener(event.Listener):  # type: ignore[misc]
-    def __init__(self, begins: Callable[[int, int], None]) -> None:
-        self._begins = begins
-        self._depth = 0  # Numba compiles one kernel at a time, and its parts, of which many are its own, within it
-
-    def on_start(self, event: Any) -> None:
-        self._depth += 1
-        if self._depth == 1:
-            ready = sum(kernel.ready for kernel in kernels.values())
-            self._begins(ready + 1, len(kernels))
-
-    def on_end(self, event: Any) -> None:
-        self._depth -= 1
+    finally:
+        _listeners.reset(token)

@@ -14,9 +14,10 @@ import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, square_root, store, where_less
+from .pieces import tiles
 
 _ROWS, _COLUMNS = 128, 256  # of a window
 _STEP = 2  # pixels from one block to the next, down and across
@@ -31,8 +32,12 @@ Memory = tuple[FloatArray, FloatArray, FloatArray]
 """What one worker computes with: planes of a window (samples, pilot, sums, weights), half-transformed rows, and blocks in lanes."""
 
 
-@parallel_kernel("f4[:, ::1], b1[:, ::1], (i8, i8), i8[::1], f4[:, :, ::1], f4, f4, f4, i8, f4[:, ::1]")
+@parallel_kernel(
+    "f4[:, ::1], b1[:, ::1], (i8, i8), i8[::1], f4[:, :, ::1], f4, f4, f4, f4[:, ::1]",
+    pieces=lambda noisy, uncertain, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)),
+)
 def denoise(
+    pieces: Pieces,
     noisy: FloatArray,
     uncertain: BoolArray,
     rows: tuple[int, int],
@@ -41,7 +46,6 @@ def denoise(
     shot: Scalar,
     read: Scalar,
     threshold: Scalar,
-    workers: int,
     out: FloatArray,
 ) -> None:
     """Denoise rows[0] to rows[1] of a frame.
@@ -53,42 +57,39 @@ def denoise(
     transforms: (sizes, largest n, largest n), in the first n rows and columns of each the DCT-II matrix [frequency, pixel].
     shot, read: variance of the noise = shot * signal + read**2.
     threshold: threshold of the first pass, in standard deviations of the noise.
-    workers: how many windows are computed at a time.
     out: (H, W), the computed rows are written.
     """
     height, width = noisy.shape
     most = transforms.shape[1]
     halo = 2 * (most - 1)
     along = (width + _COLUMNS - 1) // _COLUMNS
-    windows = (rows[1] - rows[0] + _ROWS - 1) // _ROWS * along
     tall, half = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * _STEP * WIDTH) // (_STEP * WIDTH) * WIDTH
     wide = _STEP * half
-    for worker in prange(workers):
-        planes, halves, block = zeros(4, tall, wide), zeros(4, most, wide), zeros(3, most * most, WIDTH)
-        samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
-        for window in range(worker, windows, workers):
-            top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
-            down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
-            for row in range(down + 2 * halo):
-                source = mirrored(top - halo + row, height)
-                for column in range(across + 2 * halo):
-                    samples[row, _place(column, half)] = noisy[source, mirrored(left - halo + column, width)]
-            inner = halo // 2
-            area = 0, down + 2 * halo, 0, across + 2 * halo
-            _aggregate((planes, halves, block), False, area, top - halo, sizes, transforms, (shot, read, threshold))
-            for row in range(inner, down + 2 * halo - inner):
-                source = mirrored(top - halo + row, height)
-                for column in range(inner, across + 2 * halo - inner):
-                    place = _place(column, half)
-                    pilot[row, place] = sums[row, place] / weights[row, place]
-                    if uncertain[source, mirrored(left - halo + column, width)]:
-                        samples[row, place] = pilot[row, place]
-            area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
-            _aggregate((planes, halves, block), True, area, top - halo, sizes, transforms, (shot, read, threshold))
-            for row in range(down):
-                for column in range(across):
-                    place = _place(column + halo, half)
-                    out[top + row, left + column] = sums[row + halo, place] / weights[row + halo, place]
+    planes, halves, block = zeros(4, tall, wide), zeros(4, most, wide), zeros(3, most * most, WIDTH)
+    samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
+    for window in range(pieces[0], pieces[1]):
+        top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
+        down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
+        for row in range(down + 2 * halo):
+            source = mirrored(top - halo + row, height)
+            for column in range(across + 2 * halo):
+                samples[row, _place(column, half)] = noisy[source, mirrored(left - halo + column, width)]
+        inner = halo // 2
+        area = 0, down + 2 * halo, 0, across + 2 * halo
+        _aggregate((planes, halves, block), False, area, top - halo, sizes, transforms, (shot, read, threshold))
+        for row in range(inner, down + 2 * halo - inner):
+            source = mirrored(top - halo + row, height)
+            for column in range(inner, across + 2 * halo - inner):
+                place = _place(column, half)
+                pilot[row, place] = sums[row, place] / weights[row, place]
+                if uncertain[source, mirrored(left - halo + column, width)]:
+                    samples[row, place] = pilot[row, place]
+        area = inner, down + 2 * halo - inner, inner, across + 2 * halo - inner
+        _aggregate((planes, halves, block), True, area, top - halo, sizes, transforms, (shot, read, threshold))
+        for row in range(down):
+            for column in range(across):
+                place = _place(column + halo, half)
+                out[top + row, left + column] = sums[row + halo, place] / weights[row + halo, place]
 
 
 @kernel

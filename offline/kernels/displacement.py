@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .interpolation import interpolated
 from .lanes import Scalar
 
@@ -14,8 +14,12 @@ SUMS = 14
 """How many sums a tile has: 1, gy, gx, gy gy, gy gx, gx gx, e, gy e, gx e, e e, r, f, r r, r f, in this order."""
 
 
-@parallel_kernel("f4[:, ::1], f4[:, ::1], i8[::1], i8[::1], (f8, f8, f8, f8), f8[:, :, ::1], f8, f8[:, :, ::1]")
+@parallel_kernel(
+    "f4[:, ::1], f4[:, ::1], i8[::1], i8[::1], (f8, f8, f8, f8), f8[:, :, ::1], f8, f8[:, :, ::1]",
+    pieces=lambda *given: given[-1].shape[0] * given[-1].shape[1],
+)
 def displacement_sums(
+    pieces: Pieces,
     reference: FloatArray,
     frame: FloatArray,
     rows: IndexArray,
@@ -37,7 +41,7 @@ def displacement_sums(
     sums: (tile rows, tile columns, SUMS), written; float64.
     """
     across, part = len(columns) - 1, np.float32(1.0 / gain)
-    for tile in prange((len(rows) - 1) * across):
+    for tile in range(pieces[0], pieces[1]):
         row, column = tile // across, tile % across
         place = starts[row, column, 0], starts[row, column, 1]
         total = np.zeros(SUMS)

@@ -8,7 +8,7 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .conjugate import APPLIED, DIRECTION, MARGIN, RESIDUAL, SOLVED, around, conjugate_gradients
 from .edges import Filters, transmission
 from .functions import zeros
@@ -22,9 +22,11 @@ _PLANES = 4 + 1 + 2 + 4 * SOLVED
 
 @parallel_kernel(
     "f4[:, ::1], (i8[::1], i8[::1]), (i8, i8, i8), i8, (i8, i8), i8, f4[:, :, ::1], "
-    "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), i8, f4[:, :, ::1], f8[::1], i8[::1]"
+    "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), f4[:, :, ::1], f8[::1], i8[::1]",
+    pieces=lambda *given: len(given[-1]),
 )
 def solve_regions(
+    pieces: Pieces,
     luminance: FloatArray,
     places: tuple[IndexArray, IndexArray],
     patches: tuple[int, int, int],
@@ -34,7 +36,6 @@ def solve_regions(
     pins: FloatArray,
     filters: Filters,
     limits: tuple[float, int],
-    workers: int,
     fields: FloatArray,
     residuals: DoubleArray,
     used: IndexArray,
@@ -51,7 +52,6 @@ def solve_regions(
     filters: (smooth, slope, radii) as `transmission` takes them.
     limits: (tolerance, iterations) of conjugate gradients: norm of the residual relative to that of the right-hand side, both
         scaled, and the most iterations.
-    workers: how many regions are solved at a time.
     fields: (4, pixel rows, domain columns), written.
     residuals: (regions,), written: the relative residual of the worst field of each region.
     used: (regions,), written: the iterations that each region used.
@@ -60,34 +60,32 @@ def solve_regions(
     reach = filters[0].shape[1] - 1
     height = len(rows) - 2 * reach
     along = (across + core[1] - 1) // core[1]
-    regions = (end - first + core[0] - 1) // core[0] * along
     tallest, widest = (core[0] + 2 * halo) * period, (core[1] + 2 * halo) * period
-    for worker in prange(workers):
-        # Memory is taken once: fresh pages for every region would cost as much as solving it.
-        memory = zeros(_PLANES * (tallest + 2) * _width(widest))
-        pinned = _pinned(pins)
-        window = zeros((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
-        for region in range(worker, regions, workers):
-            top, left = first + region // along * core[0], region % along * core[1]
-            bottom, right = min(top + core[0], end), min(left + core[1], across)
-            above, before = max(top - halo, 0), max(left - halo, 0)
-            below, after = min(bottom + halo, height // period), min(right + halo, across)
-            size = (below - above) * period, (after - before) * period
-            place = above * period, before * period
-            light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * WIDTH)].reshape(size[0] + 2 * reach, -1)
-            for row in range(size[0] + 2 * reach):
-                _gather(luminance[rows[place[0] + row]], columns[place[1] : place[1] + size[1] + 2 * reach], light[row])
-            width = _width(size[1])
-            planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
-            weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
-            for framed in (planes[:7], unknowns[DIRECTION:APPLIED]):
-                _frame(framed, size)
-            transmission(light, period, filters, through)
-            norm = _start(through, place, size, pins, pinned, weights, scale, unknowns)
-            residuals[region], used[region] = conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
-            inner = (top - above) * period, (left - before) * period
-            core_size = (bottom - top) * period, (right - left) * period
-            _finish(unknowns, scale, pins, place, inner, core_size, fields, ((top - first) * period, left * period))
+    # Memory is taken once: fresh pages for every region would cost as much as solving it.
+    memory = zeros(_PLANES * (tallest + 2) * _width(widest))
+    pinned = _pinned(pins)
+    window = zeros((tallest + 2 * reach) * (widest + 2 * reach + 3 * WIDTH))
+    for region in range(pieces[0], pieces[1]):
+        top, left = first + region // along * core[0], region % along * core[1]
+        bottom, right = min(top + core[0], end), min(left + core[1], across)
+        above, before = max(top - halo, 0), max(left - halo, 0)
+        below, after = min(bottom + halo, height // period), min(right + halo, across)
+        size = (below - above) * period, (after - before) * period
+        place = above * period, before * period
+        light = window[: (size[0] + 2 * reach) * (size[1] + 2 * reach + 3 * WIDTH)].reshape(size[0] + 2 * reach, -1)
+        for row in range(size[0] + 2 * reach):
+            _gather(luminance[rows[place[0] + row]], columns[place[1] : place[1] + size[1] + 2 * reach], light[row])
+        width = _width(size[1])
+        planes = memory[: _PLANES * (size[0] + 2) * width].reshape(_PLANES, size[0] + 2, width)
+        weights, scale, through, unknowns = planes[:4], planes[4], planes[5:7], planes[7:]
+        for framed in (planes[:7], unknowns[DIRECTION:APPLIED]):
+            _frame(framed, size)
+        transmission(light, period, filters, through)
+        norm = _start(through, place, size, pins, pinned, weights, scale, unknowns)
+        residuals[region], used[region] = conjugate_gradients(weights, size, unknowns, norm, tolerance, iterations)
+        inner = (top - above) * period, (left - before) * period
+        core_size = (bottom - top) * period, (right - left) * period
+        _finish(unknowns, scale, pins, place, inner, core_size, fields, ((top - first) * period, left * period))
 
 
 @kernel

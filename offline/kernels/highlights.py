@@ -4,22 +4,22 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray
 
-from .compile import parallel_kernel, prange
+from .compile import Pieces, parallel_kernel
 from .interpolation import cubic_taps
 
 _TAPS = 4
 
 
-@parallel_kernel("f4[:, ::1], (f8, f8), i8, f4[:, ::1]")
-def interpolate(values: FloatArray, first: tuple[float, float], period: int, plane: FloatArray) -> None:
+@parallel_kernel("f4[:, ::1], (f8, f8), i8, f4[:, ::1]", pieces=lambda *given: len(given[-1]))
+def interpolate(pieces: Pieces, values: FloatArray, first: tuple[float, float], period: int, plane: FloatArray) -> None:
     """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
     values: (rows, columns), the samples; the first lies at the pixel `first`.
     plane: (H, W), written. Bicubic (Keys 1981, a = -1/2); constant beyond the outermost samples.
     """
-    height, width = plane.shape
+    width = plane.shape[1]
     rows, columns = values.shape
-    for row in prange(height):
+    for row in range(pieces[0], pieces[1]):
         place = (row - first[0]) / period
         down = int(np.floor(place))
         weights_down = cubic_taps(place - down)
@@ -38,8 +38,9 @@ def interpolate(values: FloatArray, first: tuple[float, float], period: int, pla
             plane[row, column] = total
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]")
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]", pieces=lambda *given: len(given[-1]))
 def raise_clipped(
+    pieces: Pieces,
     signal: FloatArray,
     panchromatic: BoolArray,
     clipping: float,
@@ -65,7 +66,7 @@ def raise_clipped(
     """
     height, width = signal.shape
     period, reach = len(panchromatic), len(fall) - 1
-    for row in prange(height):
+    for row in range(pieces[0], pieces[1]):
         for column in range(width):
             if not panchromatic[row % period, column % period] or signal[row, column] < clipping:
                 continue

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shared.arrays import FloatArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import scaled_reciprocal_root, zeros
 from .lanes import WIDTH, Lanes, lesser, load, store
 
@@ -25,9 +25,11 @@ _NONE = np.float32(0)
 
 
 @parallel_kernel(
-    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]"
+    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]",
+    pieces=lambda *given: len(given[-1]),
 )
 def fill_blocks(
+    pieces: Pieces,
     signal: FloatArray,
     luminance: FloatArray,
     first: tuple[int, int],
@@ -54,7 +56,7 @@ def fill_blocks(
     changes: (rows of blocks,), written: the largest change of a hole in the last iteration.
     """
     rows, columns = extent
-    for row in prange(blocks[0]):
+    for row in range(pieces[0], pieces[1]):
         window = zeros(rows + 2 * REACH, columns + 2 * REACH, WIDTH)
         energy, half = zeros(_BANDS, rows + 5, columns + 5, WIDTH), zeros(2, rows + 5, columns + 2 * REACH, WIDTH)
         fixed, removed = zeros(len(response), WIDTH), zeros(len(response), WIDTH)

@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored
 from .lanes import WIDTH, Lanes, greater, lesser, load, store, where_less
 
@@ -16,20 +16,22 @@ _FIVE = 5
 _FAR = np.float64(np.inf)
 
 
-@parallel_kernel("f8[:, :, ::1], f8[:, :, ::1], i8, i8, b1[::1]")
-def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray) -> BoolArray:
-    """Replace each vector by whichever of its four oriented 1-D medians is nearest to it. Returns which rows changed, bool (rows,).
+@parallel_kernel("f8[:, :, ::1], f8[:, :, ::1], i8, i8, b1[::1], b1[::1]", pieces=lambda *given: len(given[-1]))
+def oriented_median(
+    pieces: Pieces, before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray, found: BoolArray
+) -> None:
+    """Replace each vector by whichever of its four oriented 1-D medians is nearest to it.
 
     before: (C, rows, taps // 2 + columns + taps // 2 + SLACK), with mirrored columns.
     after: same shape, written, with mirrored columns.
     columns: number of columns without the border.
     taps: length of the medians, odd, 3 or more.
     changed: bool (rows,), rows of `before` that the previous step changed; rows that see none of them are copied.
+    found: bool (rows,), set for the rows that this one changes.
     """
     channels, rows = before.shape[:2]
     half = taps // 2
-    found = np.zeros(rows, np.bool_)
-    for row in prange(rows):
+    for row in range(pieces[0], pieces[1]):
         near = np.array([mirrored(row + step, rows) for step in range(-half, half + 1)])
         if changed[near].any():
             _row_of_medians(before, after, row, near, columns, taps)
@@ -42,7 +44,6 @@ def oriented_median(before: DoubleArray, after: DoubleArray, columns: int, taps:
             for channel in range(channels):
                 for column in range(before.shape[2]):
                     after[channel, row, column] = before[channel, row, column]
-    return found
 
 
 @kernel

@@ -11,11 +11,12 @@ import numpy as np
 from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexArray
 
 from ..gaussian import gaussian
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
 from .interpolation import interpolated
 from .lanes import Scalar
 from .motions import Area, Motions, back, bounds, there
+from .pieces import tiles
 from .smoothing import smooth_rows
 
 _ROWS, _COLUMNS, _MARGIN = 96, 160, 6  # pixels of a tile, and around it
@@ -30,9 +31,11 @@ _ALONE = np.float32(0.99999)  # relative variance from which on there is one fra
 
 @parallel_kernel(
     "f4[:, :, ::1], u1[:, :, ::1], f8[:, ::1], b1[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), i8[:, ::1], i8, "
-    "f4[:, ::1], f4[:, ::1], f4[:, :, :, ::1], f4[:, :, :, ::1]"
+    "f4[:, ::1], f4[:, ::1], f4[:, :, :, ::1], f4[:, :, :, ::1]",
+    pieces=lambda *given: tiles(given[7].shape, (_ROWS, _COLUMNS)),
 )
 def merge(
+    pieces: Pieces,
     planes: FloatArray,
     agreement: ByteArray,
     noise: DoubleArray,
@@ -61,7 +64,7 @@ def merge(
     """
     height, width = merged.shape
     along = (width + _COLUMNS - 1) // _COLUMNS
-    for tile in prange((height + _ROWS - 1) // _ROWS * along):
+    for tile in range(pieces[0], pieces[1]):
         top, left = tile // along * _ROWS, tile % along * _COLUMNS
         core = top, min(top + _ROWS, height), left, min(left + _COLUMNS, width)
         area = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height), max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
@@ -74,15 +77,15 @@ def merge(
         _light_at_sites(fine, agreement, motions, sites, period, area, core, light, weight)
 
 
-@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f4[:, ::1]")
-def displace(plane: FloatArray, motions: Motions, out: FloatArray) -> None:
+@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f4[:, ::1]", pieces=lambda *given: len(given[-1]))
+def displace(pieces: Pieces, plane: FloatArray, motions: Motions, out: FloatArray) -> None:
     """A frame as the reference would see it.
 
     plane: (H, W). motions: one.
     out: (H, W), written; NaN where the frame sees nothing.
     """
     shape = 1, plane.shape[0], plane.shape[1]
-    for y in prange(len(plane)):
+    for y in range(pieces[0], pieces[1]):
         for x in range(plane.shape[1]):
             to_y, to_x = there(motions, 0, float(y), float(x), shape)
             inside = -0.5 <= to_y < plane.shape[0] - 0.5 and -0.5 <= to_x < plane.shape[1] - 0.5

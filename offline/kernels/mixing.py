@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import unset
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 
@@ -15,8 +15,12 @@ _LEAST = np.finfo(np.float32).tiny
 Places = tuple[IndexArray, IndexArray]
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), f8, f4[:, :, ::1]")
+@parallel_kernel(
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], (i8[::1], i8[::1]), i8, (i8, i8), f8, f4[:, :, ::1]",
+    pieces=lambda fields, blocks, *_: fields.shape[1] * (blocks.shape[1] - 1) // fields.shape[2],
+)
 def mix(
+    pieces: Pieces,
     fields: FloatArray,
     blocks: FloatArray,
     luminance: FloatArray,
@@ -41,7 +45,7 @@ def mix(
     period = fields.shape[2] // across
     channels = blocks.shape[2]
     width = fields.shape[2] + WIDTH
-    for patch in prange(fields.shape[1] // period):
+    for patch in range(pieces[0], pieces[1]):
         # A class is at the same corner in every second patch only, so its light and chromaticity are stored for every column.
         light, colour = unset(_CLASSES, width), unset(_CLASSES + 1, channels, width)
         _expand(blocks, luminance, places, first + patch, period, light, colour)
@@ -120,10 +124,10 @@ def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softnes
     return part * (part + softness) * load(light, (kind, column))
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]")
-def colour(chromaticity: FloatArray, luminance: FloatArray, out: FloatArray) -> None:
+@parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]", pieces=lambda *given: len(given[-1]))
+def colour(pieces: Pieces, chromaticity: FloatArray, luminance: FloatArray, out: FloatArray) -> None:
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
-    for row in prange(len(out)):
+    for row in range(pieces[0], pieces[1]):
         for column in range(out.shape[1]):
             for channel in range(out.shape[2]):
                 out[row, column, channel] = chromaticity[row, column, channel] * luminance[row, column]

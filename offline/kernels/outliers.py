@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import BoolArray, DoubleArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
 from .lanes import WIDTH, Scalar, greater, lesser, load, square_root, store
 
@@ -18,8 +18,12 @@ _NONE, _INFINITE = np.float32(0), np.float32(np.inf)
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
 
 
-@parallel_kernel("const(f4[:, ::1]), f4[:, ::1], f8, f8, f8, (f8, f8), b1[:, ::1]")
+@parallel_kernel(
+    "const(f4[:, ::1]), f4[:, ::1], f8, f8, f8, (f8, f8), b1[:, ::1], b1[:, ::1]",
+    pieces=lambda *given: -(-len(given[-1]) // _STRIP),
+)
 def find_outliers(
+    pieces: Pieces,
     signal: FloatArray,
     gains: FloatArray,
     contrast: float,
@@ -27,6 +31,7 @@ def find_outliers(
     floor: float,
     noise: tuple[float, float],
     bad: BoolArray,
+    found: BoolArray,
 ) -> None:
     """Mark panchromatic samples that differ from all their neighbours by more than contrast and noise explain.
 
@@ -39,12 +44,12 @@ def find_outliers(
     gains: (K, K), the pattern from the frame's corner on: gamma at a colour site, 0 at a panchromatic one.
     contrast, deviations, floor: see above and `DefectSettings`.
     noise: (shot, read) of the panchromatic plane: variance = shot * signal + read**2.
-    bad: bool (H, W), samples known to be bad, which are no neighbours; marked samples are added.
+    bad: bool (H, W), samples known to be bad, which are no neighbours.
+    found: bool (H, W), marked samples are set.
     """
     height, width = signal.shape
     figures = np.float32(deviations), np.float32(floor), np.float32(noise[0]), np.float32(noise[1] ** 2)
-    found = np.zeros((height, width), np.bool_)
-    for strip in prange((height + _STRIP - 1) // _STRIP):
+    for strip in range(pieces[0], pieces[1]):
         around = np.empty(_MOST, np.float32)
         most, least, tall = zeros(3, width + 2 + WIDTH), zeros(3, width + 2 + WIDTH), zeros(2, width + 2 + WIDTH)
         surplus = zeros(width + WIDTH)
@@ -57,7 +62,6 @@ def find_outliers(
             for column in range(width):
                 if surplus[column] > 0:
                     found[row, column] = _is_outlier(signal, gains, bad, row, column, contrast, deviations, floor, noise, around)
-    bad |= found
 
 
 @kernel
@@ -160,16 +164,22 @@ def _neighbours(
     return count
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]")
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]", pieces=lambda *given: len(given[-1]))
 def mend_panchromatic(
-    signal: FloatArray, panchromatic: BoolArray, bad: BoolArray, rows: IndexArray, columns: IndexArray, values: FloatArray
+    pieces: Pieces,
+    signal: FloatArray,
+    panchromatic: BoolArray,
+    bad: BoolArray,
+    rows: IndexArray,
+    columns: IndexArray,
+    values: FloatArray,
 ) -> None:
     """Predict the samples at the places (rows, columns) from the good panchromatic samples around them, to `values`.
 
     The prediction is a mean of opposite neighbours; directions along which luminance changes little have the largest weights.
     Without an opposite pair it is the mean of the nearest good samples. A place with none within eight pixels keeps its sample.
     """
-    for place in prange(len(rows)):
+    for place in range(pieces[0], pieces[1]):
         row, column = rows[place], columns[place]
         total, weights = 0.0, 0.0
         for down, across in _STEPS:
@@ -223,8 +233,12 @@ def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> boo
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]")
+@parallel_kernel(
+    "const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]",
+    pieces=lambda *given: len(given[-1]),
+)
 def surroundings(
+    pieces: Pieces,
     signal: FloatArray,
     panchromatic: BoolArray,
     rows: IndexArray,
@@ -246,7 +260,7 @@ def surroundings(
     lowest, highest: (blocks down, blocks across), written: the range of the samples.
     """
     weights = _weights(panchromatic, rows[0], columns[0], extent, sites)
-    for i in prange(len(rows)):
+    for i in range(pieces[0], pieces[1]):
         total, weight = np.empty(len(sites)), np.empty(len(sites))
         top, bottom = max(rows[i] - 1, 0), min(rows[i] + extent[0] + 1, signal.shape[0])
         for j in range(len(columns)):

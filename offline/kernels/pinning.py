@@ -9,7 +9,7 @@ import numpy as np
 
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 
-from .compile import parallel_kernel, prange
+from .compile import Pieces, parallel_kernel
 from .functions import zeros
 from .linked import Prior, link, solve
 from .spreading import TILE
@@ -22,9 +22,11 @@ _NONE = np.float32(0)
 
 
 @parallel_kernel(
-    "f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1], f8[::1], i8[::1]"
+    "f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1], f8[::1], i8[::1]",
+    pieces=lambda *given: len(given[-1]),
 )
 def pin_samples(
+    pieces: Pieces,
     luminance: FloatArray,
     base: FloatArray,
     channels: ByteArray,
@@ -51,7 +53,7 @@ def pin_samples(
     """
     (height, width), count = luminance.shape, base.shape[2]
     along = (width + TILE - 1) // TILE
-    for number in prange((rows[1] - rows[0] + TILE - 1) // TILE * along):
+    for number in range(pieces[0], pieces[1]):
         top, left = rows[0] - first + number // along * TILE, number % along * TILE
         bottom, right = min(top + TILE, rows[1] - first), min(left + TILE, width)
         above, below, before, after = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)

@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import exponential, zeros
 from .lanes import WIDTH, Lanes, Scalar, load, quotient, store
 
@@ -18,8 +18,12 @@ _PAIR = 2  # rows that are computed together: what is read for one serves the ot
 _NONE = np.float32(0)
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], i8, f4[:, ::1], f4, f4[:, :, ::1]")
-def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, light: Scalar, out: FloatArray) -> None:
+@parallel_kernel(
+    "f4[:, :, ::1], f4[:, :, ::1], i8, f4[:, ::1], f4, f4[:, :, ::1]", pieces=lambda *given: -(-given[-1].shape[1] // _PAIR)
+)
+def pool(
+    pieces: Pieces, sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, light: Scalar, out: FloatArray
+) -> None:
     """Sum the statistics of the blocks in a window around each block, weighted by similarity.
 
     The weight of two blocks is near[rows between them, columns between them] times exp(-(squared distance of chromaticities) /
@@ -35,7 +39,7 @@ def pool(sums: FloatArray, features: FloatArray, radius: int, near: FloatArray, 
     out: (S, rows, columns + SLACK), written.
     """
     rows = out.shape[1]
-    for pair in prange((rows + _PAIR - 1) // _PAIR):
+    for pair in range(pieces[0], pieces[1]):
         total, weights = zeros(_PAIR * len(sums), WIDTH), zeros(_PAIR, 2 * radius + 1, WIDTH)
         centre = zeros(_PAIR, len(features), WIDTH)
         for column in range(0, out.shape[2] - SLACK, WIDTH):

@@ -8,7 +8,7 @@ import numpy as np
 
 from shared.arrays import FloatArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, scaled_reciprocal_root, zeros
 from .lanes import WIDTH, Lanes, Scalar, lesser, load, store
 
@@ -23,8 +23,10 @@ _ONE = np.float32(1)
 Planes = tuple[FloatArray, ...]
 
 
-@parallel_kernel("f4[:, ::1], f4[:, ::1], i8, f4[:, ::1], f4[:, ::1], f4")
-def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float) -> None:
+@parallel_kernel("f4[:, ::1], f4[:, ::1], i8, f4[:, ::1], f4[:, ::1], f4", pieces=lambda plane, *_: -(-len(plane) // _STRIP))
+def shrink_once(
+    pieces: Pieces, plane: FloatArray, result: FloatArray, columns: int, holes: FloatArray, taps: FloatArray, threshold: float
+) -> None:
     """Shrink the coefficients of `plane` once, and write the new values of the holes to `result`.
 
     plane: (H, REACH + columns + REACH + SLACK), the frame with mirrored columns.
@@ -35,18 +37,26 @@ def shrink_once(plane: FloatArray, result: FloatArray, columns: int, holes: Floa
     threshold: scene units.
     """
     height = plane.shape[0]
-    for strip in prange((height + _STRIP - 1) // _STRIP):
+    for strip in range(pieces[0], pieces[1]):
         _shrink_rows(
             plane, result, (strip * _STRIP, min(height, (strip + 1) * _STRIP)), columns, holes, taps, np.float32(threshold)
         )
 
 
-@parallel_kernel("(f4[:, ::1],) * 4, (f4[:, ::1],) * 4, (i8,) * 4, (f4[:, ::1],) * 4, f4[:, ::1], f4[::1]")
+@parallel_kernel(
+    "(f4[:, ::1],) * 4, (f4[:, ::1],) * 4, (i8,) * 4, (f4[:, ::1],) * 4, f4[:, ::1], f4[::1]", pieces=lambda planes, *_: len(planes)
+)
 def shrink_margins(
-    planes: Planes, results: Planes, columns: tuple[int, ...], holes: Planes, taps: FloatArray, thresholds: FloatArray
+    pieces: Pieces,
+    planes: Planes,
+    results: Planes,
+    columns: tuple[int, ...],
+    holes: Planes,
+    taps: FloatArray,
+    thresholds: FloatArray,
 ) -> None:
     """Run `shrink_once` on four planes of a few rows each, with one threshold after the other, from plane to result and back."""
-    for each in prange(len(planes)):
+    for each in range(pieces[0], pieces[1]):
         plane, result = planes[each], results[each]
         for threshold in thresholds:
             _shrink_rows(plane, result, (0, len(plane)), columns[each], holes[each], taps, threshold)

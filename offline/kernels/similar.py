@@ -9,9 +9,10 @@ import numpy as np
 
 from shared.arrays import BoolArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, zeros
 from .lanes import WIDTH, Scalar, greater, load, store
+from .pieces import tiles
 
 SURROUNDINGS = 1
 """Pixels around a pixel that are compared."""
@@ -25,8 +26,12 @@ Planes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """(even, samples, sums, weights) of a window: what is compared, what is averaged, and what has been added up."""
 
 
-@parallel_kernel("f4[:, ::1], b1[:, ::1], f4[:, ::1], i8, (i8, i8), i8[:, ::1], f4, f4, f4, f4, i8, f4[:, ::1]")
+@parallel_kernel(
+    "f4[:, ::1], b1[:, ::1], f4[:, ::1], i8, (i8, i8), i8[:, ::1], f4, f4, f4, f4, f4[:, ::1]",
+    pieces=lambda noisy, uncertain, clean, first, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)),
+)
 def average_similar(
+    pieces: Pieces,
     noisy: FloatArray,
     uncertain: BoolArray,
     clean: FloatArray,
@@ -37,7 +42,6 @@ def average_similar(
     read: Scalar,
     similarity: Scalar,
     share: Scalar,
-    workers: int,
     out: FloatArray,
 ) -> None:
     """Mix the mean of pixels with similar surroundings into rows[0] to rows[1] of a frame.
@@ -53,46 +57,43 @@ def average_similar(
     similarity: how much surroundings may differ, in standard deviations of the noise: their weight is about
         exp(-d / (2 similarity^2)), d the mean of squared differences.
     share: of the mean in the result; the rest is `clean`.
-    workers: how many windows are computed at a time.
     out: (rows[1] - rows[0], W), scene units, written.
     """
     (height, width), radius = noisy.shape, np.abs(offsets).max()
     halo = radius + SURROUNDINGS
     along = (width + _COLUMNS - 1) // _COLUMNS
-    windows = (rows[1] - rows[0] + _ROWS - 1) // _ROWS * along
     tall, wide = _ROWS + 2 * halo, (_COLUMNS + 3 * halo + 2 * WIDTH) // WIDTH * WIDTH
     groups = np.searchsorted(offsets[:, 0], np.arange(radius + 2))
     scale = _SCALE / similarity
-    for worker in prange(workers):
-        memory, pairs, distances = zeros(4, tall, wide), zeros(2 * radius + 1, wide), zeros(wide)
-        even, samples, sums, weights = planes = memory[0], memory[1], memory[2], memory[3]
-        for window in range(worker, windows, workers):
-            top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
-            down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
-            for row in range(down + 2 * halo):
-                source = mirrored(top - halo + row, height)
-                for column in range(across + 2 * halo):
-                    place = mirrored(left - halo + column, width)
-                    value = clean[source - first, place]
-                    even[row, column] = scale * _even(value, shot, read)
-                    samples[row, column] = value if uncertain[source, place] else noisy[source, place]
-                    sums[row, column] = samples[row, column]
-            weights[:] = _ONE
-            end = down + halo
-            for row in range(SURROUNDINGS, end):
-                for apart in range(radius + 1):
-                    rights = offsets[groups[apart] : groups[apart + 1], 1]
-                    if row >= halo or halo <= row + apart < end:
-                        _weigh(even, row, apart, rights, across + 2 * halo, distances, pairs)
-                    if row >= halo:
-                        _add(planes, row, row + apart, rights, (halo, halo + across), (0, 1), pairs)
-                    if halo <= row + apart < end:
-                        _add(planes, row + apart, row, rights, (halo, halo + across), (-1, -1), pairs)
-            for row in range(down):
-                for column in range(across):
-                    value = clean[top + row - first, left + column]
-                    mean = sums[row + halo, column + halo] / weights[row + halo, column + halo]
-                    out[top - rows[0] + row, left + column] = value + share * (mean - value)
+    memory, pairs, distances = zeros(4, tall, wide), zeros(2 * radius + 1, wide), zeros(wide)
+    even, samples, sums, weights = planes = memory[0], memory[1], memory[2], memory[3]
+    for window in range(pieces[0], pieces[1]):
+        top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
+        down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
+        for row in range(down + 2 * halo):
+            source = mirrored(top - halo + row, height)
+            for column in range(across + 2 * halo):
+                place = mirrored(left - halo + column, width)
+                value = clean[source - first, place]
+                even[row, column] = scale * _even(value, shot, read)
+                samples[row, column] = value if uncertain[source, place] else noisy[source, place]
+                sums[row, column] = samples[row, column]
+        weights[:] = _ONE
+        end = down + halo
+        for row in range(SURROUNDINGS, end):
+            for apart in range(radius + 1):
+                rights = offsets[groups[apart] : groups[apart + 1], 1]
+                if row >= halo or halo <= row + apart < end:
+                    _weigh(even, row, apart, rights, across + 2 * halo, distances, pairs)
+                if row >= halo:
+                    _add(planes, row, row + apart, rights, (halo, halo + across), (0, 1), pairs)
+                if halo <= row + apart < end:
+                    _add(planes, row + apart, row, rights, (halo, halo + across), (-1, -1), pairs)
+        for row in range(down):
+            for column in range(across):
+                value = clean[top + row - first, left + column]
+                mean = sums[row + halo, column + halo] / weights[row + halo, column + halo]
+                out[top - rows[0] + row, left + column] = value + share * (mean - value)
 
 
 @kernel

@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import DoubleArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .lanes import WIDTH, greater, lesser, load, quotient, store, where_less
 
 _LANES = WIDTH // 2  # of float64
@@ -12,8 +12,12 @@ _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose 
 _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]")
+@parallel_kernel(
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]",
+    pieces=lambda *given: len(given[-1]),
+)
 def solve_jointly(
+    pieces: Pieces,
     light: FloatArray,
     samples: FloatArray,
     fill_error: FloatArray,
@@ -37,10 +41,10 @@ def solve_jointly(
     rounds: how often the covariance is computed from the chromaticity before.
     out: (rows, columns, C), the chromaticities of Eqs. 8-9; replaced.
     """
-    rows, columns, sites = light.shape
+    columns, sites = light.shape[1:]
     count = len(gamma)
     grey = 1 / gamma.sum()
-    for row in prange(rows):
+    for row in range(pieces[0], pieces[1]):
         covariance, colour = np.empty((sites, sites, _LANES)), np.empty((sites, _LANES))
         explained = np.empty((sites, count + 1, _LANES))  # one column per channel, and the samples
         normal, right = np.empty((count, count, _LANES)), np.empty((count, 2, _LANES))
@@ -87,9 +91,11 @@ def solve_jointly(
 
 
 @parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]"
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]",
+    pieces=lambda *given: len(given[-1]),
 )
 def share_out(
+    pieces: Pieces,
     error: FloatArray,
     colour: FloatArray,
     fill_variance: FloatArray,
@@ -112,9 +118,9 @@ def share_out(
     light: (rows, columns, S), written: errors of luminance.
     tints: (rows, columns, S, C), written: errors of the channels that leave luminance as it is.
     """
-    rows, columns, sites = error.shape
+    columns, sites = error.shape[1:]
     count = tints.shape[3]
-    for row in prange(rows):
+    for row in range(pieces[0], pieces[1]):
         covariance, right = np.empty((sites, sites, _LANES)), np.empty((sites, 1, _LANES))
         weight, noise, powers = np.empty((sites, _LANES)), np.empty((sites, _LANES)), np.empty((2, _LANES))
         lights, odds = np.empty((sites, _LANES)), np.empty((sites, count, _LANES))

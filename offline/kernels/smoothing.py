@@ -4,7 +4,7 @@ import numpy as np
 
 from shared.arrays import FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, zeros
 from .lanes import WIDTH, load, store
 
@@ -12,14 +12,14 @@ _STRIP = 64  # rows that one piece of work smooths
 _NONE = np.float32(0)
 
 
-@parallel_kernel("f4[:, ::1], f4[::1], f4[:, ::1]")
-def smooth(plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
+@parallel_kernel("f4[:, ::1], f4[::1], f4[:, ::1]", pieces=lambda plane, *_: -(-len(plane) // _STRIP))
+def smooth(pieces: Pieces, plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
     """Smooth a plane along rows and columns; it is mirrored at its border.
 
     plane: (H, W). taps: of a symmetric filter, an odd number. out: (H, W), written; not `plane` itself.
     """
     height = len(plane)
-    for strip in prange((height + _STRIP - 1) // _STRIP):
+    for strip in range(pieces[0], pieces[1]):
         smooth_rows(plane, taps, strip * _STRIP, min((strip + 1) * _STRIP, height), out)
 
 

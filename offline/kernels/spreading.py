@@ -12,7 +12,7 @@ import numpy as np
 
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 
-from .compile import kernel, parallel_kernel, prange
+from .compile import Pieces, kernel, parallel_kernel
 from .functions import zeros
 from .lanes import Scalar
 from .linked import Prior, link, solve
@@ -38,9 +38,11 @@ def tiles_of(rows: tuple[int, int], width: int) -> int:
 
 @parallel_kernel(
     "f4[:, ::1], f4[:, :, ::1], i8, (i8, i8), i8, (f4[:, ::1], u1[::1], i8[::1]), f4[::1], f4[:, ::1], (f8, f8, f8), "
-    "f4[:, :, ::1], f8[::1], i8[::1]"
+    "f4[:, :, ::1], f8[::1], i8[::1]",
+    pieces=lambda *given: len(given[-1]),
 )
 def spread_samples(
+    pieces: Pieces,
     luminance: FloatArray,
     chromaticity: FloatArray,
     first: int,
@@ -68,7 +70,7 @@ def spread_samples(
     """
     width, channels = luminance.shape[1], len(gamma)
     along = (width + TILE - 1) // TILE
-    for number in prange((rows[1] - rows[0] + TILE - 1) // TILE * along):
+    for number in range(pieces[0], pieces[1]):
         top, left = rows[0] + number // along * TILE, number % along * TILE
         bottom, right = min(top + TILE, rows[1]), min(left + TILE, width)
         area = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)

@@ -16,7 +16,6 @@ from shared.block_grid import BlockGrid
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
-from ..kernels.compile import threads
 from ..kernels.fields import solve_regions
 from ..kernels.lanes import WIDTH
 from ..settings import AffinitySettings
@@ -54,7 +53,7 @@ def solve_affinities(
     regions = -(-(end - first) // core[0]) * -(-across // core[1])
     residuals, used = np.empty(regions), np.empty(regions, np.intp)
     patches, limits = (first, end, across), (settings.tolerance, settings.iterations)
-    solve_regions(luminance, places, patches, period, core, HALO, pins, filters, limits, threads(), fields, residuals, used)
+    solve_regions(luminance, places, patches, period, core, HALO, pins, filters, limits, fields, residuals, used)
     report(progress, "affinity", used, residuals, settings.tolerance)
     return fields.reshape(2, 2, *fields.shape[1:])
 

@@ -9,7 +9,6 @@ The files in `models/` are for RGGB. The other Bayer orders are its mirror image
 on the way in and out. Frames are processed in tiles of one fixed size at fixed places: threads and bands do not change a bit.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -22,7 +21,7 @@ from shared.errors import InputError
 from shared.pattern import CfaPattern
 
 from ..blocks import Sites
-from ..kernels.compile import threads
+from ..kernels.pieces import in_pieces
 from ..measured import BlockSamples
 from ..parts import DARK, Look, Part, RowStage
 
@@ -178,9 +177,7 @@ class Learned(RowStage):
                 chromaticity[(*inside, index)] += share[..., channel] * (per_light * (1 / self.gamma[index]))
 
         tiles = [(down, across) for down in range(first, last + 1) for across in range(-(-cells.shape[1] // tile))]
-        with ThreadPoolExecutor(threads(), "learned") as pool:
-            for _ in pool.map(work, tiles):
-                pass  # raises the error of a tile
+        in_pieces(lambda first, _: work(tiles[first]), len(tiles))
         return replace(part, chromaticity=chromaticity).rows(*rows)
 
 

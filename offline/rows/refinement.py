@@ -10,7 +10,6 @@ from shared.calibration import NoiseModel
 
 from ..gaussian import gaussian
 from ..kernels.averaging import average
-from ..kernels.compile import threads
 from ..measured import Measured
 from ..parts import Look, Part, RowStage
 from ..settings import RefinementSettings
@@ -64,7 +63,7 @@ def refine(
     )
     at = (down - part.first).clip(0, len(part.chromaticity) - 1)  # beyond them, weights alone are needed
     initial = np.ascontiguousarray(part.chromaticity)
-    average(initial, luminance, (down, at, across), radius, blur, -0.5 / width**2, settings.repetitions, threads(), result)
+    average(initial, luminance, (down, at, across), radius, blur, -0.5 / width**2, settings.repetitions, result)
     return result
 
 

@@ -91,8 +91,9 @@ def oriented_medians(chromaticity: DoubleArray, taps: int, repetitions: int, pro
     before, changed = np.ascontiguousarray(wide), np.ones(rows, np.bool_)
     after = np.empty_like(before)
     while iterations < repetitions and changed.any():
-        changed = oriented_median(before, after, columns, taps, changed)
-        before, after = after, before
+        found = np.zeros_like(changed)
+        oriented_median(before, after, columns, taps, changed, found)
+        before, after, changed = after, before, found
         iterations += 1
         progress.advance()
     progress.solved("medians", iterations, float(changed.mean()))

@@ -69,8 +69,9 @@ def _find_panchromatic(frame: Cleaned, settings: DefectSettings, bad: BoolArray)
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
     gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
-    found = bad.copy()
-    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, settings.floor, figures, found)
+    found = np.zeros_like(bad)
+    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, settings.floor, figures, bad, found)
+    found |= bad
     if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:
         bad[:] = found
 

@@ -15,7 +15,6 @@ from shared.arrays import DoubleArray, FloatArray, IndexArray
 from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
-from ..kernels.compile import threads
 from ..kernels.denoising import denoise
 from ..kernels.similar import SURROUNDINGS, average_similar
 from ..settings import DenoisingSettings
@@ -47,7 +46,7 @@ def denoise_luminance(
     progress.stage("denoising", 2 * len(pieces))
     model = np.float32(shot), np.float32(read), np.float32(settings.threshold)
     for rows in pieces:
-        denoise(luminance, uncertain, rows, sizes, transforms, *model, threads(), result)
+        denoise(luminance, uncertain, rows, sizes, transforms, *model, result)
         progress.advance()
     # In place, piece by piece; `above` keeps the rows above a piece as they were before they were changed.
     reach, offsets = settings.radius + SURROUNDINGS, half_window(settings.radius)
@@ -57,7 +56,7 @@ def denoise_luminance(
         around = slice(top - len(above), top - len(above) + len(guide))
         above = guide[: len(above) + bottom - top][-reach:].copy()
         alike = *model[:2], np.float32(settings.similarity), np.float32(settings.share)
-        average_similar(luminance, uncertain, guide, around.start, (top, bottom), offsets, *alike, threads(), result[top:bottom])
+        average_similar(luminance, uncertain, guide, around.start, (top, bottom), offsets, *alike, result[top:bottom])
         progress.advance()
     return result
 

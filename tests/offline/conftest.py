@@ -24,7 +24,7 @@ def each_thread_count(monkeypatch: pytest.MonkeyPatch) -> Iterator[Iterator[int]
     before = threads()
 
     def counts() -> Iterator[int]:
-        for count in range(1, available_threads() + 1):
+        for count in (1, 2, 3):
             use_threads(count)
             yield count
 

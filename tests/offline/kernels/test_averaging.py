@@ -1,11 +1,12 @@
 """Non-local averaging in windows against its reference."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
 from offline.gaussian import gaussian
 from offline.kernels.averaging import average
-from offline.kernels.compile import available_threads
 from shared.arrays import FloatArray, mirrored
 from tests.reference import refinement as reference
 from tests.reference.compare import assert_close
@@ -21,13 +22,11 @@ def scene(shape: tuple[int, int], channels: int, seed: int = 0) -> tuple[FloatAr
     return random.uniform(0.1, 1.0, (*shape, channels)).astype(np.float32), light.astype(np.float32)
 
 
-def averaged(
-    initial: FloatArray, light: FloatArray, radius: int, std: float, h: float, repetitions: int, workers: int = 2
-) -> FloatArray:
+def averaged(initial: FloatArray, light: FloatArray, radius: int, std: float, h: float, repetitions: int) -> FloatArray:
     out, blur = np.full_like(initial, np.nan), gaussian(std)
     margin = (repetitions + 1) * radius + len(blur) // 2
     down, across = (mirrored(np.arange(-margin, size + margin), size) for size in light.shape)
-    average(initial, light, (down, down, across), radius, blur, -0.5 / h**2, repetitions, workers, out)
+    average(initial, light, (down, down, across), radius, blur, -0.5 / h**2, repetitions, out)
     return out
 
 
@@ -57,10 +56,11 @@ def test_equals_the_reference(shape: tuple[int, int], radius: int, std: float, c
     assert_close(averaged(initial, light, radius, std, 0.2, repetitions), expected, FLOAT32)
 
 
-def test_workers_leave_no_trace() -> None:
+def test_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     initial, light = scene((301, 270), 3)
-    whole = averaged(initial, light, 3, 0.75, 0.3, 3, workers=1)
-    assert np.array_equal(averaged(initial, light, 3, 0.75, 0.3, 3, workers=available_threads() + 1), whole)
+    whole = averaged(initial, light, 3, 0.75, 0.3, 3)
+    for _ in each_thread_count:
+        assert np.array_equal(averaged(initial, light, 3, 0.75, 0.3, 3), whole)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0])

@@ -1,9 +1,8 @@
 """Compiling once per machine, and telling who waits."""
 
 import errno
-import os
 import shutil
-from collections.abc import Iterator
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +16,12 @@ from tests.data import ROOT
 from tests.python import run_python
 
 KERNEL = """
-from .compile import parallel_kernel, prange
+from .compile import parallel_kernel
 from .functions import mirrored
 
-@parallel_kernel("i8[::1], i8")
-def mirror(places, size):
-    for i in prange(len(places)):
+@parallel_kernel("i8[::1], i8", pieces=lambda places, size: len(places))
+def mirror(pieces, places, size):
+    for i in range(*pieces):
         places[i] = mirrored(places[i], size)
 """
 SCRIPT = """
@@ -64,17 +63,17 @@ from offline.kernels.compile import compilation, kernel, parallel_kernel
 def part(x):
     return x + 1
 
-@parallel_kernel("f8[::1]")
-def first(x):
-    return part(x)
+@parallel_kernel("f8[::1]", pieces=len)
+def first(pieces, x):
+    part(x)
 
-@parallel_kernel("f8[::1]")
-def second(x):
-    return np.sort(part(x))
+@parallel_kernel("f8[::1]", pieces=len)
+def second(pieces, x):
+    np.sort(part(x))
 
-@parallel_kernel("f8[::1]")
-def never(x):
-    return x
+@parallel_kernel("f8[::1]", pieces=len)
+def never(pieces, x):
+    x
 
 with compilation(lambda number, most: print(number, number <= most)):
     for function in (first, second, first):
@@ -89,13 +88,6 @@ def test_kernels_are_counted_and_their_parts_are_not(tmp_path: Path) -> None:
     )
 
 
-def test_threads_are_what_was_asked_for(each_thread_count: Iterator[int]) -> None:
-    for count in each_thread_count:
-        assert product.threads() == count
-    with pytest.raises(ValueError, match="number of threads"):
-        product.use_threads(product.available_threads() + 1)
-
-
 @pytest.mark.parametrize("damaged", ["nbi", "nbc"])
 def test_a_kernel_that_was_kept_badly_is_compiled_again(tmp_path: Path, damaged: str) -> None:
     copied(tmp_path)
@@ -106,14 +98,14 @@ def test_a_kernel_that_was_kept_badly_is_compiled_again(tmp_path: Path, damaged:
     assert run_python(SCRIPT, folder=tmp_path) == "3 2\n"
 
 
-def more(numbers: IndexArray) -> None:
-    for place in product.prange(len(numbers)):
+def more(pieces: product.Pieces, numbers: IndexArray, /) -> None:
+    for place in range(pieces[0], pieces[1]):
         numbers[place] += 1
 
 
 def test_without_a_place_to_keep_it_a_kernel_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CacheImpl, "_locator_classes", [])
-    made, numbers = product.ParallelKernel(more, "i8[::1]"), np.arange(3)
+    made, numbers = product.ParallelKernel(more, "i8[::1]", len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
     assert not made.kept()
@@ -125,12 +117,12 @@ def test_a_full_disk_behind_the_cache_costs_only_time(monkeypatch: pytest.Monkey
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    def unkept(numbers: IndexArray) -> None:  # another test, in an earlier run, keeps `more`
-        for place in product.prange(len(numbers)):
+    def unkept(pieces: product.Pieces, numbers: IndexArray, /) -> None:  # another test, in an earlier run, keeps `more`
+        for place in range(pieces[0], pieces[1]):
             numbers[place] += 1
 
     monkeypatch.setattr(IndexDataCacheFile, "save", full)
-    made, numbers = product.ParallelKernel(unkept, "i8[::1]"), np.arange(3)
+    made, numbers = product.ParallelKernel(unkept, "i8[::1]", len), np.arange(3)
     made(numbers)
     assert numbers.tolist() == [1, 2, 3]
     assert not made.kept()
@@ -148,50 +140,16 @@ def test_a_kernel_takes_what_it_is_declared_for() -> None:
 
 
 def test_little_work_is_done_by_the_thread_that_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, seen = product.ParallelKernel(more, "i8[::1]"), []
+    made, asking = product.ParallelKernel(more, "i8[::1]", len), threading.get_ident()
     made(np.arange(3))
-    monkeypatch.setattr(made, "_dispatcher", lambda numbers: seen.append((numbers.size, product.threads())))
-    before = product.threads()
-    for size in (product.LITTLE, product.LITTLE + 1):
-        made(np.arange(size))
-    assert seen == [(product.LITTLE, 1), (product.LITTLE + 1, before)]
-    assert product.threads() == before
+    seen: list[tuple[int, bool]] = []
 
+    def work(part: product.Pieces, _: IndexArray) -> None:
+        seen.append((part[1] - part[0], threading.get_ident() == asking))
 
-FORKED = """
-import os, sys, warnings
-import numpy as np
-from offline.kernels.highlights import interpolate
-from shared.errors import PanchromaError
-
-warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: fork in a process with threads
-
-def used():
-    interpolate(np.ones((4, 4), np.float32), (1.0, 1.0), 6, np.zeros((40, 40), np.float32))
-    return "computed"
-
-def in_child():
-    sys.stdout.flush()
-    child = os.fork()
-    if child == 0:
-        try:
-            print(used())
-        except PanchromaError as error:
-            print(error)
-        sys.stdout.flush()
-        os._exit(0)
-    print("exit code", os.waitpid(child, 0)[1])
-
-in_child()
-used()
-in_child()
-print(used())
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-def test_a_forked_child_is_told_what_to_do_and_not_killed() -> None:
-    """GNU's OpenMP sends SIGTERM to a child of a process that has used it; where that is ignored, nothing would be computed."""
-    first, code, second, second_code, last = run_python(FORKED).splitlines()
-    assert (first, code, second_code, last) == ("computed", "exit code 0", "exit code 0", "computed")
-    assert second == "computed" or 'multiprocessing.get_context("spawn")' in second
+    monkeypatch.setattr(made, "_dispatcher", work)
+    made(np.arange(product.LITTLE))
+    assert seen == [(product.LITTLE, True)]
+    made(np.arange(4 * product.LITTLE))
+    assert sum(size for size, _ in seen[1:]) == 4 * product.LITTLE
+    assert len(seen) > 2

@@ -1,9 +1,10 @@
 """Sliding DCTs in windows against their reference."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
-from offline.kernels.compile import available_threads
 from offline.kernels.denoising import denoise
 from offline.whole.denoising import cosines
 from shared.arrays import BoolArray, FloatArray
@@ -23,16 +24,14 @@ def scene(shape: tuple[int, int], sigma: float, seed: int = 0) -> tuple[FloatArr
     return light.astype(np.float32), random.random(shape) < 0.1
 
 
-def denoised(
-    noisy: FloatArray, uncertain: BoolArray, sizes: tuple[int, ...], shot: float, read: float, workers: int = 2
-) -> FloatArray:
+def denoised(noisy: FloatArray, uncertain: BoolArray, sizes: tuple[int, ...], shot: float, read: float) -> FloatArray:
     transforms = np.zeros((len(sizes), max(sizes), max(sizes)), np.float32)
     for transform, size in zip(transforms, sizes, strict=True):
         transform[:size, :size] = cosines(size)
     out = np.full_like(noisy, np.nan)
     model = np.float32(shot), np.float32(read), np.float32(THRESHOLD)
     noisy, uncertain = np.ascontiguousarray(noisy), np.ascontiguousarray(uncertain)
-    denoise(noisy, uncertain, (0, len(noisy)), np.array(sizes), transforms, *model, workers, out)
+    denoise(noisy, uncertain, (0, len(noisy)), np.array(sizes), transforms, *model, out)
     return out
 
 
@@ -47,10 +46,11 @@ def test_equals_the_reference(shape: tuple[int, int], sizes: tuple[int, ...], sh
     assert_close(denoised(noisy, uncertain, sizes, shot, read), expected, FLOAT32)
 
 
-def test_windows_and_workers_leave_no_trace() -> None:
+def test_windows_and_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     noisy, uncertain = scene((300, 530), 0.05)
-    whole = denoised(noisy, uncertain, (8, 12), 0.001, 0.04, workers=1)
-    assert np.array_equal(denoised(noisy, uncertain, (8, 12), 0.001, 0.04, workers=available_threads() + 1), whole)
+    whole = denoised(noisy, uncertain, (8, 12), 0.001, 0.04)
+    for _ in each_thread_count:
+        assert np.array_equal(denoised(noisy, uncertain, (8, 12), 0.001, 0.04), whole)
     # A window sees all that its pixels depend on: seams would show where frames of other sizes have none.
     part = denoised(noisy[:, :200], uncertain[:, :200], (8, 12), 0.001, 0.04)
     assert np.array_equal(part[:, :170], whole[:, :170])

@@ -1,9 +1,10 @@
 """Non-local means of luminance in windows against their reference."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
-from offline.kernels.compile import available_threads
 from offline.kernels.similar import SURROUNDINGS, average_similar
 from offline.whole.denoising import half_window
 from shared.arrays import BoolArray, FloatArray
@@ -23,11 +24,9 @@ def scene(shape: tuple[int, int]) -> tuple[FloatArray, FloatArray, BoolArray]:
     return (clean + random.normal(0, 0.05, shape)).astype(np.float32), clean.astype(np.float32), random.random(shape) < 0.1
 
 
-def averaged(
-    planes: tuple[FloatArray, FloatArray, BoolArray], radius: int, shot: float, read: float, workers: int = 2
-) -> FloatArray:
+def averaged(planes: tuple[FloatArray, FloatArray, BoolArray], radius: int, shot: float, read: float) -> FloatArray:
     noisy, clean, uncertain = planes
-    return rows_of(noisy, clean, 0, uncertain, (0, len(noisy)), radius, shot, read, workers)
+    return rows_of(noisy, clean, 0, uncertain, (0, len(noisy)), radius, shot, read)
 
 
 def rows_of(
@@ -39,11 +38,10 @@ def rows_of(
     radius: int,
     shot: float,
     read: float,
-    workers: int,
 ) -> FloatArray:
     out = np.full((rows[1] - rows[0], noisy.shape[1]), np.nan, np.float32)
     model, alike = (np.float32(shot), np.float32(read)), (np.float32(SIMILARITY), np.float32(SHARE))
-    average_similar(noisy, uncertain, clean, first, rows, half_window(radius), *model, *alike, workers, out)
+    average_similar(noisy, uncertain, clean, first, rows, half_window(radius), *model, *alike, out)
     return out
 
 
@@ -57,13 +55,14 @@ def test_equals_the_reference(shape: tuple[int, int], radius: int, shot: float, 
     assert_close(averaged(planes, radius, shot, read), expected, FLOAT32)
 
 
-def test_rows_and_workers_leave_no_trace() -> None:
+def test_rows_and_threads_leave_no_trace(each_thread_count: Iterator[int]) -> None:
     noisy, clean, uncertain = planes = scene((300, 530))
-    whole = averaged(planes, 5, 0.001, 0.04, workers=1)
-    assert np.array_equal(averaged(planes, 5, 0.001, 0.04, workers=available_threads() + 1), whole)
+    whole = averaged(planes, 5, 0.001, 0.04)
+    for _ in each_thread_count:
+        assert np.array_equal(averaged(planes, 5, 0.001, 0.04), whole)
     for top, bottom in ((0, 37), (100, 101), (143, 300), (290, 300)):
         first, last = max(top - 5 - SURROUNDINGS, 0), min(bottom + 5 + SURROUNDINGS, 300)
-        found = rows_of(noisy, clean[first:last], first, uncertain, (top, bottom), 5, 0.001, 0.04, 2)
+        found = rows_of(noisy, clean[first:last], first, uncertain, (top, bottom), 5, 0.001, 0.04)
         assert np.array_equal(found, whole[top:bottom])
 
 

@@ -3,12 +3,14 @@
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
+from numba.core.caching import CacheImpl
 
 from offline import BEST, available_threads, threads, use_threads
+from offline.kernels.compile import ParallelKernel, Pieces
 from shared import CfaPattern, Mosaic, SensorCalibration, write_dng
+from shared.arrays import FloatArray
 from tests.python import run_python
 from tests.tools.command import assert_refused, names, run
 from tools.host import memory
@@ -137,15 +139,16 @@ def test_without_a_place_for_kernels_it_says_so(monkeypatch: pytest.MonkeyPatch)
     def nowhere() -> Path:
         raise RuntimeError("no locator available")
 
-    @numba.njit  # type: ignore[untyped-decorator,unused-ignore]
-    def fresh(a: float) -> float:
-        return a + 2
+    def fresh(_: Pieces, numbers: FloatArray, /) -> None:
+        numbers[0] = 2
 
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+    kernel = ParallelKernel(fresh, "f4[::1]", len)
     monkeypatch.setattr("offline.kernel_cache", nowhere)
     said: list[str] = []
     with announced_compilation(StageProgress(note=said.append)):
-        fresh(1.0)
-        fresh(1)
+        kernel(np.ones(1, np.float32))
+        kernel(np.ones(1, np.float32))
     (line,) = said
     assert line.endswith(
         "every time: there is no folder to keep the result in; set NUMBA_CACHE_DIR to a folder that you may write to"

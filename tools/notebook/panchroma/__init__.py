@@ -28,8 +28,7 @@ Any filter pattern works, with any channels. A tile is written row by row, and W
     panchroma.simulate("house.jpg", pattern="WBWG/BWGW/WGWR/GWRW")     # Kodak's, or pattern="kodak"
     panchroma.simulate("house.jpg", pattern="CMWWWW/YCWWWW/WWWWWW/WWWWWW/WWWWWW/WWWWWW")    # cyan, magenta and yellow
 
-A render uses all processors. To use several processes all the same, start them with multiprocessing.get_context("spawn"): a child
-made by fork, the default on Linux before Python 3.14, cannot render once its parent has, and says so.
+A render uses all processors. Several threads of a program may render at once, and so may processes, however they are started.
 
 Whatever cannot be done raises panchroma.PanchromaError, and the message says what to do instead. Nothing overwrites a file unless
 it is told to (overwrite=True). The command `panchroma` does more: thousands of shots, bursts, calibration, comparison with Bayer

@@ -1,0 +1,100 @@
+"""How work is cut into pieces and shared among threads: the one place that knows. What a piece computes depends on no other piece.
+
+The thread that calls works too; the others come from a pool, which starts as many as are needed at a time. Several threads of a
+program may call at once. A child that was made by fork starts threads of its own.
+"""
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import cache
+
+_MOST = 1024  # threads of the pool, for all callers at once
+VARIABLE = "PANCHROMA_THREADS"
+"""Environment variable: the number of threads of a program that does not call `use_threads`."""
+
+
+class _Chosen(threading.local):
+    count = 0  # none chosen
+
+
+_chosen = _Chosen()
+
+
+def available_threads() -> int:
+    """The number of threads that are used where `use_threads` was not called: PANCHROMA_THREADS, or one per processor.
+
+    >>> from offline import available_threads
+    >>> available_threads() >= 1
+    True
+    """
+    asked = os.environ.get(VARIABLE, "")
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def threads() -> int:
+    """The number of threads that stages called from this thread use.
+
+    >>> from offline import threads
+    >>> threads() >= 1
+    True
+    """
+    return _chosen.count or available_threads()
+
+
+def use_threads(count: int) -> None:
+    """Set the number of threads for stages called from this thread, 1 or more. The result is the same for any.
+
+    For programs: libraries should leave this choice to them. Raises ValueError for less than 1.
+
+    >>> from offline import threads, use_threads
+    >>> before = threads()
+    >>> use_threads(1)
+    >>> threads()
+    1
+    >>> use_threads(before)
+    """
+    if count < 1:
+        raise ValueError(f"the number of threads is {count}; it has to be 1 or more")
+    _chosen.count = count
+
+
+def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1) -> None:
+    """Call `work(first, end)` for ranges that together are 0 to `pieces`, in `threads()` threads.
+
+    together: the most pieces in a range. When an interrupt or an error comes, only ranges that have begun are finished.
+    Raises what `work` raises.
+    """
+    count = min(threads(), -(-pieces // together))
+    ranges = zip(
+        range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False
+    )  # shared: one at a time each
+
+    def drain() -> None:
+        for first, end in ranges:
+            work(first, end)
+
+    others: list[Future[None]] = [_executor(os.getpid()).submit(drain) for _ in range(count - 1)]
+    try:
+        drain()
+    finally:
+        deque(ranges, maxlen=0)
+        begun = [other for other in others if not other.cancel()]  # all threads of the pool may be at work for another caller
+        wait(begun)
+    for other in begun:
+        other.result()
+
+
+def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:
+    """How many tiles cover a shape, the last of a row and of a column in part. tile: its height and width."""
+    return -(-shape[0] // tile[0]) * -(-shape[1] // tile[1])
+
+
+@cache
+def _executor(process: int) -> ThreadPoolExecutor:
+    """The threads of a process, which a child that was made by fork does not get."""
+    return ThreadPoolExecutor(_MOST, "panchroma")

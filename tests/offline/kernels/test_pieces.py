@@ -1,0 +1,101 @@
+"""How work is cut into pieces and shared among threads."""
+
+import os
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from offline.kernels import pieces as product
+from tests.python import run_python
+
+
+@pytest.mark.parametrize(("count", "together"), [(0, 1), (1, 1), (7, 1), (7, 3), (7, 9)])
+def test_every_piece_is_worked_on_once(each_thread_count: Iterator[int], count: int, together: int) -> None:
+    for _ in each_thread_count:
+        seen: list[range] = []
+        product.in_pieces(lambda first, end, seen=seen: seen.append(range(first, end)), count, together)  # type: ignore[misc]
+        assert sorted(piece for part in seen for piece in part) == list(range(count))
+        assert all(len(part) <= together for part in seen)
+
+
+def test_threads_work_side_by_side(each_thread_count: Iterator[int]) -> None:
+    for count in each_thread_count:
+        together = threading.Barrier(count)
+        product.in_pieces(lambda *_, wait=together.wait: wait(10), count)  # an error if one does not come
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finished(
+    each_thread_count: Iterator[int], error: type[BaseException]
+) -> None:
+    for count in each_thread_count:
+        begun: list[int] = []
+        finished: list[int] = []
+
+        def work(first: int, _: int, begun: list[int] = begun, finished: list[int] = finished) -> None:
+            begun.append(first)
+            if first == 2:
+                raise error
+            finished.append(first)
+
+        with pytest.raises(error):
+            product.in_pieces(work, 1000)
+        assert len(finished) == len(begun) - 1
+        assert len(begun) < 1000 or count > 1  # other threads may be that fast
+
+
+def test_two_threads_of_a_program_may_call_at_once_when_all_others_are_busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    product._executor.cache_clear()
+    monkeypatch.setattr(product, "_MOST", 1)
+    try:
+        release, done = threading.Event(), []
+        product._executor(os.getpid()).submit(release.wait)
+        before = product.threads()
+        product.use_threads(4)
+        product.in_pieces(lambda first, _: done.append(first), 9)  # the pool has no thread for it
+        product.use_threads(before)
+        release.set()
+        assert sorted(done) == list(range(9))
+    finally:
+        product._executor.cache_clear()
+
+
+def test_the_number_of_threads_is_that_of_the_calling_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, elsewhere = product.threads(), []
+    product.use_threads(5)
+    other = threading.Thread(target=lambda: elsewhere.append(product.threads()))
+    other.start()
+    other.join()
+    assert (product.threads(), elsewhere) == (5, [product.available_threads()])
+    with pytest.raises(ValueError, match="1 or more"):
+        product.use_threads(0)
+    product.use_threads(before)
+    for asked, count in (("3", 3), ("0", None), ("many", None)):
+        monkeypatch.setenv(product.VARIABLE, asked)
+        assert product.available_threads() == count or count is None
+        assert product.available_threads() >= 1
+
+
+FORKED = """
+import os, warnings
+import numpy as np
+from offline.kernels.highlights import interpolate
+from offline import use_threads
+
+warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: fork in a process with threads
+use_threads(3)
+plane = np.zeros((400, 400), np.float32)
+interpolate(np.ones((4, 4), np.float32), (1.0, 1.0), 150, plane)
+child = os.fork()
+if child == 0:
+    again = np.zeros_like(plane)
+    interpolate(np.ones((4, 4), np.float32), (1.0, 1.0), 150, again)
+    os._exit(0 if (again == plane).all() and plane.all() else 1)
+print("exit code", os.waitpid(child, 0)[1])
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_child_of_a_process_that_has_rendered_renders() -> None:
+    assert run_python(FORKED) == "exit code 0\n"
