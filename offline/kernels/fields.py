@@ -122,13 +122,15 @@ def _frame(planes: FloatArray, size: tuple[int, int]) -> None:
 @kernel
 def _pinned(pins: FloatArray) -> BoolArray:
     """Whether any pixel of a row of the region, or of the rows around it, is pinned: per plane and row of `pins`."""
-    planes, rows, _ = pins.shape
+    planes, rows, columns = pins.shape
     found = np.zeros((planes, rows), np.bool_)
     for plane in range(planes):
         for row in range(rows):
-            if pins[plane, row].max() > 0:
-                for near in range(-1, 2):
-                    found[plane, (row + near) % rows] = True
+            for column in range(columns):
+                if pins[plane, row, column] > 0:
+                    for near in range(-1, 2):
+                        found[plane, (row + near) % rows] = True
+                    break
     return found
 
 
@@ -155,7 +157,9 @@ def _start(
     """
     period2 = pins.shape[1]
     squares = zeros(SOLVED, WIDTH)
-    through[:, :, MARGIN + size[1] :] = _NONE  # no neighbours past the end
+    for row in range(size[0] + 2):  # no neighbours past the end
+        for column in range(MARGIN + size[1], through.shape[2]):
+            through[0, row, column] = through[1, row, column] = _NONE
     for row in range(1, size[0] + 2):
         if row <= size[0]:
             at = (place[0] + row - 1) % period2
@@ -189,7 +193,8 @@ def _root(weights: FloatArray, row: int, columns: int, pins: FloatArray, scale: 
         degree = around(weights, row, column, _ONES)
         free = _ONE - load(pins, column - MARGIN)
         store(scale, (row, column), quotient(free, square_root(greater(degree, _LEAST))))
-    scale[row, MARGIN + columns :] = _NONE
+    for column in range(MARGIN + columns, scale.shape[1]):
+        scale[row, column] = _NONE
 
 
 @kernel

@@ -61,10 +61,11 @@ def fill_blocks(
         energy, half = zeros(_BANDS, rows + 5, columns + 5, WIDTH), zeros(2, rows + 5, columns + 2 * REACH, WIDTH)
         fixed, removed = zeros(len(response), WIDTH), zeros(len(response), WIDTH)
         values, before = zeros(response.shape[1] * CHUNK, WIDTH), zeros(response.shape[1] * CHUNK, WIDTH)
-        changes[row] = _NONE
+        changes[row], places = _NONE, np.empty(WIDTH, np.intp)
         for group in range(0, blocks[1], WIDTH):
             # The spare lanes of the last group repeat the last block.
-            places = first[1] + period * np.minimum(np.arange(group, group + WIDTH), blocks[1] - 1)
+            for lane in range(WIDTH):
+                places[lane] = first[1] + period * min(group + lane, blocks[1] - 1)
             top = first[0] + row * period
             _gather(signal, top, places, holes, window, values)
             _decompose(window, taps, half, fixed, energy)

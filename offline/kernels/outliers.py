@@ -68,7 +68,8 @@ def find_outliers(
 def _bounds(signal: FloatArray, gains: FloatArray, bad: BoolArray, row: int, most: FloatArray, least: FloatArray) -> None:
     """What the samples of a row say about luminance: it is at most `most`, at least `least`, as neighbours; infinite without."""
     place, period, width = row % 3, len(gains), signal.shape[1]
-    most[place], least[place] = -_INFINITE, _INFINITE
+    for column in range(most.shape[1]):
+        most[place, column], least[place, column] = -_INFINITE, _INFINITE
     if row < 0 or row >= len(signal):
         return
     for phase in range(period):
@@ -128,7 +129,7 @@ def _is_outlier(
     count = _neighbours(signal, gains, bad, row, column, _NEAR, around)
     if count < _FEWEST:
         return False
-    low, high = around[:count].min(), around[:count].max()
+    low, high, _, _ = _extremes(around, count)
     if low - floor <= value <= high + floor:
         return False
     beyond = value - high if value > high else low - value
@@ -136,8 +137,19 @@ def _is_outlier(
     if beyond <= allowed:
         return False
     count = _neighbours(signal, gains, bad, row, column, _WIDE, around)
-    ordered = np.sort(around[:count])
-    return bool(beyond > contrast * (ordered[count - 2] - ordered[1]) + allowed)
+    _, _, low, high = _extremes(around, count)
+    return bool(beyond > contrast * (high - low) + allowed)
+
+
+@kernel
+def _extremes(values: FloatArray, count: int) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """The lowest and the highest of the first `count` values, and the second lowest and second highest."""
+    low, high, next_low, next_high = _INFINITE, -_INFINITE, _INFINITE, -_INFINITE
+    for place in range(count):
+        value = values[place]
+        next_low, next_high = min(next_low, max(low, value)), max(next_high, min(high, value))
+        low, high = min(low, value), max(high, value)
+    return low, high, next_low, next_high
 
 
 @kernel

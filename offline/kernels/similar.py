@@ -7,7 +7,7 @@ then they are added to both rows at once.
 
 import numpy as np
 
-from shared.arrays import BoolArray, FloatArray, IndexArray
+from shared.arrays import BoolArray, FloatArray
 
 from .compile import Pieces, kernel, parallel_kernel
 from .functions import mirrored, zeros
@@ -22,12 +22,13 @@ _LEAST = np.float32(1e-30)  # keeps 0 / 0 finite, at black without read noise
 # e^(-x / 2) is about (1 - x / 8)^4, and this is 0 from x = 8 on. x is the mean of squared differences with weights that sum to 16.
 _SCALE = np.float32(1 / np.sqrt(8 * 16))
 
+Span = tuple[int, int]
 Planes = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """(even, samples, sums, weights) of a window: what is compared, what is averaged, and what has been added up."""
 
 
 @parallel_kernel(
-    "f4[:, ::1], b1[:, ::1], f4[:, ::1], i8, (i8, i8), i8[:, ::1], f4, f4, f4, f4, f4[:, ::1]",
+    "f4[:, ::1], b1[:, ::1], f4[:, ::1], i8, (i8, i8), i8, f4, f4, f4, f4, f4[:, ::1]",
     pieces=lambda noisy, uncertain, clean, first, rows, *_: tiles((rows[1] - rows[0], noisy.shape[1]), (_ROWS, _COLUMNS)),
 )
 def average_similar(
@@ -37,7 +38,7 @@ def average_similar(
     clean: FloatArray,
     first: int,
     rows: tuple[int, int],
-    offsets: IndexArray,
+    radius: int,
     shot: Scalar,
     read: Scalar,
     similarity: Scalar,
@@ -51,19 +52,17 @@ def average_similar(
     clean: (rows, W), scene units, the frame without noise, from its row `first` on: `rows`, and as much above and below as offsets
         and surroundings reach, or to the frame's edge.
     rows: first and end row of the frame to compute.
-    offsets: (n, 2), from a pixel to those that it is averaged with, pixels down and right; the opposite offsets come by themselves.
-        Down is 0 or more and never falls; where it is 0, right is more.
+    radius: of the square window around a pixel, pixels.
     shot, read: variance of the noise = shot * signal + read**2.
     similarity: how much surroundings may differ, in standard deviations of the noise: their weight is about
         exp(-d / (2 similarity^2)), d the mean of squared differences.
     share: of the mean in the result; the rest is `clean`.
     out: (rows[1] - rows[0], W), scene units, written.
     """
-    (height, width), radius = noisy.shape, np.abs(offsets).max()
+    height, width = noisy.shape
     halo = radius + SURROUNDINGS
     along = (width + _COLUMNS - 1) // _COLUMNS
     tall, wide = _ROWS + 2 * halo, (_COLUMNS + 3 * halo + 2 * WIDTH) // WIDTH * WIDTH
-    groups = np.searchsorted(offsets[:, 0], np.arange(radius + 2))
     scale = _SCALE / similarity
     memory, pairs, distances = zeros(4, tall, wide), zeros(2 * radius + 1, wide), zeros(wide)
     even, samples, sums, weights = planes = memory[0], memory[1], memory[2], memory[3]
@@ -82,7 +81,7 @@ def average_similar(
         end = down + halo
         for row in range(SURROUNDINGS, end):
             for apart in range(radius + 1):
-                rights = offsets[groups[apart] : groups[apart + 1], 1]
+                rights = (-radius if apart else 1), radius + 1  # each pair of pixels once
                 if row >= halo or halo <= row + apart < end:
                     _weigh(even, row, apart, rights, across + 2 * halo, distances, pairs)
                 if row >= halo:
@@ -110,10 +109,9 @@ def _even(signal: Scalar, shot: Scalar, read: Scalar) -> Scalar:
 
 
 @kernel
-def _weigh(even: FloatArray, row: int, apart: int, rights: IndexArray, end: int, distances: FloatArray, pairs: FloatArray) -> None:
-    """Weigh all pixels of a row, to column `end`, with those `apart` rows below, as many pixels to the right as `rights` say."""
-    for index in range(len(rights)):
-        right = rights[index]
+def _weigh(even: FloatArray, row: int, apart: int, rights: Span, end: int, distances: FloatArray, pairs: FloatArray) -> None:
+    """Weigh all pixels of a row, to column `end`, with those `apart` rows below and as far right as the span `rights` says."""
+    for right in range(rights[0], rights[1]):
         for column in range(0, end, WIDTH):
             above = load(even, (row - 1 + apart, column + right)) - load(even, (row - 1, column))
             middle = load(even, (row + apart, column + right)) - load(even, (row, column))
@@ -123,13 +121,11 @@ def _weigh(even: FloatArray, row: int, apart: int, rights: IndexArray, end: int,
             distance = load(distances, column - 1) + _TWO * load(distances, column) + load(distances, column + 1)
             weight = greater(_ONE - distance, _NONE)
             weight = weight * weight
-            store(pairs, (index, column), weight * weight)
+            store(pairs, (right - rights[0], column), weight * weight)
 
 
 @kernel
-def _add(
-    planes: Planes, row: int, other: int, rights: IndexArray, span: tuple[int, int], steps: tuple[int, int], pairs: FloatArray
-) -> None:
+def _add(planes: Planes, row: int, other: int, rights: Span, span: Span, steps: tuple[int, int], pairs: FloatArray) -> None:
     """Add weighted samples of the row `other` to `row`, from the first to the end column of `span`.
 
     steps: columns to the weight of a pair, and to the other sample, in units of the pair's offset.
@@ -137,9 +133,9 @@ def _add(
     (_, samples, sums, weights), (here, there) = planes, steps
     for column in range(span[0], span[1], WIDTH):
         total, light = load(sums, (row, column)), load(weights, (row, column))
-        for index in range(len(rights)):
-            weight = load(pairs, (index, column + here * rights[index]))
-            total += weight * load(samples, (other, column + there * rights[index]))
+        for right in range(rights[0], rights[1]):
+            weight = load(pairs, (right - rights[0], column + here * right))
+            total += weight * load(samples, (other, column + there * right))
             light += weight
         store(sums, (row, column), total)
         store(weights, (row, column), light)

@@ -54,9 +54,11 @@ def solve_jointly(
             for lane in range(_LANES):
                 column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
                 power[0, lane] = np.float64(fill_error[row, column]) ** 2
-                solved[:, lane] = out[row, column]
-                seen[0, :, lane], seen[1, :, lane] = light[row, column], samples[row, column]
-                noise[:, lane] = variance[row, column]
+                for i in range(count):
+                    solved[i, lane] = out[row, column, i]
+                for site in range(sites):
+                    seen[0, site, lane], seen[1, site, lane] = light[row, column, site], samples[row, column, site]
+                    noise[site, lane] = variance[row, column, site]
             for _ in range(rounds):
                 for site in range(sites):
                     value = greater(load(solved, (channels[site], 0)), _FAINTEST * grey)

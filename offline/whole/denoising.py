@@ -49,23 +49,16 @@ def denoise_luminance(
         denoise(luminance, uncertain, rows, sizes, transforms, *model, result)
         progress.advance()
     # In place, piece by piece; `above` keeps the rows above a piece as they were before they were changed.
-    reach, offsets = settings.radius + SURROUNDINGS, half_window(settings.radius)
+    reach = settings.radius + SURROUNDINGS
     above = result[:0]
     for top, bottom in pieces:
         guide = np.concatenate([above, result[top : bottom + reach]])
         around = slice(top - len(above), top - len(above) + len(guide))
         above = guide[: len(above) + bottom - top][-reach:].copy()
         alike = *model[:2], np.float32(settings.similarity), np.float32(settings.share)
-        average_similar(luminance, uncertain, guide, around.start, (top, bottom), offsets, *alike, result[top:bottom])
+        average_similar(luminance, uncertain, guide, around.start, (top, bottom), settings.radius, *alike, result[top:bottom])
         progress.advance()
     return result
-
-
-def half_window(radius: int) -> IndexArray:
-    """One of each pair of opposite offsets to the other pixels of a square window, (n, 2): pixels down and right, row by row."""
-    return np.array(
-        [(down, right) for down in range(radius + 1) for right in range(-radius if down else 1, radius + 1)], dtype=np.intp
-    )
 
 
 def cosines(size: int) -> FloatArray:

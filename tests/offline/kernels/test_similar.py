@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from offline.kernels.similar import SURROUNDINGS, average_similar
-from offline.whole.denoising import half_window
 from shared.arrays import BoolArray, FloatArray
 from tests.reference import denoising as reference
 from tests.reference.compare import assert_close
@@ -41,7 +40,7 @@ def rows_of(
 ) -> FloatArray:
     out = np.full((rows[1] - rows[0], noisy.shape[1]), np.nan, np.float32)
     model, alike = (np.float32(shot), np.float32(read)), (np.float32(SIMILARITY), np.float32(SHARE))
-    average_similar(noisy, uncertain, clean, first, rows, half_window(radius), *model, *alike, out)
+    average_similar(noisy, uncertain, clean, first, rows, radius, *model, *alike, out)
     return out
 
 
