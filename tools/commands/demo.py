@@ -105,7 +105,9 @@ class _Demo:
         """Run the chain for one shot, write _RESULTS, and return the table."""
         scene = builtin_scene(_WIDTH, _HEIGHT)
         mosaic = self._photographed(scene, SimulatedFrame(scene.rgb), "shot.dng", _SEED)
-        write_durably(self.folder / "preview.jpg", read_preview(self.folder / "shot.dng"), overwrite=self.overwrite)
+        preview = self.folder / "preview.jpg"
+        write_durably(preview, read_preview(self.folder / "shot.dng"), overwrite=self.overwrite)
+        self.console.note(f"the camera's own preview is ready: {preview}")
 
         from tools.pictures.illustrations import overview
 

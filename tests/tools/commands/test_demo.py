@@ -45,6 +45,7 @@ def test_the_demo_tells_the_truth_about_its_files(small: Path) -> None:
     outcome = run("demo", "-o", "results", "--sigma", "0.02")
     assert outcome.code == 0, outcome.err
     folder = small / "results"
+    assert outcome.err.startswith(f"the camera's own preview is ready: {Path('results', 'preview.jpg')}")  # before any compilation
     assert names(folder) == RESULTS
     truth, rendered = tifffile.imread(folder / "truth.tif"), tifffile.imread(folder / "render.tif")
     assert truth.shape == rendered.shape == (HEIGHT, WIDTH, 3)
