@@ -54,11 +54,10 @@ def solve_jointly(
             for lane in range(_LANES):
                 column = min(group + lane, columns - 1)  # the spare lanes of the last group repeat the last block
                 power[0, lane] = np.float64(fill_error[row, column]) ** 2
-                for i in range(count):
-                    solved[i, lane] = out[row, column, i]
-                for site in range(sites):
-                    seen[0, site, lane], seen[1, site, lane] = light[row, column, site], samples[row, column, site]
-                    noise[site, lane] = variance[row, column, site]
+                _copy(out[row, column], lane, solved)
+                _copy(light[row, column], lane, seen[0])
+                _copy(samples[row, column], lane, seen[1])
+                _copy(variance[row, column], lane, noise)
             for _ in range(rounds):
                 for site in range(sites):
                     value = greater(load(solved, (channels[site], 0)), _FAINTEST * grey)
@@ -156,6 +155,12 @@ def share_out(
                     light[row, group + lane, site] = lights[site, lane] if uncertain else 0.0
                     for channel in range(count):
                         tints[row, group + lane, site, channel] = odds[site, channel, lane] if uncertain else 0.0
+
+
+@kernel
+def _copy(values: FloatArray | DoubleArray, lane: int, lanes: DoubleArray) -> None:
+    for place in range(len(values)):
+        lanes[place, lane] = values[place]
 
 
 @kernel
