@@ -14,6 +14,8 @@ from shared.mosaic import Mosaic
 
 from .blocks import Sites, Surroundings
 
+_TINY = 1e-6  # scene units: the level of a black frame
+
 
 @dataclass(frozen=True, eq=False)
 class Cleaned:
@@ -56,6 +58,13 @@ class Cleaned:
     def signal(self) -> FloatArray:
         """The samples, (H, W)."""
         return self.mosaic.signal
+
+    @cached_property
+    def level(self) -> float:
+        """Mean of the panchromatic ones, more than 0: thresholds that are a share of it do not depend on the exposure."""
+        coloured = [self.signal[rows, columns] for _, rows, columns in self.mosaic.pattern.lattices]
+        total = self.signal.sum(dtype=np.float64) - sum(each.sum(dtype=np.float64) for each in coloured)
+        return max(float(total) / (self.signal.size - sum(each.size for each in coloured)), _TINY)
 
     @property
     def noise(self) -> NoiseModel | None:

@@ -16,12 +16,12 @@ class DefectSettings(StageSettings):
     """Samples that do not measure light.
 
     An unlisted panchromatic sample is defective if it lies outside its neighbours' range by more than contrast x local contrast +
-    deviations x noise sigma + floor. Colour samples are judged by their blocks, with the same settings.
+    deviations x noise sigma + floor x mean panchromatic sample. Colour samples are judged by their blocks, with the same settings.
 
     listed: replace the samples in the calibration's list of defects.
     contrast: multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
     deviations: standard deviations of the noise, where it is known, 0 or more.
-    floor: scene units, > 0.
+    floor: > 0, as a share of the mean panchromatic sample.
     """
 
     kernels = "find_outliers", "mend_panchromatic", "surroundings"
@@ -29,7 +29,7 @@ class DefectSettings(StageSettings):
     listed: bool = False
     contrast: float = 0.0
     deviations: float = 6.0
-    floor: float = 0.02
+    floor: float = 0.04
 
     def __post_init__(self) -> None:
         require(self.contrast >= 0, "defects.contrast", self.contrast, "0 or more")
@@ -72,6 +72,7 @@ class LuminanceSettings(StageSettings):
     decay: beta, 2^(-1/4) in the paper.
     threshold: shrinkage at the first iteration, scene units (beta^0 = 1 in the paper, whose intensities are scene units too). It is
         larger in frames brighter than 3 scene units: half of what they exceed 1 by.
+    relative: the threshold is a multiple of the brightest sample instead, so that the picture does not depend on the exposure.
     """
 
     kernels = "fill_blocks", "shrink_margins"
@@ -79,6 +80,7 @@ class LuminanceSettings(StageSettings):
     iterations: int = 50
     decay: float = 2**-0.25
     threshold: float = 1.0
+    relative: bool = False
 
     def __post_init__(self) -> None:
         require(self.iterations >= 1, "luminance.iterations", self.iterations, "1 or more")
@@ -225,8 +227,7 @@ class AffinitySettings(StageSettings):
 class PropagationSettings(StageSettings):
     """Mixing the chromaticities of the four blocks around a pixel, Eqs. 10 and 14.
 
-    softness: a block's weight is alpha (alpha + softness) where the paper has alpha^2. Larger values make gradients of colour
-        smoother, and rely less on edges. 0 or more.
+    softness: a block's weight is alpha (alpha + softness), in the paper alpha^2; more makes gradients of colour smoother. >= 0.
     """
 
     softness: float = 0.0
@@ -333,7 +334,7 @@ BEST = RenderSettings(
     noise=NoiseSettings(estimate=True),
     defects=DefectSettings(listed=True, contrast=5.0),
     highlights=HighlightSettings(restored=True),
-    luminance=LuminanceSettings(threshold=8.0, iterations=62),  # restored highlights exceed 1: the start is further off
+    luminance=LuminanceSettings(threshold=8 / 3, relative=True, iterations=62),  # the last one is 7e-5 of the brightest sample
     denoising=DenoisingSettings(strength=1.0),
     chromaticity=ChromaticitySettings(detail_gain=3.0, mismatch=0.5),
     pooling=PoolingSettings(passes=(PoolingPass(0.7, 0.3, 10), PoolingPass(0.4, 0.12, 10), PoolingPass(0.3, 0.05, 20))),

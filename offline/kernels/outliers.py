@@ -15,6 +15,7 @@ _MOST = (2 * _WIDE + 1) ** 2
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 _STRIP = 64
 _NONE, _INFINITE = np.float32(0), np.float32(np.inf)
+_FLAT, _TINY = 1e-8, 1e-30  # share of squared samples, and scene units squared: weights are finite where nothing changes
 _SAFE = np.float32(1 - 1e-4)  # of what is allowed: single precision may be wrong by less
 
 
@@ -198,7 +199,8 @@ def mend_panchromatic(
             if _good(panchromatic, bad, row - down, column - across) and _good(panchromatic, bad, row + down, column + across):
                 before, after = signal[row - down, column - across], signal[row + down, column + across]
                 change = _change_along(signal, panchromatic, bad, row, column, down, across)
-                weight = 1.0 / ((change * change + 1e-8) * (down * down + across * across))
+                flat = _FLAT * (before * before + after * after) + _TINY
+                weight = 1.0 / ((change * change + flat) * (down * down + across * across))
                 total += weight * 0.5 * (before + after)
                 weights += weight
         if weights > 0.0:

@@ -23,7 +23,9 @@ from ..parts import DARK, Look, Part, RowStage
 from ..sites import signal_power, site_reach
 from ..solvers import report
 
-_SMOOTHNESS, _FADING, _EDGE = 0.1, 1e-3, 0.03
+_SMOOTHNESS, _FADING = 0.1, 1e-3
+_EDGE = 0.05  # difference of luminance that is an edge, a share of the mean luminance
+_TINY = 1e-6  # scene units: the least difference that is an edge
 _AROUND = 2.0  # tiles: standard deviation of the neighbourhood whose chromaticity is the base where sites are trusted
 _CAUTION = 8.0  # times the noise, that what sites show must exceed to count by half: luminance is uncertain too
 _TAPS = 2  # tiles that interpolation between them looks beyond a pixel
@@ -63,6 +65,10 @@ class Pinning(RowStage):
     def memory(self, pixels: int, channels: int) -> float:
         """Bytes for this many pixels."""
         return (_BYTES + _CHANNEL * channels) * pixels
+
+    @cached_property
+    def _edge(self) -> float:
+        return max(_EDGE * float(self.measured.luminance.mean()), _TINY)
 
     @cached_property
     def _around(self) -> FloatArray:
@@ -112,7 +118,7 @@ class Pinning(RowStage):
         channels = self.measured.pattern.filter_map(part.luminance.shape, (part.first, 0))
         shown = part.rows(*rows)
         found = np.empty_like(shown.chromaticity)
-        prior = _SMOOTHNESS, _FADING, _EDGE
+        prior = _SMOOTHNESS, _FADING, self._edge
         tiles = tiles_of(rows, part.luminance.shape[1])
         residuals, used = np.empty(tiles), np.empty(tiles, np.intp)
         pin_samples(part.luminance, base, channels, ratios, weights, part.first, rows, prior, found, residuals, used)

@@ -20,7 +20,7 @@ from ..cleaned import Cleaned
 from ..kernels.outliers import find_outliers, mend_panchromatic
 from ..settings import DefectSettings
 
-_LEAST_LIGHT = 1e-4  # scene units: darker blocks hold no information about chromaticity
+_LEAST_LIGHT = 2e-4  # share of the mean panchromatic sample: darker blocks hold no information about chromaticity
 _FEWEST = 3  # neighbouring blocks that it takes to judge a block
 _MOST = 0.01  # fraction of the samples: if more than this stand out, they belong to the picture
 _RING = [(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1) if down or across]
@@ -69,8 +69,8 @@ def _find_panchromatic(frame: Cleaned, settings: DefectSettings, bad: BoolArray)
     figures = (noise.shot[-1], noise.read[-1]) if noise else (0.0, 0.0)
     period, gamma = mosaic.pattern.period, mosaic.calibration.gamma
     gains = np.array((*gamma, 0), np.float32)[mosaic.pattern.filter_map((period, period))]
-    found = np.zeros_like(bad)
-    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, settings.floor, figures, bad, found)
+    found, floor = np.zeros_like(bad), settings.floor * frame.level
+    find_outliers(mosaic.signal, gains, settings.contrast, settings.deviations, floor, figures, bad, found)
     found |= bad
     if np.count_nonzero(found) - np.count_nonzero(bad) <= _MOST * bad.size:
         bad[:] = found
@@ -89,7 +89,7 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectSettings) ->
     gamma, channels, (lights, lowest, highest) = frame.gamma, frame.sites.channels, frame.around
     share = (gamma / np.bincount(channels))[channels]  # weight of each site in the sum of Eq. 7
     surplus = frame.samples @ share - lights @ share / gamma.sum()
-    tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor
+    tolerance = settings.contrast / 2 * (highest - lowest) + settings.floor * frame.level
     if frame.noise is not None:
         tolerance += settings.deviations * sum_noise(frame.sites, lights, gamma, frame.noise)
     odd = np.abs(surplus) > tolerance
@@ -102,7 +102,7 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectSettings) ->
     # The defective sample explains the surplus, and lies outside the range of the neighbouring blocks.
     excess = share * (frame.samples[where] - around.middle * light)
     guilty = np.arange(len(surplus)), np.argmax(excess * np.sign(surplus)[:, None], axis=1)
-    ratio = (frame.samples[where] / np.maximum(light, _LEAST_LIGHT))[guilty]
+    ratio = (frame.samples[where] / np.maximum(light, _LEAST_LIGHT * frame.level))[guilty]
     low, high = around.lowest[guilty], around.highest[guilty]
     certain = np.maximum(ratio - high, low - ratio) > high - low
     certain &= (np.abs(surplus - excess[guilty]) < np.abs(surplus) / 2) & (around.known[guilty] >= _FEWEST)
@@ -111,7 +111,7 @@ def _find_in_blocks(frame: Cleaned, bad: BoolArray, settings: DefectSettings) ->
 
 def _mended(frame: Cleaned, bad: BoolArray) -> FloatArray:
     """Values for the bad sites: what the rest of the block predicts, else what the neighbouring blocks predict."""
-    gamma, (lights, lowest, highest) = frame.gamma, frame.around
+    gamma, (lights, lowest, highest), least = frame.gamma, frame.around, _LEAST_LIGHT * frame.level
     *where, site = np.nonzero(bad)
     around = _around(frame, bad, tuple(where))
     each, channels = np.arange(len(site)), np.arange(len(gamma))
@@ -120,15 +120,15 @@ def _mended(frame: Cleaned, bad: BoolArray) -> FloatArray:
     of_channel = good[:, None] & (frame.sites.channels == channels[:, None])  # (bad sites, C, S)
     seen = of_channel.any(axis=2)
     total = (of_channel * light[:, None]).sum(axis=2)
-    seen &= total > _LEAST_LIGHT
+    seen &= total > least
     ratio = (of_channel * frame.samples[*where][:, None]).sum(axis=2) / np.where(seen, total, 1)
     # Eq. 7: what the other channels leave of the luminance, and what the neighbouring blocks predict. The first is as uncertain as
     # luminance varies around the block, the second as the neighbouring blocks differ.
     others = channels != channel[:, None]
     left = np.maximum(1 - (others * ratio) @ gamma, 0) / gamma[channel] * here
     predicted = around.middle[each, site] * here
-    variance = ((highest - lowest)[*where] / gamma[channel]) ** 2 + _LEAST_LIGHT**2
-    variance_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + _LEAST_LIGHT**2
+    variance = ((highest - lowest)[*where] / gamma[channel]) ** 2 + least**2
+    variance_around = ((around.highest - around.lowest)[each, site] * here) ** 2 + least**2
     balanced = (left * variance_around + predicted * variance) / (variance + variance_around)
     unseen = np.where((seen | ~others).all(axis=1), balanced, predicted)
     return np.where(seen[each, channel], ratio[each, channel] * here, unseen).astype(np.float32)
@@ -151,7 +151,7 @@ class _Around(NamedTuple):
 def _around(frame: Cleaned, bad: BoolArray, where: tuple[IndexArray, ...]) -> _Around:
     """The neighbourhoods of the blocks at `where`; a site without a good neighbour is grey."""
     light, grey = frame.around.light, 1 / float(frame.gamma.sum())
-    dark = light <= _LEAST_LIGHT
+    dark = light <= _LEAST_LIGHT * frame.level
     ratios = np.where(bad | dark, np.nan, frame.samples / np.where(dark, 1, light))
     wide = np.pad(ratios, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     near = np.stack([wide[where[0] + 1 + down, where[1] + 1 + across] for down, across in _RING])

@@ -33,9 +33,8 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
     Each iteration shrinks wavelet coefficients and restores the measured samples (Eqs. 3-5); the threshold falls by beta each time.
     """
     pattern, signal = mosaic.pattern, mosaic.signal
-    brightest = float(signal.max())
-    threshold = max(settings.threshold, (brightest - 1) / 2) if brightest > _WHITE else settings.threshold
-    thresholds = (threshold * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
+    first = _first_threshold(float(signal.max()), settings)
+    thresholds = (first * settings.decay ** np.arange(settings.iterations)).astype(np.float32)
     guess = _start(signal, pattern) if len(pattern.sites) > _FEW else signal
     rows, columns = (_isolated(pattern, mosaic.shape, axis) for axis in (0, 1))
     if len(rows) == 0 or len(columns) == 0:
@@ -50,8 +49,8 @@ def recover_luminance(mosaic: Mosaic, settings: LuminanceSettings, progress: Pro
     extent, response = pattern.block_shape, _response(pattern.block_shape, holes)
     for start in range(0, len(rows), _PIECE):
         piece = changes[start : start + _PIECE]
-        first, blocks = (int(rows[start]), int(columns[0])), (len(piece), len(columns))
-        fill_blocks(guess, luminance, first, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
+        origin, blocks = (int(rows[start]), int(columns[0])), (len(piece), len(columns))
+        fill_blocks(guess, luminance, origin, blocks, pattern.period, extent, holes, response, _TAPS, thresholds, piece)
         progress.advance()
     progress.solved("luminance", settings.iterations, max(change, float(changes.max())))
     return luminance
@@ -72,6 +71,12 @@ def fill(signal: FloatArray, holes: BoolArray, thresholds: FloatArray, progress:
         progress.advance()
     change = max(float(np.abs(plane[rows] - result[rows]).max()) for rows in strips(len(plane)))
     return plane[:, REACH : REACH + signal.shape[1]].copy(), change
+
+
+def _first_threshold(brightest: float, settings: LuminanceSettings) -> float:
+    if settings.relative:
+        return settings.threshold * max(brightest, 0.0)
+    return max(settings.threshold, (brightest - 1) / 2) if brightest > _WHITE else settings.threshold
 
 
 def _start(signal: FloatArray, pattern: CfaPattern) -> FloatArray:

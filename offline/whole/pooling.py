@@ -17,9 +17,9 @@ from ..gaussian import smoothed
 from ..kernels.pooling import CHANNELS, SLACK, TOGETHER, pool
 from ..settings import PoolingSettings
 
-_LEAST_VARIANCE = 1e-12  # of a sample, scene units squared: prevents division by zero in the dark if there is no read noise
+_LEAST_VARIANCE = 1e-12  # of a sample, share of the squared mean panchromatic one: prevents division by zero in the dark
 _LEAST_PRECISION = 1e-6  # of a chromaticity
-_LEAST_LIGHT = 1e-3  # scene units: below it everything counts as equally dark
+_LEAST_LIGHT = 2e-3  # share of the mean panchromatic sample: below it everything counts as equally dark
 _AROUND = 0.7  # blocks: standard deviation of the Gaussian that smooths the chromaticity through which errors are seen
 _FAINTEST, _STRONGEST = 0.15, 3.0  # its range, in units of grey
 _NEAR = 1.5  # the window's radius, in standard deviations of the weight by distance
@@ -49,13 +49,13 @@ def pool_blocks(
     sums, light = precise_sums(frame, luminance, chromaticity, settings.curvature_error)
     if others is not None:
         shot, read = (np.array(part[:channels])[:, None, None] for part in (noise.shot, noise.read))
-        variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE)
+        variances = np.maximum(shot * frame.mosaic.calibration.grey * light.clip(0) + read**2, _LEAST_VARIANCE * frame.level**2)
         sums[:channels] += others.weight.transpose(2, 0, 1) / variances
         sums[channels:-1] += others.product.transpose(2, 0, 1) / variances
     variance = 1 / sums[:channels].mean(axis=0).clip(_LEAST_PRECISION)
     used = len(sums)
     sums = np.pad(sums, ((0, -used % TOGETHER), (0, 0), (0, 0)))
-    brightness = np.log(light.clip(_LEAST_LIGHT))
+    brightness = np.log(light.clip(_LEAST_LIGHT * frame.level))
     for blur, tolerance, radius in settings.passes:
         distance = np.arange(radius + 1) * (_NEAR / radius)
         near = np.pad(np.exp(-(distance[:, None] ** 2 + distance**2) / 2).astype(np.float32), ((0, 1), (0, 0)))
@@ -85,7 +85,7 @@ def precise_sums(frame: Cleaned, luminance: FloatArray, chromaticity: FloatArray
         value = luminance[place]
         variance = noise.shot[channel] * grey * value.clip(0) + noise.read[channel] ** 2
         variance += (np.float32(error) * seen[channel] * curvature(luminance, place, frame.sites.grid)) ** 2
-        precision = 1 / np.maximum(variance, _LEAST_VARIANCE)
+        precision = 1 / np.maximum(variance, _LEAST_VARIANCE * frame.level**2)
         sums[channel] += value**2 * precision
         sums[channels + channel] += value * signal[place] * precision
         light += value / len(places)

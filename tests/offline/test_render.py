@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from offline import BEST, PAPER, RenderSettings, SolverLog, render, render_bands
 from offline.parts import Part, finish
@@ -16,6 +17,7 @@ from shared import CfaPattern, Mosaic, NoiseModel, SensorCalibration
 from shared.errors import RangeError
 from shared.progress import Progress
 from shared.sensor import simulate_additive
+from tests.data import photograph
 from tests.offline.scenes import CASES, every_case, gamma_of, materials, shot
 from tests.reference import render as reference
 from tests.reference.compare import assert_close
@@ -31,6 +33,9 @@ DENOISED = 1e-3
 RENDERED, RENDERED_RMS = 2e-2, 1e-3
 # What hole filling leaves after its last iteration is of the size of the last threshold; the corner of a frame is the worst place.
 FILLED = PAPER.luminance.threshold * PAPER.luminance.decay ** (PAPER.luminance.iterations - 1)
+
+# The light changed, relative to the mean: the same numbers but for rounding, which moves what a solver leaves by its last step.
+SAME_LIGHT = 1e-5
 
 
 @every_case
@@ -115,6 +120,22 @@ def test_the_same_scene_in_other_light_gives_the_same_picture(scale: float, sett
     scaled = replace(mosaic, samples=mosaic.signal * np.float32(scale))
     expected = render(mosaic, settings).rgb
     assert np.sqrt(np.square(render(scaled, settings).rgb / np.float32(scale) - expected).mean()) < 0.01
+
+
+@pytest.mark.parametrize("light", [0.5, 0.7])
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+@pytest.mark.parametrize("pattern", [CfaPattern.bayer(6), CfaPattern.of_letters("WBWG/BWGW/WGWR/GWRW")])
+def test_half_the_light_gives_half_the_picture(pattern: CfaPattern, sigma: float, light: float) -> None:
+    """Every threshold of `best` is a share of the frame's own light or of its noise: what is left is rounding."""
+    with Image.open(photograph("kodak/kodim08.png")) as file:
+        scene = ((np.asarray(file.crop((80, 60, 320, 240))) / 255) ** 2.2).astype(np.float32)
+    mosaic = simulate_additive(scene, pattern, SensorCalibration(), sigma, np.random.default_rng(0))
+    noise = NoiseModel.gaussian(sigma * light, 4)
+    darker = replace(mosaic, samples=mosaic.signal * np.float32(light), calibration=replace(mosaic.calibration, noise=noise))
+    expected, found = render(mosaic, BEST), render(darker, BEST)
+    assert found.luminance.mean() < 0.71 * expected.luminance.mean()
+    for whole, less in ((expected.rgb, found.rgb), (expected.luminance, found.luminance)):
+        assert np.sqrt(np.square(less / np.float32(light) - whole).mean()) < SAME_LIGHT * whole.mean()
 
 
 def test_noise_is_in_the_units_of_an_extreme_frame_too() -> None:

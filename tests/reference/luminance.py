@@ -29,8 +29,13 @@ def start(signal: DoubleArray, measured: BoolArray, sites: int) -> DoubleArray:
     return np.where(measured, signal, around)
 
 
-def first_threshold(signal: DoubleArray, threshold: float) -> float:
-    """What iterations begin with: the setting, and more where the frame is brighter than 3 scene units."""
+def first_threshold(signal: DoubleArray, threshold: float, *, relative: bool = False) -> float:
+    """What iterations begin with: the setting, and more where the frame is brighter than 3 scene units.
+
+    relative: a multiple of the brightest sample instead.
+    """
+    if relative:
+        return threshold * float(signal.max())
     return max(threshold, (float(signal.max()) - 1) / 2) if signal.max() > 3 else threshold
 
 

@@ -76,7 +76,8 @@ def replacement(signal: FloatArray, pattern: CfaPattern, bad: BoolArray, row: in
             ]
             change = sum(along) / len(along) if along else 0.0
             values.append(float(signal[pair[0]] + signal[pair[1]]) / 2)
-            weights.append(1 / ((change**2 + 1e-8) * (down**2 + across**2)))
+            flat = 1e-8 * sum(float(signal[place]) ** 2 for place in pair) + 1e-30
+            weights.append(1 / ((change**2 + flat) * (down**2 + across**2)))
     if values:
         return math.fsum(v * w for v, w in zip(values, weights, strict=True)) / math.fsum(weights)
     for reach in range(1, 9):

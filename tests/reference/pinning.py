@@ -75,13 +75,13 @@ def _corner(whole: list[list[list[tuple[int, int, str]]]], pattern: CfaPattern) 
 
 def _laplacian(luminance: DoubleArray) -> sparse.csr_matrix:
     """The matrix of the sum of squared differences between neighbours, which count little across edges of luminance."""
-    height, width = luminance.shape
+    (height, width), edge = luminance.shape, constants._EDGE * luminance.mean()
     matrix = sparse.lil_matrix((height * width, height * width))
     for y, x in np.ndindex(height, width):
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
             if y + down < height and 0 <= x + right < width:
                 step = luminance[y + down, x + right] - luminance[y, x]
-                tie = constants._SMOOTHNESS * (0.5 if down and right else 1) / (1 + (step / constants._EDGE) ** 2)
+                tie = constants._SMOOTHNESS * (0.5 if down and right else 1) / (1 + (step / edge) ** 2)
                 one, other = y * width + x, (y + down) * width + x + right
                 for place in (one, other):
                     matrix[place, place] += tie

@@ -46,7 +46,8 @@ def render(mosaic: Mosaic, settings: RenderSettings) -> Picture:
 
     part = settings.luminance
     start = wavelets.start(signal, measured, len(pattern.sites))
-    light = wavelets.recover(start, measured, part.iterations, part.decay, wavelets.first_threshold(signal, part.threshold))
+    threshold = wavelets.first_threshold(signal, part.threshold, relative=part.relative)
+    light = wavelets.recover(start, measured, part.iterations, part.decay, threshold)
 
     noise, clean = mosaic.calibration.noise, settings.denoising
     if noise is not None and clean.strength * max(noise.shot[-1], noise.read[-1]) > 0:
