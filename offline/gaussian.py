@@ -1,13 +1,13 @@
 """Sampled Gaussians, cut off at four standard deviations, and smoothing with them."""
 
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shared.arrays import BORDER, FloatArray
+from shared.arrays import FloatArray
 
-Planes = TypeVar("Planes", bound=NDArray[np.floating[Any]])
+from .kernels.smoothing import smooth
 
 _TRUNCATE = 4  # standard deviations at which the Gaussian ends
 
@@ -20,17 +20,15 @@ def gaussian(sigma: float) -> FloatArray:
     return normalised
 
 
-def smoothed(planes: Planes, sigma: float) -> Planes:
-    """`planes` (..., rows, columns) convolved with a Gaussian along rows and columns, mirrored at the border; same type.
+def smoothed(planes: NDArray[np.floating[Any]], sigma: float) -> FloatArray:
+    """`planes` (..., rows, columns) convolved with a Gaussian along rows and columns, mirrored at the border; float32.
 
     sigma: standard deviation in samples; 0 changes nothing.
     """
+    source = np.ascontiguousarray(planes, np.float32)
     if sigma == 0:
-        return planes
-    taps = gaussian(sigma)
-    for _ in range(2):
-        planes = np.swapaxes(planes, -1, -2)
-        size = planes.shape[-1]
-        wide = np.pad(planes, [(0, 0)] * (planes.ndim - 1) + [(len(taps) // 2,) * 2], mode=BORDER)
-        planes = sum(tap * wide[..., start : start + size] for start, tap in enumerate(taps))
-    return planes
+        return source
+    found, taps, shape = np.empty_like(source), gaussian(sigma), (-1, *source.shape[-2:])
+    for plane, out in zip(source.reshape(shape), found.reshape(shape), strict=True):
+        smooth(plane, taps, out)
+    return found

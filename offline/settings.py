@@ -20,8 +20,7 @@ class DefectSettings(StageSettings):
 
     listed: replace the samples in the calibration's list of defects.
     contrast: multiple of the local contrast, 0 or more; 0 = look for no unlisted defects.
-    deviations: standard deviations of the noise, where it is known, 0 or more.
-    floor: > 0, as a share of the mean panchromatic sample.
+    deviations, floor: multiples of the noise, where it is known, 0 or more; and of the mean panchromatic sample, > 0.
     """
 
     kernels = "find_outliers", "mend_panchromatic", "surroundings"
@@ -160,7 +159,8 @@ class ChromaticitySettings(StageSettings):
     @property
     def kernels(self) -> tuple[str, ...]:
         """Those of the stage."""
-        return ("oriented_median",) * (self.taps > 1) + ("solve_jointly",) * (self.mismatch > 0)
+        asked = {"oriented_median": self.taps > 1, "solve_jointly": self.mismatch > 0, "smooth": self.detail_gain > 0}
+        return tuple(name for name, used in asked.items() if used)
 
 
 class PoolingPass(NamedTuple):
@@ -185,7 +185,7 @@ class PoolingSettings(StageSettings):
     curvature_error: error of filled luminance, as a multiple of its curvature there, 0 or more.
     """
 
-    kernels = ("pool",)
+    kernels = "pool", "smooth"
 
     passes: tuple[PoolingPass, ...] = ()
     light: float = 0.3
@@ -271,7 +271,7 @@ class TrustSettings(Switch):
         its neighbours, > 0.
     """
 
-    kernels = ("surroundings",)
+    kernels = "surroundings", "smooth"
 
     tolerance: float = 0.4
 

@@ -36,7 +36,7 @@ class Switch(StageSettings):
 class SettlingSettings(Switch):
     """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
 
-    kernels = ("share_out",)
+    kernels = "share_out", "smooth"
 
 
 ON, OFF, NOT_SETTLED = Switch(used=True), Switch(), SettlingSettings()

@@ -13,8 +13,8 @@ from scipy.ndimage import minimum_filter
 
 from shared.arrays import ByteArray, FloatArray
 
-from ..gaussian import gaussian
-from .frames import CLIPPED, DEVIATIONS, NEIGHBOURHOOD, TINY, View, smoothed
+from ..gaussian import gaussian, smoothed
+from .frames import CLIPPED, DEVIATIONS, NEIGHBOURHOOD, TINY, View
 
 # Chosen; half and twice of each change drawn scenes, with noise, parallax or a moving thing, by 0.02 dB at most, or as said. What
 # each finds: tests/offline/burst/test_agreement.py.

@@ -17,7 +17,6 @@ from shared.motion import Motion
 from ..blocks import Sites
 from ..gaussian import gaussian, smoothed
 from .frames import DEVIATIONS, FILL_ERROR, NEIGHBOURHOOD, TINY, Frame
-from .frames import smoothed as smoothed_plane
 
 # Chosen on a thing that only its colour shows: half and twice of each change its picture by the decibels in brackets.
 _BLOCK, _AROUND = 0.03, 0.02  # share of the light by which a channel may differ: of one block, and over a neighbourhood (0.02, 0.2)
@@ -95,8 +94,8 @@ def block_colours(frame: Frame, mosaic: Mosaic) -> BlockColours:
     gamma = np.array(mosaic.calibration.gamma)
     sites = Sites.in_frame(mosaic)
     light = sites.of(frame.luminance).mean(axis=2, dtype=np.float64)
-    near = smoothed_plane(frame.luminance, NEIGHBOURHOOD)
-    rough = smoothed_plane(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
+    near = smoothed(frame.luminance, NEIGHBOURHOOD)
+    rough = smoothed(np.square(frame.luminance - near), NEIGHBOURHOOD) - frame.variance(near)
     contrast = np.maximum(sites.of(rough).mean(axis=2, dtype=np.float64), 0)
     light = np.maximum(light, DEVIATIONS * frame.noise.sigma(0.0) if frame.noise else TINY)  # in less light shares are noise
     values = sites.means(frame.colours.astype(np.float64))

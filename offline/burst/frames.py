@@ -12,8 +12,7 @@ from shared.mosaic import Mosaic
 from shared.progress import SILENT, Progress
 
 from ..cleaned import Cleaned
-from ..gaussian import gaussian
-from ..kernels.smoothing import smooth
+from ..gaussian import gaussian, smoothed
 from ..render import registered
 from ..settings import NoiseSettings, RenderSettings
 from ..whole.defects import mend_defects
@@ -149,13 +148,6 @@ def limit_of(mosaic: Mosaic) -> float:
     """
     shading = mosaic.calibration.shading
     return clipping_level(mosaic) * (min(float(shading.sketch.min()), 1.0) if shading else 1.0)
-
-
-def smoothed(plane: FloatArray, sigma: float) -> FloatArray:
-    """A plane convolved with a Gaussian of `sigma` pixels, mirrored at the border; float32 (H, W)."""
-    found = np.empty(plane.shape, np.float32)
-    smooth(np.ascontiguousarray(plane, np.float32), gaussian(sigma), found)
-    return found
 
 
 def tile_means(plane: FloatArray | BoolArray) -> FloatArray:

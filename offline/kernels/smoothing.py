@@ -12,7 +12,7 @@ _STRIP = 64  # rows that one piece of work smooths
 _NONE = np.float32(0)
 
 
-@parallel_kernel("f4[:, ::1], f4[::1], f4[:, ::1]", pieces=lambda plane, *_: -(-len(plane) // _STRIP))
+@parallel_kernel("const(f4[:, ::1]), f4[::1], f4[:, ::1]", pieces=lambda plane, *_: -(-len(plane) // _STRIP))
 def smooth(pieces: Pieces, plane: FloatArray, taps: FloatArray, out: FloatArray) -> None:
     """Smooth a plane along rows and columns; it is mirrored at its border.
 

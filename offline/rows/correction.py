@@ -48,7 +48,7 @@ class Correction(RowStage):
     gamma: FloatArray
 
     name = "sites"
-    kernels = ("share_out",)
+    kernels = "share_out", "smooth"
 
     @property
     def look(self) -> Look:

@@ -54,7 +54,7 @@ class Pinning(RowStage):
     progress: Progress = SILENT
 
     name = "sites"
-    kernels = "pin_samples", "interpolate"
+    kernels = "pin_samples", "interpolate", "smooth"
 
     @property
     def look(self) -> Look:
