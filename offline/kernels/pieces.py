@@ -75,14 +75,16 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
     )  # shared: one at a time each
 
     def drain() -> None:
-        for first, end in ranges:
-            work(first, end)
+        try:
+            for first, end in ranges:
+                work(first, end)
+        finally:
+            deque(ranges, maxlen=0)  # after an error or an interrupt, the others begin nothing more
 
     others: list[Future[None]] = [_executor(os.getpid()).submit(drain) for _ in range(count - 1)]
     try:
         drain()
     finally:
-        deque(ranges, maxlen=0)
         begun = [other for other in others if not other.cancel()]  # all threads of the pool may be at work for another caller
         wait(begun)
     for other in begun:

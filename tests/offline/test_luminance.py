@@ -60,6 +60,12 @@ def test_equals_the_reference_at_other_settings(settings: LuminanceSettings) -> 
     assert_close(recover_luminance(mosaic, settings), expected(mosaic, settings), FLOAT32)
 
 
+@pytest.mark.parametrize("side", range(36, 54))
+def test_equals_the_reference_wherever_the_last_block_lies(side: int) -> None:
+    mosaic = shot(CfaPattern.bayer(6), (side, 89 - side))
+    assert_close(recover_luminance(mosaic, PAPER), expected(mosaic), FLOAT32)
+
+
 @pytest.mark.parametrize("scale", [0.0, 1e-6, -1.0, 1e4])
 def test_equals_the_reference_at_extreme_values(scale: float) -> None:
     mosaic = panchromatic(scale * np.random.default_rng(3).normal(size=(19, 22)), CfaPattern.bayer(6, origin=(1, 2)))

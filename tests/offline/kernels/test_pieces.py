@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -37,12 +38,13 @@ def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finish
             begun.append(first)
             if first == 2:
                 raise error
+            time.sleep(0.01)
             finished.append(first)
 
         with pytest.raises(error):
             product.in_pieces(work, 1000)
         assert len(finished) == len(begun) - 1
-        assert len(begun) < 1000 or count > 1  # other threads may be that fast
+        assert len(begun) < 500, f"{count} threads went on"
 
 
 def test_two_threads_of_a_program_may_call_at_once_when_all_others_are_busy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,8 @@ from PIL import Image
 
 from offline import PAPER, PRESETS, render
 from shared import CaptureMetadata, CfaPattern, Mosaic, SensorCalibration, read_dng, write_dng
-from shared.arrays import CodeArray
-from shared.sensor import simulate_additive
+from shared.arrays import ByteArray, CodeArray, FloatArray
+from shared.sensor import simulate_additive, simulate_sensor
 from tests.shared.test_white_balance import LIGHT
 from tests.shared.test_white_balance import shot as coloured_light
 from tests.tools.command import assert_refused, results, run
@@ -28,6 +28,30 @@ SCENE = (48, 36)
 SOURCE = f"builtin:{SCENE[0]}x{SCENE[1]}"
 STEM = SOURCE.replace(":", "-")
 MEASURED = ("--preset", "paper", "--bits", "32", "--space", "camera")
+
+
+def test_what_is_lost_is_white_where_it_is_lost_in_a_picture_of_several_bands(
+    tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(1)
+    lamps = np.repeat(np.repeat(rng.uniform(0, 3, (25, 3, 3)).astype(np.float32), 24, axis=0), 24, axis=1)
+    mosaic = simulate_sensor(lamps, CfaPattern.bayer(6), SensorCalibration.of_bits(12, headroom=False), 1.0, rng)
+    write_dng(tmp_path / "lamps.dng", mosaic, np.zeros((8, 8, 3), np.uint8))
+    shown: list[ByteArray] = []
+    whitened = Development.whitened
+
+    def recorded(self: Development, rgb: FloatArray, lost: ByteArray | None) -> FloatArray:
+        assert lost is not None
+        shown.append(lost)
+        return whitened(self, rgb, lost)
+
+    monkeypatch.setattr(Development, "whitened", recorded)
+    assert run("render", tmp_path / "lamps.dng", "-o", out).code == 0
+    assert len(shown) > 1
+    expected = render(read_dng(tmp_path / "lamps.dng"), PRESETS["best"]).lost
+    assert expected is not None
+    assert expected.any()
+    assert np.array_equal(np.concatenate(shown), expected)
 
 
 @pytest.fixture(scope="module")
