@@ -1,17 +1,15 @@
 """How work is cut into pieces and shared among threads: the one place that knows. What a piece computes depends on no other piece.
 
-The thread that calls works too; the others come from a pool, which starts as many as are needed at a time. Several threads of a
-program may call at once. A child that was made by fork starts threads of its own.
+The thread that calls works too. The others are started for each call, which takes 0.1 ms, and end with it: threads that stay would
+be lost in a child made by fork, and keep a program from ending that is interrupted while one starts. Several threads may call at a
+time.
 """
 
 import os
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from functools import cache
 
-_MOST = 1024  # threads of the pool, for all callers at once
 VARIABLE = "PANCHROMA_THREADS"
 """Environment variable: the number of threads of a program that does not call `use_threads`."""
 
@@ -69,10 +67,8 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
     together: the most pieces in a range. When an interrupt or an error comes, only ranges that have begun are finished.
     Raises what `work` raises.
     """
-    count = min(threads(), -(-pieces // together))
-    ranges = zip(
-        range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False
-    )  # shared: one at a time each
+    ranges = zip(range(0, pieces, together), [*range(together, pieces, together), pieces], strict=False)  # shared by all
+    errors: list[BaseException] = []
 
     def drain() -> None:
         try:
@@ -81,22 +77,27 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
         finally:
             deque(ranges, maxlen=0)  # after an error or an interrupt, the others begin nothing more
 
-    others: list[Future[None]] = [_executor(os.getpid()).submit(drain) for _ in range(count - 1)]
+    def help_out() -> None:
+        try:
+            drain()
+        except BaseException as error:  # for the thread that calls
+            errors.append(error)
+
+    count = min(threads(), -(-pieces // together))
+    others = [threading.Thread(target=help_out, name="panchroma", daemon=True) for _ in range(count - 1)]
     try:
+        for other in others:
+            other.start()
         drain()
     finally:
-        begun = [other for other in others if not other.cancel()]  # all threads of the pool may be at work for another caller
-        wait(begun)
-    for other in begun:
-        other.result()
+        deque(ranges, maxlen=0)  # also if a start is interrupted
+        for other in others:
+            if other.is_alive():
+                other.join()
+    for error in errors:
+        raise error
 
 
 def tiles(shape: tuple[int, int], tile: tuple[int, int]) -> int:
     """How many tiles cover a shape, the last of a row and of a column in part. tile: its height and width."""
     return -(-shape[0] // tile[0]) * -(-shape[1] // tile[1])
-
-
-@cache
-def _executor(process: int) -> ThreadPoolExecutor:
-    """The threads of a process, which a child that was made by fork does not get."""
-    return ThreadPoolExecutor(_MOST, "panchroma")

@@ -203,8 +203,8 @@ def test_an_interrupt_while_the_program_loads_is_no_traceback() -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize(("verb", "thread"), [("preview", "preview"), ("render", "learned"), ("render", "ThreadPoolExecutor")])
-def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: str, shots: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("verb", "thread"), [("preview", "preview"), ("render", "panchroma"), ("render", "ThreadPoolExecutor")])
+def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: str, tmp_path: Path) -> None:
     """Such a thread runs, but its pool does not know of it, and so does not end it."""
     script = (
         "import signal, sys, threading; from tools import cli; begin = threading.Thread.start\n"
@@ -212,7 +212,8 @@ def test_an_interrupt_while_a_thread_starts_ends_the_program(verb: str, thread: 
         f"    begin(self)\n    if self.name.startswith('{thread}'): signal.raise_signal(signal.SIGINT)\n"
         "threading.Thread.start = start; cli.main()"
     )
-    line = [sys.executable, "-c", script, verb, str(shots / SHOT), "-o", str(tmp_path)]
+    assert run("simulate", "builtin:600x300", "-o", tmp_path / "shots").code == 0  # large enough for several threads
+    line = [sys.executable, "-c", script, verb, str(tmp_path / "shots"), "-o", str(tmp_path)]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False, timeout=100)
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr

@@ -47,22 +47,6 @@ def test_an_error_stops_what_has_not_begun_and_is_raised_when_the_rest_is_finish
         assert len(begun) < 500, f"{count} threads went on"
 
 
-def test_two_threads_of_a_program_may_call_at_once_when_all_others_are_busy(monkeypatch: pytest.MonkeyPatch) -> None:
-    product._executor.cache_clear()
-    monkeypatch.setattr(product, "_MOST", 1)
-    try:
-        release, done = threading.Event(), []
-        product._executor(os.getpid()).submit(release.wait)
-        before = product.threads()
-        product.use_threads(4)
-        product.in_pieces(lambda first, _: done.append(first), 9)  # the pool has no thread for it
-        product.use_threads(before)
-        release.set()
-        assert sorted(done) == list(range(9))
-    finally:
-        product._executor.cache_clear()
-
-
 def test_the_number_of_threads_is_that_of_the_calling_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     before, elsewhere = product.threads(), []
     product.use_threads(5)
