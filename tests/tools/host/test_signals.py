@@ -80,6 +80,7 @@ def test_a_signal_while_the_program_leaves_shows_nothing(number: signal.Signals)
     script = f"""
 import os, signal
 from tools.host.signals import orderly_end
+signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever the program that runs the tests had
 with orderly_end(last=True):
     pass
 os.kill(os.getpid(), {int(number)})
