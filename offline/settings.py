@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from .stage_settings import NOT_SETTLED, OFF, ON, SettlingSettings, StageSettings, Switch, require
+from .stage_settings import NOT_SETTLED, OFF, ON, SettlingSettings, StageSettings, Switch, TrustSettings, require
 
 _LARGEST = 32  # pixels: side of a DCT block
 _FARTHEST = 16  # pixels: radius of non-local means
@@ -261,22 +261,6 @@ class RefinementSettings(StageSettings):
     def used(self) -> bool:
         """Whether the stage changes anything."""
         return self.repetitions > 0
-
-
-@dataclass(frozen=True)
-class TrustSettings(Switch):
-    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `whole.trust`); not in the paper.
-
-    tolerance: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
-        its neighbours, > 0.
-    """
-
-    kernels = "surroundings", "smooth"
-
-    tolerance: float = 0.4
-
-    def __post_init__(self) -> None:
-        require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
 
 
 @dataclass(frozen=True)

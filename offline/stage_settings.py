@@ -1,4 +1,4 @@
-"""What the settings of all stages have in common."""
+"""What the settings of all stages have in common, and the settings of stages that are used or not."""
 
 from dataclasses import dataclass
 
@@ -37,6 +37,22 @@ class SettlingSettings(Switch):
     """Correction of luminance at the colour sites once the colour of blocks is known (see `sites`); not in the paper."""
 
     kernels = "share_out", "smooth"
+
+
+@dataclass(frozen=True)
+class TrustSettings(Switch):
+    """Blocks whose samples do not add up to luminance take the colour of their neighbours (see `whole.trust`); not in the paper.
+
+    tolerance: how far the samples of a block may differ from luminance, relative to it, before half of its chromaticity is that of
+        its neighbours, > 0.
+    """
+
+    kernels = "surroundings", "smooth"
+
+    tolerance: float = 0.4
+
+    def __post_init__(self) -> None:
+        require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
 
 
 ON, OFF, NOT_SETTLED = Switch(used=True), Switch(), SettlingSettings()
