@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from .stage_settings import NOT_SETTLED, OFF, ON, SettlingSettings, StageSettings, Switch, TrustSettings, require
+from .stage_settings import ALL_TRUSTED, NOT_SETTLED, OFF, ON, SettlingSettings, StageSettings, Switch, TrustSettings, require
 
 _LARGEST = 32  # pixels: side of a DCT block
 _FARTHEST = 16  # pixels: radius of non-local means
@@ -280,7 +280,7 @@ class RenderSettings:
 
     noise: NoiseSettings = NoiseSettings()
     defects: DefectSettings = DefectSettings()
-    trust: TrustSettings = TrustSettings()
+    trust: TrustSettings = ALL_TRUSTED
     highlights: HighlightSettings = HighlightSettings()
     luminance: LuminanceSettings = LuminanceSettings()
     denoising: DenoisingSettings = DenoisingSettings()
@@ -310,7 +310,7 @@ class RenderSettings:
     @property
     def uncorrected(self) -> "RenderSettings":
         """These settings without the stages that look at what a picture misses at the colour sites."""
-        return replace(self, trust=TrustSettings(), settling=NOT_SETTLED, correction=OFF, pinning=OFF, learned=OFF)
+        return replace(self, trust=ALL_TRUSTED, settling=NOT_SETTLED, correction=OFF, pinning=OFF, learned=OFF)
 
 
 PAPER = RenderSettings()

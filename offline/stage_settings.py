@@ -55,4 +55,4 @@ class TrustSettings(Switch):
         require(self.tolerance > 0, "trust.tolerance", self.tolerance, "more than 0")
 
 
-ON, OFF, NOT_SETTLED = Switch(used=True), Switch(), SettlingSettings()
+ON, OFF, NOT_SETTLED, ALL_TRUSTED = Switch(used=True), Switch(), SettlingSettings(), TrustSettings()
