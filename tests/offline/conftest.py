@@ -1,6 +1,7 @@
 """What several tests of the renderer need."""
 
 import multiprocessing
+import os
 from collections.abc import Iterator
 
 import pytest
@@ -11,8 +12,13 @@ from offline.kernels import compile as compiling
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
-    """All kernels are compiled, side by side, before the first test would compile them one by one."""
+    """All kernels are compiled, side by side, before the first test would compile them one by one.
+
+    Where tests run in several processes, the second begins at the other end: each finds on the disk what the other has compiled.
+    """
     if names := kernels_to_compile():
+        if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+            names.reverse()
         with multiprocessing.get_context("spawn").Pool(available_threads()) as pool:
             pool.map(compile_kernel, names, 1)
 
