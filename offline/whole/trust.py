@@ -13,7 +13,7 @@ from shared.arrays import DoubleArray, FloatArray
 from ..blocks import sum_noise
 from ..cleaned import Cleaned
 from ..gaussian import smoothed
-from ..settings import TrustSettings
+from ..stage_settings import TrustSettings
 
 _CLIPPED = 0.5  # of the tolerance, next to a clipped sample
 _AROUND = 1.0  # blocks: standard deviation of the neighbourhood that lends its chromaticity
