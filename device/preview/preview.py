@@ -1,6 +1,5 @@
 """Running a preview graph on a mosaic, in strips of rows, which fit into the cache of the processor."""
 
-import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from shared.display import ColourTransform
 from shared.errors import InputError
 from shared.mosaic import Mosaic
 from shared.pattern import CfaPattern
+from shared.processors import processors
 from shared.runtime import session
 
 from . import contract
@@ -54,7 +54,7 @@ class Preview:
             raise InputError(f"`threads` is {threads}, expected 1 or more")
         self._geometry, self._linear = Geometry(pattern, scale), linear
         self._session = session(build_preview(pattern, scale, linear=linear))
-        self._threads = threads or _processors()
+        self._threads = threads or processors()
 
     @classmethod
     def for_mosaic(cls, mosaic: Mosaic, scale: int = 1, linear: bool = False, threads: int | None = None) -> "Preview":
@@ -182,7 +182,3 @@ def _strips(patches: int, most: int) -> Iterator[range]:
     count = -(-patches // most)
     edges = [patches * number // count for number in range(count + 1)]
     return map(range, edges[:-1], edges[1:])
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -6,7 +6,7 @@ from .compile import Pieces, parallel_kernel
 from .interpolation import interpolated
 
 
-@parallel_kernel("f4[:, :, ::1], i8, i8, f8[:, ::1], f4[::1], u1[:, ::1], i8, f4[:, ::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("f4[:, :, ::1], i8, i8, f8[:, ::1], f4[::1], u1[:, ::1], i8, f4[:, ::1]")
 def undo_aberration(
     pieces: Pieces,
     picture: FloatArray,

@@ -9,7 +9,7 @@ import numpy as np
 from shared.arrays import FloatArray, IndexArray
 
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import LEAST_EXPONENT, exponential, zeros
+from .functions import LEAST_EXPONENT, exponential, tile_at, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, store, where_less
 from .pieces import tiles
 
@@ -49,15 +49,14 @@ def average(
     (height, width, channels), reach = out.shape, len(blur) // 2
     margin, begin = (repetitions + 1) * radius + reach, (radius + reach + WIDTH - 1) // WIDTH * WIDTH
     lead = begin - radius - reach  # spare columns, so that the first one with weights begins where a vector does
-    along = (width + _COLUMNS - 1) // _COLUMNS
     tall, wide = min(_ROWS, height) + 2 * margin, (min(_COLUMNS, width) + 2 * margin + lead) // WIDTH * WIDTH + 2 * WIDTH
     planes = (channels + _TOGETHER) // _TOGETHER * _TOGETHER
     weights = zeros(radius * (2 * radius + 2) + 1, tall, wide)
     colour, mean = zeros(planes, tall, wide), zeros(planes, tall, wide)
     light, lines, squares = zeros(tall, wide), zeros(tall, wide), zeros(wide)
     for tile in range(pieces[0], pieces[1]):
-        top, left = tile // along * _ROWS, tile % along * _COLUMNS
-        below, after = min(_ROWS, height - top) + margin, min(_COLUMNS, width - left) + margin
+        top, bottom, left, right = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
+        below, after = bottom - top + margin, right - left + margin
         for row in range(below + margin):
             tints, across = initial[places[1][top + row]], places[2][left : left + after + margin]
             _gather(luminance[places[0][top + row]], tints, across, light[row, lead:], colour[:, row, lead:])

@@ -182,18 +182,23 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
         raise TypeError(f"{self.__name__} is a part of kernels, which Python cannot call")
 
     def get_call_template(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-        """Numba would compile it again for each constant among its arguments, and for unsigned ones, as `prange` has."""
+        """Numba would compile it again for each constant among its arguments, and for unsigned ones."""
         return super().get_call_template(tuple(map(_general, args)), {name: _general(each) for name, each in kws.items()})
 
 
+def _length_of_last(*arguments: Any) -> int:
+    return len(arguments[-1])
+
+
 def parallel_kernel(
-    signature: str, pieces: Callable[..., int]
+    signature: str, pieces: Callable[..., int] = _length_of_last
 ) -> Callable[[Callable[Concatenate[Pieces, P], None]], Callable[P, None]]:
     """Compile a function when it is first called, once per machine, and let threads call it for different pieces.
 
     signature: types of the arguments but the first, in Numba's notation: f4 and f8 are floats, i8 is an integer, b1 is bool,
         f4[:, ::1] is an array, and (i8, i8) is a tuple; const(f4[:, ::1]) may be an array that must not be written.
-    pieces: the number of pieces, from those arguments. A call computes those from the first of its `Pieces` to the end.
+    pieces: the number of pieces, from those arguments; by default the length of the last one, which is written. A call computes
+        those from the first of its `Pieces` to the end.
     """
 
     def decorate(function: Callable[Concatenate[Pieces, P], None]) -> Callable[P, None]:

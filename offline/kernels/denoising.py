@@ -15,7 +15,7 @@ import numpy as np
 from shared.arrays import BoolArray, FloatArray, IndexArray
 
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import mirrored, zeros
+from .functions import mirrored, tile_at, zeros
 from .lanes import WIDTH, Lanes, Scalar, greater, load, quotient, square_root, store, where_less
 from .pieces import tiles
 
@@ -62,14 +62,13 @@ def denoise(
     height, width = noisy.shape
     most = transforms.shape[1]
     halo = 2 * (most - 1)
-    along = (width + _COLUMNS - 1) // _COLUMNS
     tall, half = _ROWS + 2 * halo, (_COLUMNS + 2 * halo + 3 * _STEP * WIDTH) // (_STEP * WIDTH) * WIDTH
     wide = _STEP * half
     planes, halves, block = zeros(4, tall, wide), zeros(4, most, wide), zeros(3, most * most, WIDTH)
     samples, pilot, sums, weights = planes[0], planes[1], planes[2], planes[3]
     for window in range(pieces[0], pieces[1]):
-        top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
-        down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
+        first_row, end_row, left, right = tile_at(window, (rows[1] - rows[0], width), (_ROWS, _COLUMNS))
+        top, down, across = rows[0] + first_row, end_row - first_row, right - left
         for row in range(down + 2 * halo):
             source = mirrored(top - halo + row, height)
             for column in range(across + 2 * halo):

@@ -22,8 +22,7 @@ _PLANES = 4 + 1 + 2 + 4 * SOLVED
 
 @parallel_kernel(
     "f4[:, ::1], (i8[::1], i8[::1]), (i8, i8, i8), i8, (i8, i8), i8, f4[:, :, ::1], "
-    "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), f4[:, :, ::1], f8[::1], i8[::1]",
-    pieces=lambda *given: len(given[-1]),
+    "(f4[:, ::1], f4[:, ::1], i8[::1]), (f8, i8), f4[:, :, ::1], f8[::1], i8[::1]"
 )
 def solve_regions(
     pieces: Pieces,

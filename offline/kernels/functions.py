@@ -48,6 +48,14 @@ def mirrored(index: int, size: int) -> int:
 
 
 @kernel
+def tile_at(number: int, shape: tuple[int, int], tile: tuple[int, int]) -> tuple[int, int, int, int]:
+    """First row, end, first column and end of one of the tiles that cover a shape, row by row: as many as `pieces.tiles` says."""
+    along = (shape[1] + tile[1] - 1) // tile[1]
+    top, left = number // along * tile[0], number % along * tile[1]
+    return top, min(top + tile[0], shape[0]), left, min(left + tile[1], shape[1])
+
+
+@kernel
 def zeros(*shape: int) -> FloatArray:
     """An array of float32 zeros, aligned to the size of a vector, where reading them is fastest."""
     size = 1

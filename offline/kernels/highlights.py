@@ -10,7 +10,7 @@ from .interpolation import cubic_taps
 _TAPS = 4
 
 
-@parallel_kernel("f4[:, ::1], (f8, f8), i8, f4[:, ::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("f4[:, ::1], (f8, f8), i8, f4[:, ::1]")
 def interpolate(pieces: Pieces, values: FloatArray, first: tuple[float, float], period: int, plane: FloatArray) -> None:
     """Interpolate a grid of samples, one every `period` pixels, to every pixel of `plane`.
 
@@ -38,7 +38,7 @@ def interpolate(pieces: Pieces, values: FloatArray, first: tuple[float, float], 
             plane[row, column] = total
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], f8, f8, f4[:, ::1], f8[::1], f8, f4[:, ::1]")
 def raise_clipped(
     pieces: Pieces,
     signal: FloatArray,

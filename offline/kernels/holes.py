@@ -25,8 +25,7 @@ _NONE = np.float32(0)
 
 
 @parallel_kernel(
-    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]",
-    pieces=lambda *given: len(given[-1]),
+    "const(f4[:, ::1]), f4[:, ::1], (i8, i8), (i8, i8), i8, (i8, i8), i8[:, ::1], f4[:, :, ::1], f4[:, ::1], f4[::1], f4[::1]"
 )
 def fill_blocks(
     pieces: Pieces,

@@ -16,7 +16,7 @@ _FIVE = 5
 _FAR = np.float64(np.inf)
 
 
-@parallel_kernel("f8[:, :, ::1], f8[:, :, ::1], i8, i8, b1[::1], b1[::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("f8[:, :, ::1], f8[:, :, ::1], i8, i8, b1[::1], b1[::1]")
 def oriented_median(
     pieces: Pieces, before: DoubleArray, after: DoubleArray, columns: int, taps: int, changed: BoolArray, found: BoolArray
 ) -> None:

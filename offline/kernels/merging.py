@@ -12,7 +12,7 @@ from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, IndexAr
 
 from ..gaussian import gaussian
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import zeros
+from .functions import tile_at, zeros
 from .interpolation import interpolated
 from .lanes import Scalar
 from .motions import Area, Motions, back, bounds, there
@@ -63,10 +63,8 @@ def merge(
         reference, and how far the frame agrees with it there, 0 to 1; 0 beyond it.
     """
     height, width = merged.shape
-    along = (width + _COLUMNS - 1) // _COLUMNS
     for tile in range(pieces[0], pieces[1]):
-        top, left = tile // along * _ROWS, tile % along * _COLUMNS
-        core = top, min(top + _ROWS, height), left, min(left + _COLUMNS, width)
+        core = tile_at(tile, (height, width), (_ROWS, _COLUMNS))
         area = max(core[0] - _MARGIN, 0), min(core[1] + _MARGIN, height), max(core[2] - _MARGIN, 0), min(core[3] + _MARGIN, width)
         fine = _start(planes, agreement, noise, panchromatic, motions, area, core, variance)
         samples = _samples(planes, agreement, noise, panchromatic, motions, area)
@@ -77,7 +75,7 @@ def merge(
         _light_at_sites(fine, agreement, motions, sites, period, area, core, light, weight)
 
 
-@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f4[:, ::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("f4[:, ::1], (f8[:, :, ::1], f8[:, ::1], f4[:, :, :, ::1]), f4[:, ::1]")
 def displace(pieces: Pieces, plane: FloatArray, motions: Motions, out: FloatArray) -> None:
     """A frame as the reference would see it.
 

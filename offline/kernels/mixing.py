@@ -124,7 +124,7 @@ def _kappa(alpha: FloatArray, light: FloatArray, kind: int, column: int, softnes
     return part * (part + softness) * load(light, (kind, column))
 
 
-@parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1]")
 def colour(pieces: Pieces, chromaticity: FloatArray, luminance: FloatArray, out: FloatArray) -> None:
     """Multiply chromaticity (H, W, C) by luminance (H, W) to `out` (H, W, C), Eq. 17."""
     for row in range(pieces[0], pieces[1]):

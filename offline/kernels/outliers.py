@@ -177,7 +177,7 @@ def _neighbours(
     return count
 
 
-@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]", pieces=lambda *given: len(given[-1]))
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], b1[:, ::1], i8[:], i8[:], f4[::1]")
 def mend_panchromatic(
     pieces: Pieces,
     signal: FloatArray,
@@ -247,10 +247,7 @@ def _good(panchromatic: BoolArray, bad: BoolArray, row: int, column: int) -> boo
     return inside and panchromatic[row % period, column % period] and not bad[row, column]
 
 
-@parallel_kernel(
-    "const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]",
-    pieces=lambda *given: len(given[-1]),
-)
+@parallel_kernel("const(f4[:, ::1]), b1[:, ::1], i8[::1], i8[::1], (i8, i8), i8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1]")
 def surroundings(
     pieces: Pieces,
     signal: FloatArray,

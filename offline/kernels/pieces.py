@@ -10,8 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-VARIABLE = "PANCHROMA_THREADS"
-"""Environment variable: the number of threads of a program that does not call `use_threads`."""
+from shared.processors import THREADS, processors
 
 
 class _Chosen(threading.local):
@@ -28,10 +27,8 @@ def available_threads() -> int:
     >>> available_threads() >= 1
     True
     """
-    asked = os.environ.get(VARIABLE, "")
-    if asked.isdecimal() and int(asked) > 0:
-        return int(asked)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    asked = os.environ.get(THREADS, "")
+    return int(asked) if asked.isdecimal() and int(asked) > 0 else processors()
 
 
 def threads() -> int:
@@ -74,23 +71,18 @@ def in_pieces(work: Callable[[int, int], object], pieces: int, together: int = 1
         try:
             for first, end in ranges:
                 work(first, end)
-        finally:
-            deque(ranges, maxlen=0)  # after an error or an interrupt, the others begin nothing more
-
-    def help_out() -> None:
-        try:
-            drain()
-        except BaseException as error:  # for the thread that calls
+        except BaseException as error:
             errors.append(error)
+            deque(ranges, maxlen=0)  # the others begin nothing more
 
     count = min(threads(), -(-pieces // together))
-    others = [threading.Thread(target=help_out, name="panchroma", daemon=True) for _ in range(count - 1)]
+    others = [threading.Thread(target=drain, name="panchroma", daemon=True) for _ in range(count - 1)]
     try:
         for other in others:
             other.start()
         drain()
     finally:
-        deque(ranges, maxlen=0)  # also if a start is interrupted
+        deque(ranges, maxlen=0)  # an interrupt may also come while a thread starts
         for other in others:
             if other.is_alive():
                 other.join()

@@ -10,7 +10,7 @@ import numpy as np
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import Pieces, parallel_kernel
-from .functions import zeros
+from .functions import tile_at, zeros
 from .linked import Prior, link, solve
 from .spreading import TILE
 
@@ -22,8 +22,7 @@ _NONE = np.float32(0)
 
 
 @parallel_kernel(
-    "f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1], f8[::1], i8[::1]",
-    pieces=lambda *given: len(given[-1]),
+    "f4[:, ::1], f4[:, :, ::1], u1[:, ::1], f4[:, ::1], f4[:, ::1], i8, (i8, i8), (f8, f8, f8), f4[:, :, ::1], f8[::1], i8[::1]"
 )
 def pin_samples(
     pieces: Pieces,
@@ -52,10 +51,9 @@ def pin_samples(
     residuals, used: (tiles,), written: see `spreading.spread_samples`; the worst of all channels.
     """
     (height, width), count = luminance.shape, base.shape[2]
-    along = (width + TILE - 1) // TILE
     for number in range(pieces[0], pieces[1]):
-        top, left = rows[0] - first + number // along * TILE, number % along * TILE
-        bottom, right = min(top + TILE, rows[1] - first), min(left + TILE, width)
+        top, bottom, left, right = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
+        top, bottom = rows[0] - first + top, rows[0] - first + bottom
         above, below, before, after = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)
         size = below - above, after - before
         links, normal, right_side, field = zeros(4, *size), zeros(1, *size), zeros(1, *size), zeros(1, *size)

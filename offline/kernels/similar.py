@@ -10,7 +10,7 @@ import numpy as np
 from shared.arrays import BoolArray, FloatArray
 
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import mirrored, zeros
+from .functions import mirrored, tile_at, zeros
 from .lanes import WIDTH, Scalar, greater, load, store
 from .pieces import tiles
 
@@ -61,14 +61,13 @@ def average_similar(
     """
     height, width = noisy.shape
     halo = radius + SURROUNDINGS
-    along = (width + _COLUMNS - 1) // _COLUMNS
     tall, wide = _ROWS + 2 * halo, (_COLUMNS + 3 * halo + 2 * WIDTH) // WIDTH * WIDTH
     scale = _SCALE / similarity
     memory, pairs, distances = zeros(4, tall, wide), zeros(2 * radius + 1, wide), zeros(wide)
     even, samples, sums, weights = planes = memory[0], memory[1], memory[2], memory[3]
     for window in range(pieces[0], pieces[1]):
-        top, left = rows[0] + window // along * _ROWS, window % along * _COLUMNS
-        down, across = min(_ROWS, rows[1] - top), min(_COLUMNS, width - left)
+        first_row, end_row, left, right = tile_at(window, (rows[1] - rows[0], width), (_ROWS, _COLUMNS))
+        top, down, across = rows[0] + first_row, end_row - first_row, right - left
         for row in range(down + 2 * halo):
             source = mirrored(top - halo + row, height)
             for column in range(across + 2 * halo):

@@ -12,10 +12,7 @@ _LEAST = 1e-6  # of the variance of errors: what keeps equations solvable whose 
 _FAINTEST, _STRONGEST = 0.06, 3.0  # range of a chromaticity that weights an error of luminance, in units of grey
 
 
-@parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]",
-    pieces=lambda *given: len(given[-1]),
-)
+@parallel_kernel("f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f8, f8[::1], i8, f8[:, :, ::1]")
 def solve_jointly(
     pieces: Pieces,
     light: FloatArray,
@@ -92,8 +89,7 @@ def solve_jointly(
 
 
 @parallel_kernel(
-    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]",
-    pieces=lambda *given: len(given[-1]),
+    "f4[:, :, ::1], f4[:, :, ::1], f4[:, ::1], f4[:, ::1], f4[:, :, ::1], i8[::1], f8[:, ::1], f4[:, :, ::1], f4[:, :, :, ::1]"
 )
 def share_out(
     pieces: Pieces,

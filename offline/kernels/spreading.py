@@ -13,7 +13,7 @@ import numpy as np
 from shared.arrays import ByteArray, DoubleArray, FloatArray, IndexArray
 
 from .compile import Pieces, kernel, parallel_kernel
-from .functions import zeros
+from .functions import tile_at, zeros
 from .lanes import Scalar
 from .linked import Prior, link, solve
 
@@ -38,8 +38,7 @@ def tiles_of(rows: tuple[int, int], width: int) -> int:
 
 @parallel_kernel(
     "f4[:, ::1], f4[:, :, ::1], i8, (i8, i8), i8, (f4[:, ::1], u1[::1], i8[::1]), f4[::1], f4[:, ::1], (f8, f8, f8), "
-    "f4[:, :, ::1], f8[::1], i8[::1]",
-    pieces=lambda *given: len(given[-1]),
+    "f4[:, :, ::1], f8[::1], i8[::1]"
 )
 def spread_samples(
     pieces: Pieces,
@@ -69,10 +68,9 @@ def spread_samples(
     residuals, used: (tiles,), written: relative residual and iterations of each tile, see `tiles_of`.
     """
     width, channels = luminance.shape[1], len(gamma)
-    along = (width + TILE - 1) // TILE
     for number in range(pieces[0], pieces[1]):
-        top, left = rows[0] + number // along * TILE, number % along * TILE
-        bottom, right = min(top + TILE, rows[1]), min(left + TILE, width)
+        top, bottom, left, right = tile_at(number, (rows[1] - rows[0], width), (TILE, TILE))
+        top, bottom = rows[0] + top, rows[0] + bottom
         area = max(top - HALO, 0), min(bottom + HALO, height), max(left - HALO, 0), min(right + HALO, width)
         size = area[1] - area[0], area[3] - area[2]
         light = luminance[area[0] - first : area[1] - first, area[2] : area[3]]

@@ -14,10 +14,10 @@ from itertools import takewhile
 from pathlib import Path
 
 from shared.errors import PanchromaError
+from shared.processors import processors
 from shared.writing import write_durably
 from tools.host.font_folder import temporary_font_folder
 from tools.host.memory import available_memory
-from tools.host.processors import processors
 from tools.host.versions import package_version, program_version
 from tools.rendering.compilation import CACHE_REMEDY, cache_folder
 

@@ -6,9 +6,9 @@ With --compile, compile the renderer for this processor first, so that no render
 import argparse
 import time
 
+from shared.processors import processors
 from tools.host.console import Console
 from tools.host.jobs import FAILED
-from tools.host.processors import processors
 from tools.rendering.compilation import CACHE_REMEDY, compile_all, to_compile
 
 from .checks import ALL, BAD, CHECKS, GOOD, MISSING, Finding

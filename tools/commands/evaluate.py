@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from shared.errors import InputError
 from shared.pattern import PERIODS
 from shared.pattern_text import read_pattern
+from shared.processors import processors
 from shared.tiles import TILES
 from shared.writing import write_durably
 from tools.evaluation.figures import Figures
@@ -20,7 +21,6 @@ from tools.host.cluster import SchedulerGoneError, absolute_path, connected
 from tools.host.console import Console
 from tools.host.jobs import FAILED, output_folder, refuse_existing
 from tools.host.memory import allowed_memory
-from tools.host.processors import processors
 from tools.host.versions import program_version
 from tools.host.work import duration
 

@@ -16,10 +16,10 @@ import numpy as np
 from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
+from shared.processors import processors
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
-from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.host.work import Threads
 from tools.rendering.in_memory import network_for

@@ -1,16 +1,13 @@
-"""How many processors there are, and how many threads libraries may start."""
+"""How many threads libraries may start."""
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from shared.processors import THREADS
+
 # Numerical libraries read these when they are loaded, and not again.
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "PANCHROMA_THREADS", "OPENCV_FOR_THREADS_NUM")
-
-
-def processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", THREADS, "OPENCV_FOR_THREADS_NUM")
 
 
 @contextmanager

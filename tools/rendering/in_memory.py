@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from shared import CfaPattern, Mosaic, NoiseModel
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
+from shared.processors import processors
 from shared.spelling import meant
 from tools.host.console import fault, to_stderr
 from tools.host.memory import allowed_memory, format_bytes
-from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.host.versions import program_version
 from tools.pictures.kind import PictureKind

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from functools import cache, partial
 
 from shared.errors import PanchromaError
+from shared.processors import processors
 from tools.host.console import Console
 from tools.host.jobs import Job, JobWorkers, Work, file_status
 from tools.host.memory import allowed_memory
 from tools.host.processes import Processes
-from tools.host.processors import processors
 from tools.host.progress import StageProgress
 from tools.host.work import Here
 

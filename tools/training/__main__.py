@@ -6,9 +6,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from shared.errors import PanchromaError
+from shared.processors import processors
 from tools.host.console import Console, to_stderr
 from tools.host.jobs import output_folder
-from tools.host.processors import processors
 from tools.host.signals import INTERRUPTED, orderly_end
 
 _SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".npy", ".dng"}

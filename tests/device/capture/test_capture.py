@@ -134,8 +134,8 @@ def test_words_may_use_fewer_bits() -> None:
 
 
 def test_memory_does_not_grow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hundreds of frames through the whole chain. If one in twenty stayed, ten frames more would be held at the end."""
-    frames, settled = 300, 100
+    """Hundreds of frames through the whole chain. If one in twenty stayed, 25 frames more would be held at the end."""
+    frames, settled = 600, 100
     monkeypatch.setattr(os, "fsync", lambda _: None)  # most of the time, and none of the memory
     data = bytes(frame(0).data)
 
@@ -155,4 +155,4 @@ def test_memory_does_not_grow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
                 held.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
-    assert held[1] - held[0] < 10 * len(data)
+    assert held[1] - held[0] < 18 * len(data)  # a queue holds some, and Python grows a little

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from offline.kernels import pieces as product
+from shared.processors import THREADS
 from tests.python import run_python
 
 
@@ -58,7 +59,7 @@ def test_the_number_of_threads_is_that_of_the_calling_thread(monkeypatch: pytest
         product.use_threads(0)
     product.use_threads(before)
     for asked, count in (("3", 3), ("0", None), ("many", None)):
-        monkeypatch.setenv(product.VARIABLE, asked)
+        monkeypatch.setenv(THREADS, asked)
         assert product.available_threads() == count or count is None
         assert product.available_threads() >= 1
 
