@@ -14,6 +14,7 @@ from ..metadata import CaptureMetadata
 from ..tiff import Directory, Fields, FieldType
 from .exif import metadata_directory, resolution_fields
 from .exif_reading import printable
+from .lossless_jpeg import encode_lossless
 from .tags import DNG_BACKWARD_VERSION, DNG_VERSION, LONGEST_SIDE, MAKER, PREVIEW_SRGB, Compression, Photometric, Tag
 
 PREVIEW_QUALITY = 90  # of 100: no visible artefacts, a tenth of the size of the samples
@@ -93,13 +94,7 @@ def raw_directory(samples: NDArray[np.uint16], bits: int, photometric: Photometr
     """
     check_sides(samples.shape)
     fields = picture_fields(samples.shape, bits, Compression.JPEG, photometric)
-    return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[lossless_jpeg(samples, bits)])
-
-
-def lossless_jpeg(samples: NDArray[np.uint16], bits: int) -> bytes:
-    """Samples (H, W) or (H, W, planes) as a lossless JPEG."""
-    # Predictor 1, not jpegsof3's 6: darktable reads no other.
-    return bytes(imagecodecs.jpeg8_encode(samples, lossless=True, predictor=1, bitspersample=bits))
+    return Directory({**fields, Tag.NEW_SUBFILE_TYPE: (FieldType.LONG, [0])}, strips=[encode_lossless(samples, bits)])
 
 
 def raw_digest(samples: NDArray[np.uint16]) -> bytes:

@@ -19,12 +19,12 @@ from .container import (
     EncodedPreview,
     check_sides,
     joined_digest,
-    lossless_jpeg,
     main_directory,
     picture_fields,
     picture_id,
     tile_digests,
 )
+from .lossless_jpeg import encode_lossless
 from .tags import MAKER, PICTURE_PLANES, Compression, Photometric, Tag
 
 PART = DIGEST_TILE
@@ -63,7 +63,7 @@ def encode_part(rgb: FloatArray, preview: ByteArray, shape: tuple[int, int]) -> 
     pieces = [codes[:, left : left + wide] for left in range(0, shape[1], wide)]
     # What fills a tile up is equal to its left neighbours, from which samples are predicted, and so takes a bit per sample.
     pieces[-1] = np.pad(pieces[-1], ((0, 0), (0, wide - pieces[-1].shape[1]), (0, 0)), mode="edge")
-    tiles = [lossless_jpeg(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS) for piece in pieces]
+    tiles = [encode_lossless(np.pad(piece, ((0, tall - len(codes)), (0, 0), (0, 0))), _BITS) for piece in pieces]
     shown = (preview[top : top + STRIP_ROWS] for top in range(0, len(preview), STRIP_ROWS))
     strips = [encode_strip(rows, PREVIEW_QUALITY, "420") for rows in shown]
     return EncodedPart(tiles, tile_digests(codes), strips)
