@@ -5,7 +5,6 @@ from dataclasses import replace
 from math import ceil
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from shared.aberration import Aberration
 from shared.mosaic import Mosaic
@@ -25,6 +24,8 @@ def without_aberration(mosaic: Mosaic, lens: Aberration, picture: Iterable[Part]
 
     Samples that are saturated stay so, with those around them that their light reaches; none loses more than half of its light.
     """
+    from scipy.ndimage import maximum_filter  # takes longer to load than all of ours
+
     planes, (height, _) = mosaic.pattern.filter_map((mosaic.pattern.period,) * 2), mosaic.shape
     radial, gamma = np.array(lens.radial), np.array(mosaic.calibration.gamma, np.float32)
     is_coded, reach = mosaic.samples.dtype == np.uint16, ceil(lens.reach(mosaic.shape))

@@ -14,6 +14,7 @@ import numpy as np
 from shared.arrays import ByteArray, FloatArray
 from shared.calibration import NoiseModel, SensorCalibration
 from shared.mosaic import Mosaic
+from shared.networks import network_for
 from shared.pattern import CfaPattern
 from shared.progress import SILENT, Progress
 
@@ -24,7 +25,7 @@ from .kernels.mixing import colour
 from .measured import Measured
 from .parts import Part, RowStage, finish
 from .rows.correction import Correction, Missed
-from .rows.learned import Learned, model_for
+from .rows.learned import Learned
 from .rows.pinning import Pinning
 from .rows.propagation import Propagation
 from .rows.refinement import Refinement
@@ -102,7 +103,7 @@ def row_stages(measured: Measured, settings: RenderSettings, progress: Progress 
             stages.append(Pinning(measured, samples, progress))
         elif settings.correction.used:
             stages.append(Correction(samples, gamma))
-        if settings.learned.used and (network := model_for(measured.pattern)):
+        if settings.learned.used and (network := network_for(measured.pattern)):
             stages.append(Learned(network, samples, gamma))
     if measured.calibration.shading is not None:
         stages.append(EvenLight(measured.calibration.shading, measured.shape))

@@ -134,13 +134,9 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
     console = Console()
     try:
         with orderly_end(last=argv is None):
-            # Not at the top: this imports NumPy, and an interrupt meanwhile must not show a traceback.
-            from shared.errors import PanchromaError
-            from tools.host.jobs import remove_unused_folders
-
             if argv is None:
                 atexit.register(gc.freeze)  # at the end the collector would look at all of Numba, for a quarter of a second
-            code = FAILED
+            code = 0
             try:
                 _check_verb(arguments)
                 parser, verbs = _parser(next(iter(arguments), None))
@@ -148,22 +144,25 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
                 console = Console(options=options)
                 parsed = parser.parse_args(arguments)
                 console = Console(json=getattr(parsed, "json", False), quiet=parsed.quiet, options=options)
-                code = _module(parsed.verb).run(parsed, console)
+                code, verb = FAILED, _module(parsed.verb)
+                code = verb.run(parsed, console)
             finally:
                 if code:
+                    from tools.host.jobs import remove_unused_folders  # not at the top: it imports NumPy
+
                     remove_unused_folders()
                 console.close()
     except KeyboardInterrupt as stop:
         console.error("interrupted; finished files are complete, and no partial file is left")
         code = stop.code if isinstance(stop, Terminated) else INTERRUPTED
-    except PanchromaError as error:
-        console.error(str(error))
-        code = USAGE
     except StandardOutputError as error:
         code = _without_stdout(error, console)
     except Exception as error:
-        console.error(fault(error))
-        code = FAILED
+        from shared.errors import PanchromaError
+
+        expected = isinstance(error, PanchromaError)
+        console.error(str(error) if expected else fault(error))
+        code = USAGE if expected else FAILED
     sys.exit(code)
 
 
@@ -193,7 +192,8 @@ def _parser(asked: str | None) -> tuple[_Parser, dict[str, _Parser]]:
         description="Software of a sparse-colour camera: simulate it, calibrate it, render its shots.",
         epilog="panchroma VERB --help shows the options of a verb.",
     )
-    parser.add_argument("--version", action="version", version=f"panchroma {program_version()}")
+    asks_version = asked and "--version".startswith(asked)  # to look it up takes longer than all else here
+    parser.add_argument("--version", action="version", version=f"panchroma {program_version()}" if asks_version else "")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb, summary in VERBS.items():
         child = verbs.add_parser(verb, help=summary, formatter_class=_Help)
@@ -212,11 +212,11 @@ def _options(parser: _Parser) -> dict[str, str]:
 
 def _check_verb(arguments: list[str]) -> None:
     """End with usage and what is wrong, unless the first argument is a verb, or asks for help or the version."""
-    from shared.spelling import closest
-
     word = arguments[0] if arguments else ""
     if word in VERBS or (word.startswith("-") and any(each.startswith(word) for each in ("-h", *_ALONE))):
         return
+    from shared.spelling import closest
+
     later = next((each for each in arguments if each in VERBS), None)
     likely = closest(word, VERBS) or later
     parser, verbs = _parser(likely)

@@ -1,7 +1,9 @@
 """Numba's decorators with the options that all kernels share, typed, and the kernels' cache on disk."""
 
 import hashlib
+import importlib
 import re
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +18,7 @@ from llvmlite import binding
 from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
 from numba.extending import intrinsic as _intrinsic
 from numpy.typing import NDArray
 
@@ -27,6 +30,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
 _IMPORT = re.compile(r"^from (\.+|shared\.)([\w.]+) import ", re.MULTILINE)
 _SHARED = Path(__file__).parents[2] / "shared"
+# Numba asks whether there is a BLAS, and so loads SciPy's linear algebra, for a quarter of a second. No kernel needs it.
+_BLAS = "scipy.linalg.cython_blas"
 _compiling = threading.Lock()
 _listeners: ContextVar[tuple[Callable[[int, int], None], ...]] = ContextVar("listeners", default=())
 _PROCESSOR = hashlib.sha256(f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}".encode()).hexdigest()[:8]
@@ -66,10 +71,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def _index_key(self, *args: Any) -> tuple[Any, ...]:
         return (*super()._index_key(*args), self._digest)
 
-    def load_overload(self, *args: Any) -> Any:
+    def load_overload(self, signature: Any, target: Any) -> Any:
         found = None
         try:
-            found = super().load_overload(*args)
+            # Numba's own begins with all types and functions that it knows, which take as long as all else in loading kernels.
+            rtsys.initialize(target)
+            found = self._load_overload(signature, target)
         except Exception:  # what a damaged file raises when it is unpickled has no common base
             with suppress(OSError):
                 self.flush()
@@ -77,9 +84,16 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             _announce()
         return found
 
-    def save_overload(self, *args: Any) -> None:
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        # Numba also keeps what is needed to compile a function that calls this one, which takes half of the time to load a kernel,
+        # and names modules of its own for constants that their functions may need: none of them does.
+        (name, kind, (code, _)), *rest, environments = self._impl.reduce(compiled)
+        symbols = compiled.fndesc.llvm_func_name, compiled.fndesc.llvm_cpython_wrapper_name
+        empty = binding.parse_assembly("".join(f'define void @"{each}"() {{ ret void }}\n' for each in symbols))
+        kept = (name, kind, (code, empty.as_bitcode())), *rest, tuple(each for each in environments if each.consts)
         with suppress(OSError):
-            super().save_overload(*args)
+            self._impl.locator.ensure_cache_path()
+            self._cache_file.save(self._index_key(signature, compiled.codegen), kept)
 
     def holds(self, signature: Any, codegen: Any) -> bool:
         """Whether there is something on the disk for a signature."""
@@ -91,7 +105,13 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
 
 def _announce() -> None:
-    """Tell who listens that a kernel is about to be compiled."""
+    """Tell who listens that a kernel is about to be compiled, and load what Numba then needs."""
+    if "numba.np.arraymath" not in sys.modules and _BLAS not in sys.modules:
+        sys.modules[_BLAS] = None  # type: ignore[assignment]  # importing it fails at once
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules[_BLAS]
     for begins in _listeners.get():
         begins(sum(kernel.ready for kernel in kernels.values()) + 1, len(kernels))
 

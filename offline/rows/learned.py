@@ -18,6 +18,7 @@ import numpy as np
 
 from shared.arrays import FloatArray, IndexArray, mirrored
 from shared.errors import InputError
+from shared.networks import block_order, network_for
 from shared.pattern import CfaPattern
 
 from ..blocks import Sites
@@ -25,8 +26,6 @@ from ..kernels.pieces import in_pieces
 from ..measured import BlockSamples
 from ..parts import DARK, Look, Part, RowStage
 
-FOLDER = Path(__file__).parents[1] / "models"
-ORDER = "RGGB"
 _MIRRORED = {"RGGB": (1, 1), "GRBG": (1, -1), "GBRG": (-1, 1), "BGGR": (-1, -1)}
 _NETWORK = 90 * 2**20  # bytes, with its runtime and the tiles that are at work: measured
 _BYTES = 9.0  # per pixel of the rows that are held, and per channel of them: measured
@@ -59,7 +58,7 @@ class Cells:
     def of(cls, sites: Sites) -> "Cells":
         """The cells of a frame; its pattern has a Bayer block and an even period."""
         pattern, grid, period = sites.pattern, sites.grid, sites.grid.period
-        steps = _MIRRORED[_block_letters(pattern)]
+        steps = _MIRRORED[block_order(pattern)]
         margin = (period - 2) // 2  # pixels of a cell before its block
         origin = [-((margin - first) % period) for first in pattern.block_origin]
         count = [-(-(size - start) // period) for size, start in zip(grid.frame, origin, strict=True)]
@@ -206,19 +205,6 @@ class Inputs:
         }
 
 
-def model_for(pattern: CfaPattern) -> Path | None:
-    """The network for a pattern; None if there is none, because the pattern has no Bayer block or another period."""
-    if len(pattern.sites) != len(ORDER) or pattern.block_shape != (2, 2) or _block_letters(pattern) not in _MIRRORED:
-        return None
-    path = FOLDER / f"{ORDER.lower()}-k{pattern.period}.onnx"
-    return path if path.exists() else None
-
-
-def _block_letters(pattern: CfaPattern) -> str:
-    """The letters of the 2 x 2 pixels from a block's origin on, row by row."""
-    return "".join(row[:2] for row in pattern.letters_from(pattern.block_origin)[:2])
-
-
 def network_name(pattern: CfaPattern) -> str | None:
     """The name of the network that corrects colour for a pattern, in the preset BEST; None if there is none for it.
 
@@ -227,7 +213,7 @@ def network_name(pattern: CfaPattern) -> str | None:
     >>> network_name(CfaPattern.bayer(6)), network_name(CfaPattern.bayer(5))
     ('rggb-k6', None)
     """
-    path = model_for(pattern)
+    path = network_for(pattern)
     return path.stem if path else None
 
 

@@ -12,7 +12,6 @@ or its colour. Such places are lost, and the render reports them.
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter, uniform_filter
 
 from shared.arrays import BoolArray, ByteArray, DoubleArray, FloatArray, strips
 from shared.mosaic import Mosaic
@@ -107,6 +106,8 @@ def unmeasured(lowest: DoubleArray, gone: DoubleArray) -> DoubleArray:
     lowest: the darkest panchromatic sample around each block, as a fraction of the limit.
     gone: how far all channels of each block are clipped, 0 to 1.
     """
+    from scipy.ndimage import maximum_filter
+
     none, all_known = _MEASURES
     inside = np.clip((lowest - none) / (all_known - none), 0, 1)
     near, beside = (maximum_filter(plane, 3, mode="nearest") for plane in (inside, inside * gone))
@@ -119,6 +120,8 @@ def _spread(lost: FloatArray, clear: BoolArray, pattern: CfaPattern) -> ByteArra
 
     lost: (H, W), 0 where a sample is not clipped; about 0 to 1 elsewhere. clear: which pixels are panchromatic.
     """
+    from scipy.ndimage import uniform_filter
+
     reach = 1 if pattern.is_scattered else -(-min(pattern.block_shape) // 2)  # pixels from a colour site to a panchromatic one
     total, count = (uniform_filter(plane, 1 + 2 * reach, mode="constant") for plane in (lost.clip(0, 1), clear.astype(np.float32)))
     share: ByteArray = np.rint(255 * np.where(clear, lost, total / np.maximum(count, _TINY)).clip(0, 1)).astype(np.uint8)

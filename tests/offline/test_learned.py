@@ -10,10 +10,11 @@ from offline import BEST, available_threads, network_name, render, render_bands,
 from offline.measured import BlockSamples
 from offline.parts import Part
 from offline.rows.correction import Missed
-from offline.rows.learned import FOLDER, UNKNOWN, Cells, Inputs, Learned, _session, model_for
+from offline.rows.learned import UNKNOWN, Cells, Inputs, Learned, _session
 from shared import CfaPattern, Mosaic, SensorCalibration
 from shared.arrays import FloatArray
 from shared.errors import InputError
+from shared.networks import NETWORKS, network_for
 from shared.sensor import simulate_additive
 from tests.offline.scenes import sampled
 from tests.reference.compare import assert_close
@@ -44,7 +45,7 @@ def measured(rgb: FloatArray, pattern: CfaPattern, sigma: float = 0.0) -> tuple[
 
 def learned(pattern: CfaPattern, samples: BlockSamples, gamma: FloatArray = ONES) -> Learned:
     """The network for a pattern as a stage."""
-    path = model_for(pattern)
+    path = network_for(pattern)
     assert path is not None
     return Learned(path, samples, gamma)
 
@@ -64,7 +65,7 @@ def test_there_is_a_network_for_bayer_blocks(period: int) -> None:
 
 
 def test_all_networks_together_are_small() -> None:
-    assert sum(path.stat().st_size for path in FOLDER.glob("*.onnx")) < 4 * 2**20
+    assert sum(path.stat().st_size for path in NETWORKS.glob("*.onnx")) < 4 * 2**20
 
 
 def test_a_pattern_without_a_network_is_rendered_without() -> None:
@@ -180,7 +181,7 @@ def test_it_brings_colour_closer_to_the_scene() -> None:
 @pytest.mark.parametrize("light", [0.0, 0.3, -0.01])
 def test_where_nothing_changes_nothing_is_corrected(period: int, light: float) -> None:
     """Flat to the last bit: there is no activity, and no division by it."""
-    session = _session(FOLDER / f"rggb-k{period}.onnx")
+    session = _session(NETWORKS / f"rggb-k{period}.onnx")
     (found,) = session.run(
         None,
         {each.name: np.full(each.shape, light if each.name == "picture" else 0, np.float32) for each in session.get_inputs()},

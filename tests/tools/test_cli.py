@@ -60,6 +60,22 @@ def test_help_of_a_verb_says_what_it_does_and_every_option(verb: str) -> None:
     assert not re.search(r"default: *(\(\)|\[|None|False|True|==)", " ".join(outcome.out.split()))
 
 
+LOADED = """
+import sys
+from tools.cli import main
+try:
+    main(sys.argv[1:])
+finally:
+    print(*sys.modules)
+"""
+
+
+@pytest.mark.parametrize(("words", "heavy"), [(("--help",), "numpy"), (("inspect", SHOT), "numba scipy onnxruntime")])
+def test_a_command_does_not_load_what_it_does_not_need(words: tuple[str, ...], heavy: str, shots: Path) -> None:
+    done = subprocess.run([*PROGRAM[:2], LOADED, *words], cwd=shots, capture_output=True, text=True, check=True)
+    assert set(heavy.split()).isdisjoint(done.stdout.splitlines()[-1].split())
+
+
 # Every command that writes into a folder, on a folder that is named last.
 INTO = {
     "simulate": ("simulate", "builtin:24x18", "-o"),

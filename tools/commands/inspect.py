@@ -16,13 +16,13 @@ import numpy as np
 from shared import Aberration, CfaPattern, Mosaic, Shading, read_camera, read_dng
 from shared.dng import read_preview, verify_dng
 from shared.dng.exif_reading import place, shown_fields
+from shared.networks import network_for
 from shared.processors import processors
 from tools.host.console import Console
 from tools.host.folders import DNGS, search
 from tools.host.jobs import FAILED, Job, Outcome, file_status, run_jobs
 from tools.host.progress import StageProgress
 from tools.host.work import Threads
-from tools.rendering.in_memory import network_for
 
 from .options import add, add_shots
 
@@ -123,7 +123,7 @@ def _text(value: Any) -> str:
 def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
     clear = mosaic.pattern.panchromatic_mask(mosaic.shape)
     panchromatic, read = (each.signal[clear] for each in (mosaic, mosaic.evenly_shaded()))
-    taken = mosaic.metadata.taken
+    taken, network = mosaic.metadata.taken, network_for(mosaic.pattern)
     return {
         "width": mosaic.shape[1],
         "height": mosaic.shape[0],
@@ -134,7 +134,7 @@ def _facts(mosaic: Mosaic, preview_bytes: int) -> dict[str, Any]:
             "letters": mosaic.pattern.letters_from(),
             "light_efficiency": round(_light(mosaic), 3),
         },
-        "learned": network_for(mosaic.pattern),
+        "learned": network.stem if network else None,
         "bits": mosaic.calibration.bits,
         "mean_luminance": float(panchromatic.mean(dtype=np.float64)),
         "saturated": float((read >= mosaic.calibration.full_scale).mean()),

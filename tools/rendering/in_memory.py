@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from shared import CfaPattern, Mosaic, NoiseModel
+from shared import Mosaic, NoiseModel
 from shared.arrays import ByteArray, FloatArray
 from shared.errors import InputError
 from shared.processors import processors
@@ -104,10 +104,3 @@ def filled_luminance(mosaic: Mosaic) -> tuple[FloatArray, NoiseModel]:
     filling = replace(PAPER.luminance, iterations=2 * PAPER.luminance.iterations, decay=PAPER.luminance.decay**0.5)
     noise = mosaic.calibration.noise or estimate_noise(mosaic) or NoiseModel.gaussian(0.0, len(mosaic.pattern.planes))
     return recover_luminance(mosaic, filling), noise
-
-
-def network_for(pattern: CfaPattern) -> str | None:
-    """Name of the network that corrects colour for a pattern; None if there is none."""
-    from offline import network_name
-
-    return network_name(pattern)

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from offline.rows.learned import ORDER
 from offline.version import ALGORITHM
 from shared.errors import InputError
+from shared.networks import ORDER
 from shared.progress import Progress
 
 from .examples import DRAWN, Example, load_example, make_example, save_example
